@@ -1,0 +1,198 @@
+"""Every parameter, with its default, exactly once.
+
+ROS parameters, YAML files and the saved effective configuration all derive from these dataclasses: a nested
+field ``pruning.ratio`` is the ROS parameter ``pruning.ratio`` and the YAML key ``ratio`` under ``pruning``.
+"""
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from semantic_slam.errors import InputError
+
+
+def parameter(default: Any, text: str, **limits: Any) -> Any:
+    """A dataclass field with its description; ``minimum``, ``maximum`` or ``choices`` bound its value."""
+    metadata = {"description": text, **limits}
+    if isinstance(default, tuple):
+        return field(default_factory=lambda: default, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class SemanticModelConfiguration:
+    kind: str = parameter("gp_independent", "class models of Eq. 4.2", choices=("none", "parametric", "gp_independent"))
+    path: str = parameter("", "viewpoint model file of gp_independent; empty: the shipped one")
+    class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
+    alpha: float = parameter(0.25, "viewpoint dependency of the parametric model (Eq. 4.22)", minimum=0.0, maximum=1.0)
+    concentration: float = parameter(15.0, "K of R = K [[1, -0.5], [0, 1]]; covariance (R^T R)^-1", minimum=1e-6)
+
+
+@dataclass(frozen=True)
+class WeightsConfiguration:
+    method: str = parameter("laplace", "evidence of a candidate: damped Laplace or prior samples", choices=("laplace", "sampled"))
+    num_samples: int = parameter(1000, "prior samples per candidate (the thesis's 1000)", minimum=1)
+    gate: float = parameter(25.0, "nats below the best association at which classes are not enumerated any more", minimum=0.0)
+    max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
+
+
+@dataclass(frozen=True)
+class PruningConfiguration:
+    ratio: float = parameter(150.0, "a hypothesis is kept from max weight / ratio on (Sec. 4.4)", minimum=1.0)
+    max_hypotheses: int = parameter(60, "hypotheses kept at most", minimum=1)
+
+
+@dataclass(frozen=True)
+class VisibilityConfiguration:
+    max_range_m: float = parameter(0.0, "P(beta | x, O): range in which an object is observed; 0: everywhere", minimum=0.0)
+    field_of_view_rad: float = parameter(0.0, "full angle in which an object is observed; 0: all around", minimum=0.0)
+    softness: float = parameter(0.1, "relative width of the soft edge used by the Laplace method", minimum=1e-6)
+
+
+@dataclass(frozen=True)
+class InitialPoseConfiguration:
+    mean: tuple[float, ...] = parameter((0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else")
+    sigma: tuple[float, ...] = parameter((0.1, 0.1, 0.05), "standard deviations of x, y [m], yaw [rad]")
+
+
+@dataclass(frozen=True)
+class NewObjectConfiguration:
+    sigma_position_m: float = parameter(20.0, "prior of an object created from a detection, about its first estimate", minimum=1e-3)
+    sigma_heading_rad: float = parameter(3.1, "broad heading prior of an object whose model fixes no heading", minimum=1e-3)
+    range_m: float = parameter(3.0, "assumed range of an object first seen without depth", minimum=1e-3)
+
+
+@dataclass(frozen=True)
+class OdometryConfiguration:
+    sigma_translation_per_m: float = parameter(0.05, "standard deviation of x and y per metre driven", minimum=0.0)
+    sigma_rotation_per_m: float = parameter(0.02, "standard deviation of yaw [rad] per metre driven", minimum=0.0)
+    sigma_rotation_per_rad: float = parameter(0.05, "standard deviation of yaw [rad] per radian turned", minimum=0.0)
+    sigma_translation_floor_m: float = parameter(0.01, "least standard deviation of x and y per keyframe", minimum=1e-6)
+    sigma_rotation_floor_rad: float = parameter(0.005, "least standard deviation of yaw per keyframe", minimum=1e-6)
+
+
+@dataclass(frozen=True)
+class KeyframeConfiguration:
+    policy: str = parameter("every_detection", "which detection frames become keyframes", choices=("every_detection", "odometry"))
+    distance_m: float = parameter(0.25, "odometry policy: distance since the last keyframe", minimum=0.0)
+    angle_rad: float = parameter(0.25, "odometry policy: angle since the last keyframe", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class PerceptionConfiguration:
+    network: str = parameter("", "classifier weights (safetensors) or an AlexNet state dict (.pth); empty: the shipped network")
+    architecture: str = parameter("compact", "network of those weights", choices=("compact", "alexnet"))
+    alexnet_components: tuple[int, ...] = parameter((0,), "ImageNet classes used as features with alexnet")
+    num_passes: int = parameter(50, "dropout passes T", minimum=1)
+    extrinsics: tuple[float, ...] = parameter((), "T_base_camera as x y z qx qy qz qw; empty: from /tf_static")
+    base_frame: str = parameter("base_link", "the robot's body frame")
+    sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
+    sigma_bearing_rad: float = parameter(0.04, "standard deviation of the bearing to an object's centre", minimum=1e-6)
+    object_depth_m: float = parameter(0.0, "added to the depth of the visible surface to reach the object's centre", minimum=0.0)
+    max_depth_m: float = parameter(10.0, "depth beyond which a reading is not used", minimum=0.0)
+    sync_tolerance_s: float = parameter(0.02, "largest difference of stamps between an image and its detections", minimum=0.0)
+    labels: tuple[str, ...] = parameter((), "detector labels to use; empty: all")
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """The effective configuration of a run. Distances in metres, angles in radians."""
+
+    seed: int = parameter(0, "seed of every random draw", minimum=0)
+    association: str = parameter("enumerated", "data association: enumerated, or given with the detections' ids", choices=("enumerated", "given"))
+    distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")
+    semantic_model: SemanticModelConfiguration = field(default_factory=SemanticModelConfiguration)
+    weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
+    pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
+    visibility: VisibilityConfiguration = field(default_factory=VisibilityConfiguration)
+    initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)
+    new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
+    odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)
+    keyframes: KeyframeConfiguration = field(default_factory=KeyframeConfiguration)
+    perception: PerceptionConfiguration = field(default_factory=PerceptionConfiguration)
+
+
+def to_dict(configuration: Any) -> dict[str, Any]:
+    """Nested plain dictionary: what is saved with every result."""
+    plain = dataclasses.asdict(configuration)
+    return {key: _plain(value) for key, value in plain.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def from_dict(values: dict[str, Any], origin: str = "configuration") -> Configuration:
+    """Configuration from a nested dictionary; keys left out keep their default. Raises InputError."""
+    return _build(Configuration, values, origin, "")
+
+
+def load_configuration(path: Path) -> Configuration:
+    """Configuration from a YAML file, plain or in the form of a ROS 2 parameter file. Raises InputError."""
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except (OSError, yaml.YAMLError) as fault:
+        reason = " ".join(str(fault).split())
+        raise InputError(f"{path}: not a readable YAML file ({reason}); see config/default.yaml") from None
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: a mapping is expected; see config/default.yaml")
+    return from_dict(values.get("/**", {}).get("ros__parameters", {}) if "/**" in values else values, str(path))
+
+
+def _build(cls: Any, values: Any, origin: str, prefix: str) -> Any:
+    if not isinstance(values, dict):
+        raise InputError(f"{origin}: '{prefix.rstrip('.')}' must be a mapping; see config/default.yaml")
+    fields = {item.name: item for item in dataclasses.fields(cls)}
+    unknown = sorted(set(values) - set(fields))
+    if unknown:
+        raise InputError(f"{origin}: unknown parameter '{prefix}{unknown[0]}'; known here: {', '.join(sorted(fields))}")
+    return cls(**{name: _value(fields[name], value, origin, prefix) for name, value in values.items()})
+
+
+def _value(item: Any, value: Any, origin: str, prefix: str) -> Any:
+    name = f"{prefix}{item.name}"
+    default = item.default if item.default is not dataclasses.MISSING else item.default_factory()
+    if dataclasses.is_dataclass(default):
+        return _build(type(default), value, origin, f"{name}.")
+    return checked(item, default, value, origin, name)
+
+
+def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
+    """``value`` in the type of the field ``item`` and inside its limits; raises InputError."""
+    try:
+        result = _convert(default, value)
+    except (TypeError, ValueError):
+        raise InputError(f"{origin}: parameter '{name}' has a wrong type ({value!r}); an example is {default!r}") from None
+    limits = item.metadata
+    if "choices" in limits and result not in limits["choices"]:
+        raise InputError(f"{origin}: parameter '{name}' is {result!r}; choose one of {', '.join(limits['choices'])}")
+    if result < limits.get("minimum", result) or result > limits.get("maximum", result):
+        raise InputError(
+            f"{origin}: parameter '{name}' is {result}; it must lie in"
+            f" [{limits.get('minimum', '-inf')}, {limits.get('maximum', 'inf')}]"
+        )
+    return result
+
+
+def _convert(default: Any, value: Any) -> Any:
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise TypeError
+        return value
+    if isinstance(default, tuple):
+        if isinstance(value, str):
+            raise TypeError
+        kind = type(default[0]) if default else None
+        return tuple(kind(item) if kind else item for item in value)
+    if isinstance(default, float) and (isinstance(value, bool) or value != value):
+        raise TypeError
+    if isinstance(default, str) and not isinstance(value, str):
+        raise TypeError
+    if isinstance(default, int) and int(value) != value:
+        raise TypeError
+    return type(default)(value)

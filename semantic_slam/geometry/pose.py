@@ -1,0 +1,67 @@
+"""Poses as arrays: 3-D pose vectors for messages and files, planar poses for the engine.
+
+A pose vector is (..., 7): x y z [m] qx qy qz qw. A planar pose is (..., 3): x y [m] yaw [rad].
+A 3-D covariance is (..., 6, 6) over x y z rx ry rz, in the order of geometry_msgs/PoseWithCovariance.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PLANAR_AXES = (0, 1, 5)
+"""Rows of a 3-D covariance (x, y, rz) that a planar engine fills."""
+
+
+def wrap_angle(angle: Array) -> Array:
+    """Angle in [-pi, pi), element-wise."""
+    return np.asarray((np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def pose_vector_from_planar(planar: Array, height_m: float = 0.0) -> Array:
+    """(..., 3) planar pose to (..., 7) pose vector at a constant height."""
+    planar = np.asarray(planar, dtype=np.float64)
+    vector = np.zeros((*planar.shape[:-1], 7))
+    vector[..., :2] = planar[..., :2]
+    vector[..., 2] = height_m
+    vector[..., 5] = np.sin(planar[..., 2] / 2.0)
+    vector[..., 6] = np.cos(planar[..., 2] / 2.0)
+    return vector
+
+
+def planar_from_pose_vector(vector: Array) -> Array:
+    """(..., 7) pose vector to (..., 3): its x, y and yaw (rotation about z, REP-103)."""
+    vector = np.asarray(vector, dtype=np.float64)
+    qx, qy, qz, qw = np.moveaxis(vector[..., 3:], -1, 0)
+    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return np.stack([vector[..., 0], vector[..., 1], yaw], axis=-1)
+
+
+def covariance_from_planar(planar: Array) -> Array:
+    """(..., 3, 3) over x, y, yaw to (..., 6, 6); the axes that are not estimated are zero."""
+    planar = np.asarray(planar, dtype=np.float64)
+    covariance = np.zeros((*planar.shape[:-2], 6, 6))
+    covariance[(..., *np.ix_(PLANAR_AXES, PLANAR_AXES))] = planar
+    return covariance
+
+
+def planar_from_covariance(covariance: Array) -> Array:
+    """(..., 6, 6) to its (..., 3, 3) block over x, y, yaw."""
+    return np.asarray(np.asarray(covariance, dtype=np.float64)[(..., *np.ix_(PLANAR_AXES, PLANAR_AXES))])
+
+
+def rotation_matrix(quaternion: Array) -> Array:
+    """(4,) quaternion qx qy qz qw to (3, 3) rotation matrix."""
+    qx, qy, qz, qw = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)],
+            [2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)],
+            [2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)],
+        ]
+    )
+
+
+def transform_points(T_a_b: Array, points_b: Array) -> Array:
+    """(N, 3) points in frame b to frame a, by the (7,) pose vector ``T_a_b``."""
+    return np.asarray(points_b @ rotation_matrix(T_a_b[3:]).T + T_a_b[:3])

@@ -1,0 +1,29 @@
+"""A keyframe: the odometry since the previous one and the measurements taken at it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OdometrySample:
+    """Pose of the body in the odom frame at one instant."""
+
+    stamp_ns: int
+    pose: Array  # (7,) T_odom_body: x y z qx qy qz qw
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """Input of one step of the hybrid belief."""
+
+    index: int  # 0, 1, 2, ... without a gap
+    stamp_ns: int
+    odometry: Array  # (7,) T_previous_current; from the first odometry sample for keyframe 0
+    odometry_covariance: Array  # (6, 6) x y z rx ry rz, in the tangent space at the current pose
+    measurements: SemanticMeasurements

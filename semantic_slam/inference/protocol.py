@@ -1,0 +1,108 @@
+"""What a manager and its backends say to each other; field by field the messages of the same names.
+
+A keyframe is two rounds. Keyframe -> Candidates: every backend weighs the continuations of its hypotheses.
+Commit -> Components: the survivors are forked, updated and reported. Whether backends live in this process
+or behind topics, a manager sees only :class:`BackendPool`.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.keyframe import Keyframe
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LineageStep:
+    """What one keyframe added to a hypothesis."""
+
+    association: tuple[int, ...]  # (D,) object id per detection, -1 clutter
+    class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated
+    mode: int = 0
+
+
+@dataclass(frozen=True)
+class RunConfiguration:
+    """All that determines a run besides its keyframes."""
+
+    run_id: str
+    stamp_ns: int
+    configuration: str  # JSON of the effective configuration
+    map_prior: str  # text of an objects.json, "" for none
+    initial_pose: Array  # (7,) robot in map
+    initial_covariance: Array  # (6, 6)
+    class_names: tuple[str, ...]
+    source: str = ""  # JSON: path, sha256
+    revision: str = ""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """K candidates of one backend, grown from P parents; D detections."""
+
+    run_id: str
+    keyframe: int
+    backend_id: int
+    ids: NDArray[np.uint64]  # (K,)
+    parent_ids: NDArray[np.uint64]  # (K,)
+    associations: NDArray[np.int32]  # (K, D)
+    class_assignments: NDArray[np.int32]  # (K, D)
+    modes: NDArray[np.uint16]  # (K,)
+    log_weights: Array  # (K,) parent's log weight + log psi
+    effective_sample_sizes: Array  # (K,)
+    poses: Array  # (K, 7)
+    pose_covariances: Array  # (K, 6, 6)
+    object_poses: Array  # (K, D, 7)
+    object_covariances: Array  # (K, D, 6, 6)
+    expanded_parent_ids: NDArray[np.uint64]  # (P,)
+    log_mass_not_enumerated: Array  # (P,)
+
+
+@dataclass(frozen=True)
+class Commit:
+    """S survivors and their owners. ``lineages`` holds () for a survivor whose parent its owner holds."""
+
+    run_id: str
+    keyframe: int
+    ids: NDArray[np.uint64]  # (S,)
+    parent_ids: NDArray[np.uint64]  # (S,)
+    steps: tuple[LineageStep, ...]  # (S,) of this keyframe
+    log_weights: Array  # (S,) normalised
+    owners: NDArray[np.uint32]  # (S,)
+    lineages: tuple[tuple[LineageStep, ...], ...]  # (S,) steps of keyframes 0 .. keyframe - 1, or ()
+
+
+@dataclass(frozen=True)
+class Components:
+    """S smoothed components that a backend now holds; O objects."""
+
+    run_id: str
+    keyframe: int
+    backend_id: int
+    ids: NDArray[np.uint64]  # (S,)
+    poses: Array  # (S, 7)
+    pose_covariances: Array  # (S, 6, 6)
+    object_ids: NDArray[np.uint32]  # (O,)
+    object_poses: Array  # (S, O, 7)
+    object_covariances: Array  # (S, O, 6, 6)
+    classes: NDArray[np.int32]  # (S, O) enumerated class, -1 while lazy
+    lost_ids: NDArray[np.uint64]
+
+
+class BackendPool(Protocol):
+    """The one interface through which a manager reaches its backends."""
+
+    backend_ids: tuple[int, ...]
+
+    def start(self, run: RunConfiguration) -> None:
+        """Give every backend the run's configuration; they hold the root hypothesis from then on."""
+
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
+        """Round one: the candidates of every backend."""
+
+    def commit(self, commit: Commit) -> list[Components]:
+        """Round two: the components of every backend."""

@@ -1,0 +1,37 @@
+"""The semantic measurements of one frame: what perception hands to inference."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SemanticMeasurements:
+    """D detections, T dropout passes, C classes, F feature components."""
+
+    stamp_ns: int
+    sequence: int  # 0, 1, 2, ... one per detection message
+    frame_id: str  # the robot's body frame, base_link
+    class_names: tuple[str, ...]  # (C,)
+    detection_ids: NDArray[np.uint32]  # (D,)
+    boxes: Array  # (D, 4) pixels
+    labels: tuple[str, ...]  # (D,)
+    scores: Array  # (D,)
+    track_ids: tuple[str, ...]  # (D,) "" when unknown
+    class_probability_samples: Array  # (D, T, C)
+    features: Array  # (D, F) mean of the semantic feature over the passes
+    feature_covariances: Array  # (D, F, F)
+    predictive_entropy: Array  # (D,) nats
+    mutual_information: Array  # (D,) nats
+    ranges_m: Array  # (D,) NaN without depth
+    bearings_rad: Array  # (D,) seen from the body's origin with depth, from sensor_position without
+    geometric_covariances: Array  # (D, 2, 2) of [range, bearing]
+    sensor_position: Array  # (3,) camera in the body frame, metres
+    in_coverage: NDArray[np.bool_]  # (D,)
+    dropped: int = 0  # inputs the classifier has not used so far
+
+    def __len__(self) -> int:
+        return len(self.detection_ids)

@@ -1,0 +1,60 @@
+"""Viewpoint-dependent class models P(z_sem | c, viewpoint) = N(h_c, Sigma_c), Eq. 4.2."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Viewpoints:
+    """B directions from which objects are seen: the camera's position in the object's frame, in spherical form."""
+
+    azimuth_rad: Array  # (B,) about the object's z from its x axis, its front
+    elevation_rad: Array  # (B,)
+    range_m: Array  # (B,)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Distribution of the semantic feature at B viewpoints; F components."""
+
+    mean: Array  # (B, F)
+    covariance: Array  # (B, F, F)
+    mean_jacobian: Array  # (B, F, 3) with respect to azimuth, elevation [1/rad] and range [1/m]
+
+
+class ViewpointModel(Protocol):
+    """C classes, F feature components. A new model is one file and one subclass of the contract test."""
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """(C,) names of the classes."""
+
+    @property
+    def num_features(self) -> int:
+        """F, what a classifier's feature must have."""
+
+    def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
+        """Prediction for class ``classes[b]`` at viewpoint b; (B,) class indices."""
+
+    def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
+        """(B,) whether the model was fitted on views near this one."""
+
+
+def log_likelihood(model: ViewpointModel, feature: Array, feature_covariance: Array, viewpoint: Viewpoints) -> Array:
+    """(C,) log N(feature; h_c, Sigma_c + feature_covariance) at one viewpoint, in nats.
+
+    ``feature`` is (F,) and ``feature_covariance`` (F, F): the dropout samples' mean and covariance.
+    """
+    count = len(model.class_names)
+    repeated = Viewpoints(*(np.repeat(value, count) for value in (viewpoint.azimuth_rad, viewpoint.elevation_rad, viewpoint.range_m)))
+    prediction = model.predict(np.arange(count), repeated)
+    residual = feature - prediction.mean
+    covariance = prediction.covariance + feature_covariance
+    _, logdet = np.linalg.slogdet(covariance)
+    squared = np.einsum("bi,bi->b", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
+    return np.asarray(-0.5 * (squared + logdet + feature.size * np.log(2.0 * np.pi)))
