@@ -1,0 +1,94 @@
+"""The one place where our dataclasses and ROS messages turn into each other, and into bytes.
+
+A new message is one entry of ``CODECS``. Shapes are checked in both directions: a wrong one from outside is an
+InputError that names the field, a wrong one of ours a ValueError.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.messages import belief, ground_truth, measurements, rounds, standard
+from semantic_slam.messages.typestore import deserialize, serialize
+from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+
+@dataclass(frozen=True)
+class Codec:
+    """How one dataclass travels."""
+
+    type_name: str
+    to_message: Callable[..., Any]
+    from_message: Callable[[Any], Any]
+
+
+CODECS: dict[type, Codec] = {
+    Detections: Codec(
+        measurements.DETECTIONS_TYPE, measurements.detections_to_message, measurements.detections_from_message
+    ),
+    SemanticMeasurements: Codec(
+        measurements.MEASUREMENTS_TYPE, measurements.measurements_to_message, measurements.measurements_from_message
+    ),
+    HybridBelief: Codec(belief.BELIEF_TYPE, belief.belief_to_message, belief.belief_from_message),
+    RunConfiguration: Codec(rounds.RUN_TYPE, rounds.run_to_message, rounds.run_from_message),
+    Keyframe: Codec(rounds.KEYFRAME_TYPE, rounds.keyframe_to_message, rounds.keyframe_from_message),
+    Candidates: Codec(rounds.CANDIDATES_TYPE, rounds.candidates_to_message, rounds.candidates_from_message),
+    Commit: Codec(rounds.COMMIT_TYPE, rounds.commit_to_message, rounds.commit_from_message),
+    Components: Codec(rounds.COMPONENTS_TYPE, rounds.components_to_message, rounds.components_from_message),
+    ground_truth.GroundTruthObjects: Codec(
+        ground_truth.OBJECTS_TYPE, ground_truth.objects_to_message, ground_truth.objects_from_message
+    ),
+    ground_truth.GroundTruthAssociations: Codec(
+        ground_truth.ASSOCIATIONS_TYPE, ground_truth.associations_to_message, ground_truth.associations_from_message
+    ),
+    ground_truth.ReplayProgress: Codec(
+        ground_truth.PROGRESS_TYPE, ground_truth.progress_to_message, ground_truth.progress_from_message
+    ),
+    standard.PoseEstimate: Codec(
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        standard.pose_estimate_to_message,
+        standard.pose_estimate_from_message,
+    ),
+    standard.OdometryEstimate: Codec(
+        "nav_msgs/msg/Odometry", standard.odometry_to_message, standard.odometry_from_message
+    ),
+}
+BY_TYPE_NAME = {codec.type_name: codec for codec in CODECS.values()}
+
+
+def to_message(value: Any, **context: Any) -> Any:
+    """Message of one of our dataclasses; a Keyframe also needs ``run_id=``."""
+    return CODECS[type(value)].to_message(value, **context)
+
+
+def from_message(message: Any) -> Any:
+    """Our dataclass of a message; raises InputError when its arrays contradict each other."""
+    return _codec(message.__msgtype__).from_message(message)
+
+
+def encode(value: Any, **context: Any) -> bytes:
+    """CDR bytes of one of our dataclasses: what a publisher sends and a bag holds."""
+    return serialize(to_message(value, **context))
+
+
+def decode(data: bytes, type_name: str) -> Any:
+    """Our dataclass from the CDR bytes of a message of that type; raises InputError."""
+    codec = _codec(type_name)
+    try:
+        message = deserialize(data, type_name)
+    except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
+        raise InputError(
+            f"{type_name}: {len(data)} bytes do not decode ({fault!r}); was another definition used?"
+        ) from None
+    return codec.from_message(message)
+
+
+def _codec(type_name: str) -> Codec:
+    if type_name not in BY_TYPE_NAME:
+        raise InputError(f"{type_name}: no such type is used here; known are {', '.join(sorted(BY_TYPE_NAME))}")
+    return BY_TYPE_NAME[type_name]

@@ -1,0 +1,215 @@
+"""The two rounds of a keyframe, and the run they belong to, as messages."""
+
+from itertools import chain, pairwise
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep, RunConfiguration
+from semantic_slam.messages.layout import Layout, pack, unpack
+from semantic_slam.messages.measurements import measurements_from_message, measurements_to_message
+from semantic_slam.messages.standard import (
+    covariance_matrix,
+    covariance_pose_message,
+    header_message,
+    header_stamp_ns,
+    pose_vector,
+)
+from semantic_slam.messages.typestore import message_class
+
+RUN_TYPE = "semantic_slam_msgs/msg/RunConfiguration"
+KEYFRAME_TYPE = "semantic_slam_msgs/msg/Keyframe"
+CANDIDATES_TYPE = "semantic_slam_msgs/msg/Candidates"
+COMMIT_TYPE = "semantic_slam_msgs/msg/Commit"
+COMPONENTS_TYPE = "semantic_slam_msgs/msg/Components"
+
+CANDIDATES_LAYOUT: Layout = {
+    "ids": ("K",),
+    "parent_ids": ("K",),
+    "associations": ("K", "D"),
+    "class_assignments": ("K", "D"),
+    "modes": ("K",),
+    "log_weights": ("K",),
+    "effective_sample_sizes": ("K",),
+    "poses": ("K", 7),
+    "pose_covariances": ("K", 6, 6),
+    "object_poses": ("K", "D", 7),
+    "object_covariances": ("K", "D", 6, 6),
+    "expanded_parent_ids": ("P",),
+    "log_mass_not_enumerated": ("P",),
+}
+
+COMMIT_LAYOUT: Layout = {
+    "ids": ("S",),
+    "parent_ids": ("S",),
+    "associations": ("S", "D"),
+    "class_assignments": ("S", "D"),
+    "modes": ("S",),
+    "log_weights": ("S",),
+    "owners": ("S",),
+    "lineage_lengths": ("S",),
+    "lineage_modes": ("N",),
+    "lineage_detections": ("N",),
+    "lineage_associations": ("M",),
+    "lineage_class_assignments": ("M",),
+}
+"""N lineage steps over all survivors, M detections over all those steps."""
+
+COMPONENTS_LAYOUT: Layout = {
+    "ids": ("S",),
+    "poses": ("S", 7),
+    "pose_covariances": ("S", 6, 6),
+    "object_ids": ("O",),
+    "object_poses": ("S", "O", 7),
+    "object_covariances": ("S", "O", 6, 6),
+    "classes": ("S", "O"),
+    "lost_ids": ("X",),
+}
+
+
+def run_to_message(value: RunConfiguration) -> Any:
+    return message_class(RUN_TYPE)(
+        header=header_message(value.stamp_ns, "map"),
+        run_id=value.run_id,
+        configuration=value.configuration,
+        map_prior=value.map_prior,
+        initial_pose=covariance_pose_message(value.initial_pose, value.initial_covariance),
+        class_names=list(value.class_names),
+        source=value.source,
+        revision=value.revision,
+    )
+
+
+def run_from_message(message: Any) -> RunConfiguration:
+    return RunConfiguration(
+        run_id=message.run_id,
+        stamp_ns=header_stamp_ns(message),
+        configuration=message.configuration,
+        map_prior=message.map_prior,
+        initial_pose=pose_vector(message.initial_pose.pose),
+        initial_covariance=covariance_matrix(message.initial_pose),
+        class_names=tuple(message.class_names),
+        source=message.source,
+        revision=message.revision,
+    )
+
+
+def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
+    """Keyframe of the run ``run_id``."""
+    return message_class(KEYFRAME_TYPE)(
+        header=header_message(value.stamp_ns, "map"),
+        run_id=run_id,
+        keyframe=int(value.index),
+        odometry=covariance_pose_message(value.odometry, value.odometry_covariance),
+        measurements=measurements_to_message(value.measurements),
+    )
+
+
+def keyframe_from_message(message: Any) -> Keyframe:
+    """The keyframe without the id of its run, which is ``message.run_id``."""
+    return Keyframe(
+        index=int(message.keyframe),
+        stamp_ns=header_stamp_ns(message),
+        odometry=pose_vector(message.odometry.pose),
+        odometry_covariance=covariance_matrix(message.odometry),
+        measurements=measurements_from_message(message.measurements),
+    )
+
+
+def candidates_to_message(value: Candidates) -> Any:
+    return message_class(CANDIDATES_TYPE)(
+        run_id=value.run_id,
+        keyframe=int(value.keyframe),
+        backend_id=int(value.backend_id),
+        **pack(CANDIDATES_TYPE, CANDIDATES_LAYOUT, vars(value)),
+    )
+
+
+def candidates_from_message(message: Any) -> Candidates:
+    return Candidates(
+        run_id=message.run_id,
+        keyframe=int(message.keyframe),
+        backend_id=int(message.backend_id),
+        **unpack(CANDIDATES_TYPE, CANDIDATES_LAYOUT, message),
+    )
+
+
+def components_to_message(value: Components) -> Any:
+    return message_class(COMPONENTS_TYPE)(
+        run_id=value.run_id,
+        keyframe=int(value.keyframe),
+        backend_id=int(value.backend_id),
+        **pack(COMPONENTS_TYPE, COMPONENTS_LAYOUT, vars(value)),
+    )
+
+
+def components_from_message(message: Any) -> Components:
+    return Components(
+        run_id=message.run_id,
+        keyframe=int(message.keyframe),
+        backend_id=int(message.backend_id),
+        **unpack(COMPONENTS_TYPE, COMPONENTS_LAYOUT, message),
+    )
+
+
+def commit_to_message(value: Commit) -> Any:
+    lineage = list(chain.from_iterable(value.lineages))
+    detections = len(value.steps[0].association) if value.steps else 0
+    shape = (len(value.steps), detections)
+    arrays = {
+        **vars(value),
+        "associations": np.array([step.association for step in value.steps], np.int32).reshape(shape),
+        "class_assignments": np.array([step.class_assignment for step in value.steps], np.int32).reshape(shape),
+        "modes": [step.mode for step in value.steps],
+        "lineage_lengths": [len(steps) for steps in value.lineages],
+        "lineage_modes": [step.mode for step in lineage],
+        "lineage_detections": [len(step.association) for step in lineage],
+        "lineage_associations": list(chain.from_iterable(step.association for step in lineage)),
+        "lineage_class_assignments": list(chain.from_iterable(step.class_assignment for step in lineage)),
+    }
+    return message_class(COMMIT_TYPE)(
+        run_id=value.run_id, keyframe=int(value.keyframe), **pack(COMMIT_TYPE, COMMIT_LAYOUT, arrays)
+    )
+
+
+def commit_from_message(message: Any) -> Commit:
+    arrays = unpack(COMMIT_TYPE, COMMIT_LAYOUT, message)
+    return Commit(
+        run_id=message.run_id,
+        keyframe=int(message.keyframe),
+        ids=arrays["ids"],
+        parent_ids=arrays["parent_ids"],
+        steps=tuple(
+            LineageStep(tuple(association), tuple(classes), mode)
+            for association, classes, mode in zip(
+                arrays["associations"].tolist(),
+                arrays["class_assignments"].tolist(),
+                arrays["modes"].tolist(),
+                strict=True,
+            )
+        ),
+        log_weights=arrays["log_weights"],
+        owners=arrays["owners"],
+        lineages=_lineages(arrays),
+    )
+
+
+def _lineages(arrays: dict[str, Any]) -> tuple[tuple[LineageStep, ...], ...]:
+    """The concatenated lineage steps, cut at each survivor's length and each step's number of detections."""
+    lengths, detections = arrays["lineage_lengths"], arrays["lineage_detections"]
+    if lengths.sum() != len(detections) or detections.sum() != len(arrays["lineage_associations"]):
+        raise InputError(f"{COMMIT_TYPE}.lineage_lengths: they do not add up to the lineage's steps and detections")
+    ends = np.cumsum(detections)[:-1]
+    steps = [
+        LineageStep(tuple(association.tolist()), tuple(classes.tolist()), int(mode))
+        for association, classes, mode in zip(
+            np.split(arrays["lineage_associations"], ends),
+            np.split(arrays["lineage_class_assignments"], ends),
+            arrays["lineage_modes"],
+            strict=False,
+        )
+    ]
+    starts = np.concatenate([[0], np.cumsum(lengths)]).astype(int)
+    return tuple(tuple(steps[begin:end]) for begin, end in pairwise(starts))
