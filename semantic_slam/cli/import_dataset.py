@@ -1,0 +1,49 @@
+"""``import_dataset {avd,bigbird,victoria_park,bag} [SRC] --out BAG``: data sets and users' bags as input bags."""
+
+import argparse
+import importlib
+import sys
+from types import ModuleType
+
+from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.errors import InputError
+
+FORMATS = {
+    "avd": ("semantic_slam.datasets.avd_import", "a path through a scene of the Active Vision Dataset, or of make_scene"),
+    "bigbird": ("semantic_slam.datasets.bigbird_import", "turntable views of one object in BigBIRD's format"),
+    "victoria_park": ("semantic_slam.datasets.victoria_park_import", "the outdoor drive that ships with gtsam"),
+    "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
+}
+"""Name -> (module with ``add_arguments(parser)`` and ``run(arguments)``, description)."""
+
+
+def parse(words: list[str]) -> tuple[ModuleType, argparse.Namespace]:
+    """The module of the format that ``words`` name, and its arguments; exits with code 2 on bad usage."""
+    parser = argparse.ArgumentParser(prog="import_dataset", description="Write a data set as an input bag (rosbag2, mcap).")
+    formats = parser.add_subparsers(dest="format", required=True, metavar="{" + ",".join(FORMATS) + "}")
+    module = None
+    for name, (module_name, text) in FORMATS.items():
+        format_parser = formats.add_parser(name, help=text, description=f"Import {text}.")
+        if name == next((word for word in words if not word.startswith("-")), None):
+            module = importlib.import_module(module_name)  # only the format asked for: its imports may be heavy
+            module.add_arguments(format_parser)
+    arguments = parser.parse_args(words)
+    assert module is not None
+    return module, arguments
+
+
+def command() -> None:
+    """Parse the command line and import; raises InputError."""
+    module, arguments = parse(sys.argv[1:])
+    max_keyframes = getattr(arguments, "max_keyframes", None)
+    if max_keyframes is not None and max_keyframes < 1:
+        raise InputError(f"--max-keyframes {max_keyframes}: must be at least 1; leave it out to import everything")
+    module.run(arguments)
+
+
+def main() -> None:
+    run_main(command)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""A detector's labels as the labels of our classifier, by a YAML file of ``detector label: our label``."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from semantic_slam.errors import InputError
+from semantic_slam.perception.frame import Detections
+
+EXAMPLE = "see config/labels_example.yaml"
+
+
+@dataclass
+class LabelMap:
+    """Applies a mapping and counts what it drops; without a mapping every label is kept as it is."""
+
+    mapping: dict[str, str | None] | None = None  # detector label -> our label, None: dropped
+    unwanted: Counter[str] = field(default_factory=Counter)  # dropped because the file maps them to null
+    unknown: Counter[str] = field(default_factory=Counter)  # dropped because the file does not list them
+
+    def apply(self, detections: Detections) -> Detections:
+        """The detections whose labels are wanted, renamed."""
+        if self.mapping is None:
+            return detections
+        kept = [index for index, label in enumerate(detections.labels) if self._wanted(label)]
+        rows = np.array(kept, dtype=np.intp)
+        return Detections(
+            stamp_ns=detections.stamp_ns,
+            frame_id=detections.frame_id,
+            boxes=detections.boxes[rows],
+            labels=tuple(str(self.mapping[detections.labels[index]]) for index in kept),
+            scores=detections.scores[rows],
+            track_ids=tuple(detections.track_ids[index] for index in kept),
+        )
+
+    def _wanted(self, label: str) -> bool:
+        assert self.mapping is not None
+        if label not in self.mapping:
+            self.unknown[label] += 1
+            return False
+        if self.mapping[label] is None:
+            self.unwanted[label] += 1
+            return False
+        return True
+
+
+def read_label_map(path: Path) -> LabelMap:
+    """Label map from a YAML file; raises InputError that names the entry at fault."""
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as fault:
+        raise InputError(f"{path}: not a readable YAML file ({' '.join(str(fault).split())}); {EXAMPLE}") from None
+    if not isinstance(values, dict) or not values:
+        raise InputError(f"{path}: a mapping 'detector label: our label' is expected; {EXAMPLE}")
+    return LabelMap({_label(key, path): None if value is None else _label(value, path) for key, value in values.items()})
+
+
+def _label(value: object, path: Path) -> str:
+    """YAML reads unquoted ``on``, ``no`` or ``3.0`` as something else than text; whole numbers are class numbers."""
+    if isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool)):
+        return str(value)
+    raise InputError(f"{path}: {value!r} is not a label; put it in quotes ({EXAMPLE})")
