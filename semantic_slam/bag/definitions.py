@@ -1,0 +1,39 @@
+"""Message types that only a bag knows: built from the definitions embedded in it, apart from our own registry."""
+
+from collections.abc import Mapping
+
+from rosbags.typesys import get_types_from_idl, get_types_from_msg
+from rosbags.typesys.store import Typestore
+
+from semantic_slam.errors import InputError
+from semantic_slam.messages.typestore import typestore
+
+IDL_MARK = "=" * 80 + "\nIDL: "
+"""How rosbag2 begins a definition in IDL; any other text is in the form of ``.msg`` files."""
+
+
+def extended_typestore(definitions: Mapping[str, str]) -> Typestore:
+    """Our types and those of ``definitions`` (type name -> text, with the texts of nested types behind separators).
+
+    A type that we know keeps our definition. Raises InputError where a text is no definition.
+    """
+    store = Typestore()
+    store.fielddefs.update(typestore().fielddefs)
+    store.types.update(typestore().types)
+    for type_name, text in definitions.items():
+        if type_name not in store.types:
+            register(store, type_name, text)
+    return store
+
+
+def register(store: Typestore, type_name: str, text: str) -> None:
+    """Add one type, and the nested ones that the store lacks, to ``store``."""
+    try:
+        is_idl = text.startswith(IDL_MARK)
+        types = get_types_from_idl(text) if is_idl else get_types_from_msg(text, type_name)
+    except Exception as fault:  # the parser's own errors are not of one family
+        reason = " ".join(str(fault).split())[:200]
+        raise InputError(
+            f"{type_name}: its embedded definition does not parse ({reason}); record the bag again"
+        ) from None
+    store.register({name: fields for name, fields in types.items() if name not in store.types})

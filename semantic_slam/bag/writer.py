@@ -1,0 +1,108 @@
+"""Write rosbag2 folders: mcap, chunks compressed with zstd, the definitions of all types embedded."""
+
+import shutil
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from semantic_slam.bag.definitions import extended_typestore, register
+from semantic_slam.bag.names import absolute
+from semantic_slam.errors import InputError
+from semantic_slam.messages.codec import CODECS, to_message
+from semantic_slam.messages.topics import LATCHED
+
+UNLIMITED = QosTime(9223372036, 854775807)
+"""What ROS 2 writes for a deadline, lifespan or lease that does not exist."""
+
+LATCHED_QOS = Qos(
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    UNLIMITED,
+    UNLIMITED,
+    QosLiveliness.AUTOMATIC,
+    UNLIMITED,
+    False,
+)
+BAG_SUFFIXES = frozenset({".mcap", ".db3", ".db3-shm", ".db3-wal"})
+BAG_FILES = frozenset({"metadata.yaml", "objects.json"})
+_LATCHED = frozenset(absolute(topic) for topic in LATCHED)
+
+
+class BagWriter:
+    """A context that writes one bag folder; it is closed properly after a fault, too, and keeps what came before.
+
+    Topic names become absolute, as recorders write them: ``odom`` is stored as ``/odom``.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when ``path`` exists and is something other than a bag; an old bag is replaced."""
+        self.path = Path(path)
+        _make_room(self.path)
+        self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._store = extended_typestore({})
+        self._connections: dict[str, Connection] = {}
+
+    def __enter__(self) -> Self:
+        self._writer.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._writer.close()
+
+    def write(self, topic: str, message: Any, stamp_ns: int) -> None:
+        """Write a message, or one of our dataclasses that has a codec, at log time ``stamp_ns``."""
+        if type(message) in CODECS:
+            message = to_message(message)
+        cdr = self._store.serialize_cdr(message, message.__msgtype__)
+        self.write_raw(topic, message.__msgtype__, bytes(cdr), stamp_ns)
+
+    def write_raw(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int, definition: str = "") -> None:
+        """Write CDR bytes. A type that we do not know needs its ``definition``: the text of its .msg, nested ones behind."""
+        name = absolute(topic)
+        connection = self._connections.get(name)
+        if connection is None:
+            connection = self._connections[name] = self._connect(name, type_name, definition)
+        elif connection.msgtype != type_name:
+            raise ValueError(f"{name} holds {connection.msgtype}, not {type_name}")
+        self._writer.write(connection, int(stamp_ns), cdr)
+
+    def _connect(self, name: str, type_name: str, definition: str) -> Connection:
+        if type_name not in self._store.types:
+            if not definition:
+                raise InputError(f"{self.path}: topic {name} has the unknown type {type_name}; embed its definition")
+            register(self._store, type_name, definition)
+        return self._writer.add_connection(
+            name,
+            type_name,
+            typestore=self._store,
+            offered_qos_profiles=[LATCHED_QOS] if name in _LATCHED else [],
+        )
+
+
+def _make_room(path: Path) -> None:
+    """Remove an old bag at ``path``; anything else there is an InputError."""
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise InputError(f"{path}: exists and is no bag folder; name another output")
+    names = sorted(item.name for item in path.iterdir())
+    foreign = [name for name in names if name not in BAG_FILES and Path(name).suffix not in BAG_SUFFIXES]
+    if foreign:
+        raise InputError(f"{path}: holds {foreign[0]}, which is no part of a bag; name another output folder")
+    shutil.rmtree(path)
