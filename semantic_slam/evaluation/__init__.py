@@ -1,0 +1,1 @@
+"""Estimates against references: pure functions, no files, no ROS."""

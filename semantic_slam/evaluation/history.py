@@ -1,0 +1,75 @@
+"""Association histories: the chain of parents of a hypothesis through the recorded beliefs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.belief import HybridBelief
+
+UNKNOWN = -2
+"""True object of a detection for which the reference says nothing: it is not judged."""
+UNMATCHED = -3
+"""True object that no object of the map stands for: no association of the detection is right."""
+
+Ids = NDArray[np.int64]
+
+
+def associated_objects(belief: HybridBelief) -> Ids:
+    """(H, D) object id of every detection under every hypothesis, -1 clutter."""
+    associations = np.asarray(belief.associations, dtype=np.int64)
+    if not len(belief.object_ids):
+        return associations
+    return np.asarray(np.where(associations >= 0, belief.object_ids.astype(np.int64)[associations], -1))
+
+
+def best_index(belief: HybridBelief) -> int:
+    """Index of the heaviest hypothesis."""
+    return int(np.argmax(belief.log_weights))
+
+
+def lineage(beliefs: Sequence[HybridBelief]) -> list[int]:
+    """Index, at every keyframe, of the ancestor of the hypothesis that is best at the end.
+
+    -1 where the chain is not recorded (a bag that starts late or has a gap).
+    """
+    if not beliefs:
+        return []
+    chain = [best_index(beliefs[-1])]
+    for belief, child in zip(reversed(beliefs[:-1]), reversed(beliefs[1:]), strict=True):
+        parent = child.parent_ids[chain[-1]] if chain[-1] >= 0 else None
+        found = np.flatnonzero(belief.hypothesis_ids == parent) if parent is not None else []
+        chain.append(int(found[0]) if len(found) else -1)
+    return chain[::-1]
+
+
+def step_is_right(belief: HybridBelief, true_objects: Ids) -> NDArray[np.bool_]:
+    """(H,) whether a hypothesis gives every detection of this keyframe its true object.
+
+    ``true_objects`` is (D,): object id, -1 clutter, :data:`UNKNOWN` or :data:`UNMATCHED`.
+    """
+    right = associated_objects(belief) == true_objects
+    return np.asarray(np.all(right | (true_objects == UNKNOWN), axis=1))
+
+
+def true_association_probability(beliefs: Sequence[HybridBelief], true_objects: Sequence[Ids]) -> NDArray[np.float64]:
+    """(K,) P(true association history) after every keyframe: the weight of all hypotheses right so far.
+
+    A hypothesis is right when its parent is and its own step is; the classes and modes that it differs in do
+    not matter. Parents of the first recorded keyframe count as right.
+    """
+    probability = np.zeros(len(beliefs))
+    right_ids: set[int] = set()
+    for k, (belief, truth) in enumerate(zip(beliefs, true_objects, strict=True)):
+        grown = np.array([k == 0 or int(parent) in right_ids for parent in belief.parent_ids], dtype=bool)
+        right = grown & step_is_right(belief, truth)
+        right_ids = {int(value) for value in belief.hypothesis_ids[right]}
+        probability[k] = np.exp(belief.log_weights[right]).sum()
+    return probability
+
+
+def first_settled(probability: NDArray[np.float64], threshold: float = 0.99) -> int | None:
+    """First index from which ``probability`` stays at or above ``threshold`` to the end; None when it does not."""
+    below = np.flatnonzero(probability < threshold)
+    first = int(below[-1]) + 1 if len(below) else 0
+    return first if first < len(probability) else None

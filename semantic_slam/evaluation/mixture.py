@@ -1,0 +1,50 @@
+"""A Gaussian mixture over poses: its moments, its errors, its consistency.
+
+Poses are (..., 7) vectors in map. Errors and covariances are x y z rx ry rz along the axes of map, as in
+geometry_msgs/PoseWithCovariance: rotations act on the left of the mean.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+
+def pose_error(pose: Array, reference: Array) -> Array:
+    """(H, 6) difference ``pose`` - ``reference``: positions [m] and rotation vectors [rad] in map; (H, 7) and (7,)."""
+    turn = Rotation.from_quat(pose[:, 3:]) * Rotation.from_quat(reference[3:]).inv()
+    return np.hstack([pose[:, :3] - reference[:3], turn.as_rotvec()])
+
+
+def moment_match(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
+    """Mean (7,) and covariance (6, 6) of H weighted Gaussians: sum w (P_h + d_h d_h^T), d_h from the common mean."""
+    weights = weights / weights.sum()
+    rotation = Rotation.from_quat(poses[:, 3:]).mean(weights=weights)
+    mean = np.concatenate([weights @ poses[:, :3], rotation.as_quat()])
+    spread = pose_error(poses, mean)
+    covariance = np.einsum("h,hij->ij", weights, covariances) + np.einsum("h,hi,hj->ij", weights, spread, spread)
+    return mean, covariance
+
+
+def normalised_error_squared(error: Array, covariance: Array) -> float:
+    """NEES e^T P^-1 e of (d,) and (d, d): d on average when the belief is consistent; NaN when P is singular."""
+    try:
+        return float(error @ np.linalg.solve(covariance, error))
+    except np.linalg.LinAlgError:
+        return float("nan")
+
+
+def position_determinant(weights: Array, covariances: Array) -> float:
+    """Determinant [m^4] of the x-y block of the heaviest component's covariance (H, d, d)."""
+    return float(np.linalg.det(covariances[np.argmax(weights)][:2, :2]))
+
+
+def heaviest_position_error(weights: Array, positions: Array, reference: Array) -> float:
+    """Distance [m] in the plane of the heaviest component from ``reference``; (H, >= 2) and (>= 2,)."""
+    return float(np.linalg.norm(positions[np.argmax(weights), :2] - reference[:2]))
+
+
+def weighted_position_error(weights: Array, positions: Array, reference: Array) -> float:
+    """Weighted mean distance [m] in the plane of the components from ``reference``: not the error of the mean."""
+    return float(weights @ np.linalg.norm(positions[:, :2] - reference[:2], axis=1))

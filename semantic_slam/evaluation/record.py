@@ -1,0 +1,30 @@
+"""A recorded run: what was believed, from what, and what was true."""
+
+from dataclasses import dataclass, field
+
+from semantic_slam.evaluation.trajectory import Trajectory
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.messages.ground_truth import GroundTruthObjects
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """Whatever part of the truth a bag holds."""
+
+    trajectory: Trajectory  # T_map_body; empty when not known
+    objects: GroundTruthObjects | None
+    associations: dict[int, tuple[str, ...]]  # stamp of the detections -> true object id per detection, "" clutter
+
+
+@dataclass(frozen=True)
+class Record:
+    """K beliefs of one run in order, with their inputs."""
+
+    run: RunConfiguration
+    beliefs: tuple[HybridBelief, ...]  # (K,)
+    odometry: Trajectory  # T_odom_body
+    measurements: dict[int, SemanticMeasurements]  # by stamp_ns
+    truth: GroundTruth | None
+    dropped: dict[str, int] = field(default_factory=dict)  # inputs not used, by reason
