@@ -10,8 +10,9 @@ if [ -x "$_semantic_slam_root/.venv/bin/colcon" ]; then
   # ROS comes as wheels: the virtual environment is the ament and CMake prefix.
   source "$_semantic_slam_root/.venv/bin/activate"
   export AMENT_PREFIX_PATH="$VIRTUAL_ENV" CMAKE_PREFIX_PATH="$VIRTUAL_ENV"
-  export LD_LIBRARY_PATH="$VIRTUAL_ENV/lib"
-  export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 # the library path is set; spares every Python a second start
+  # What the wheels' start-up hook would set by starting every Python a second time.
+  export LD_LIBRARY_PATH="$VIRTUAL_ENV/lib$(printf ':%s' "$VIRTUAL_ENV"/lib/python3.*/site-packages/ros_*.libs)"
+  export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
 elif [ -z "${AMENT_PREFIX_PATH:-}" ] && [ -f /opt/ros/jazzy/setup.bash ]; then
   source /opt/ros/jazzy/setup.bash
 fi
