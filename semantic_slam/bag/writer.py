@@ -73,7 +73,7 @@ class BagWriter:
         self.write_raw(topic, message.__msgtype__, bytes(cdr), stamp_ns)
 
     def write_raw(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int, definition: str = "") -> None:
-        """Write CDR bytes. A type that we do not know needs its ``definition``: the text of its .msg, nested ones behind."""
+        """Write CDR bytes; a type that we do not know needs its ``definition``, with nested ones behind it."""
         name = absolute(topic)
         connection = self._connections.get(name)
         if connection is None:

@@ -1,0 +1,117 @@
+"""Read an mcap from its beginning up to where it is damaged: no index, no footer, not even a whole last chunk needed.
+
+Records are opcode (1 byte), length (8 bytes), content. A chunk's content is decompressed as far as its bytes reach.
+"""
+
+import struct
+from collections.abc import Collection, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message, Schema
+
+from semantic_slam.bag.names import absolute
+from semantic_slam.errors import InputError
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD_HEADER = struct.Struct("<BQ")
+CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the compression's name
+
+
+class RawMessage(NamedTuple):
+    """One message as it lies in a bag."""
+
+    topic: str  # absolute name
+    type_name: str
+    stamp_ns: int  # log time
+    cdr: bytes
+
+
+class McapStream:
+    """The readable beginning of a damaged mcap file."""
+
+    def __init__(self, path: Path) -> None:
+        """Reads the file once to know its topics; raises InputError when it is no mcap at all."""
+        self.path = path
+        self.topics: dict[str, str] = {}
+        self.definitions: dict[str, str] = {}
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise InputError(f"{path}: no mcap file; give a rosbag2 folder, a .mcap or a .db3")
+        self.num_messages = sum(1 for _ in self.messages(None))
+
+    def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]:
+        """Every whole message before the damage, in the order of the file; ``topics``: absolute names, None for all."""
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        with self.path.open("rb") as file:
+            file.seek(len(MAGIC))
+            for opcode, content in _flat_records(file, self.path.stat().st_size):
+                stream = ReadDataStream(BytesIO(content))
+                if opcode == Opcode.SCHEMA:
+                    schema = Schema.read(stream)
+                    schemas[schema.id] = schema
+                elif opcode == Opcode.CHANNEL:
+                    channel = Channel.read(stream)
+                    channels[channel.id] = channel
+                    self._announce(channel, schemas[channel.schema_id])
+                else:
+                    message = Message.read(stream, len(content))
+                    channel = channels[message.channel_id]
+                    topic = absolute(channel.topic)
+                    if topics is None or topic in topics:
+                        yield RawMessage(topic, self.topics[topic], message.log_time, message.data)
+
+    def _announce(self, channel: Channel, schema: Schema) -> None:
+        self.topics[absolute(channel.topic)] = schema.name
+        self.definitions[schema.name] = schema.data.decode("utf-8", "replace")
+
+
+def _flat_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+    """Whole schema, channel and message records, those inside chunks included."""
+    for opcode, content, whole in _records(file, size):
+        if opcode == Opcode.CHUNK:
+            inner = _decompressed(content)
+            yield from (
+                (code, text)
+                for code, text, complete in _records(BytesIO(inner), len(inner))
+                if complete and _wanted(code)
+            )
+        elif whole and _wanted(opcode):
+            yield opcode, content
+
+
+def _wanted(opcode: int) -> bool:
+    return opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
+
+
+def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
+    """Opcode, content and whether the content is whole; ends at the data's end or at a record cut inside its header."""
+    while len(header := file.read(RECORD_HEADER.size)) == RECORD_HEADER.size:
+        opcode, length = RECORD_HEADER.unpack(header)
+        if opcode == Opcode.DATA_END:
+            return
+        content = file.read(min(length, size))
+        yield opcode, content, len(content) == length
+
+
+def _decompressed(chunk: bytes) -> bytes:
+    """Records of a chunk, of a cut chunk those that its bytes still give."""
+    if len(chunk) < CHUNK_HEADER.size:
+        return b""
+    name_end = CHUNK_HEADER.size + CHUNK_HEADER.unpack_from(chunk)[-1]
+    compression = chunk[CHUNK_HEADER.size : name_end].decode("ascii", "replace")
+    data = chunk[name_end + 8 :]  # behind the length of the compressed data
+    try:
+        if compression == "zstd":
+            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        if compression == "lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
+    except (zstandard.ZstdError, RuntimeError):
+        return b""
+    return data if compression == "" else b""

@@ -1,0 +1,180 @@
+"""Read bags: rosbag2 folders and bare storage files, mcap or sqlite3, compressed or not, damaged or whole."""
+
+import hashlib
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import yaml
+from rosbags.rosbag2 import Reader
+from rosbags.typesys.store import Typestore
+
+from semantic_slam.bag.definitions import extended_typestore
+from semantic_slam.bag.mcap_stream import McapStream, RawMessage
+from semantic_slam.bag.names import absolute
+from semantic_slam.errors import InputError
+
+REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
+
+
+class TruncatedBagError(InputError):
+    """The bag is damaged; every message before the damage has been given."""
+
+
+class Source(Protocol):
+    """One readable part of a bag."""
+
+    topics: dict[str, str]
+    definitions: dict[str, str]
+    num_messages: int
+
+    def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]: ...
+
+
+class IndexedSource:
+    """A whole folder or storage file, read through its index in the order of log time."""
+
+    def __init__(self, reader: Reader) -> None:
+        """``reader`` is open."""
+        self._reader = reader
+        self.num_messages = reader.message_count
+        self.topics = {absolute(item.topic): item.msgtype for item in reader.connections}
+        self.definitions = {item.msgtype: item.msgdef.data for item in reader.connections if item.msgdef.data}
+
+    def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]:
+        wanted = [item for item in self._reader.connections if topics is None or absolute(item.topic) in topics]
+        if wanted:
+            for connection, stamp_ns, data in self._reader.messages(wanted):
+                yield RawMessage(absolute(connection.topic), connection.msgtype, stamp_ns, bytes(data))
+
+
+class BagReader:
+    """A context that reads one bag. Topic names are absolute (``/odom``), whatever the bag holds."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when there is nothing at ``path``."""
+        self.path = Path(path)
+        if not self.path.exists():
+            raise InputError(f"{self.path}: no such bag; {REMEDY}")
+        self.damage = ""  # why not all of the bag can be read
+        self._stack = ExitStack()
+        self._sources: list[Source] = []
+
+    def __enter__(self) -> Self:
+        """Raises InputError when nothing of the bag can be read."""
+        try:
+            self._sources = [self._indexed(self.path)]
+        except Exception as fault:  # the readers' own errors are of many families
+            self._open_parts(_one_line(fault))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Type name by absolute topic name."""
+        return {topic: kind for source in self._sources for topic, kind in source.topics.items()}
+
+    @property
+    def num_messages(self) -> int:
+        """Messages that can be read."""
+        return sum(source.num_messages for source in self._sources)
+
+    @property
+    def definitions(self) -> dict[str, str]:
+        """Text of the embedded definition by type name."""
+        return {name: text for source in self._sources for name, text in source.definitions.items()}
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of these topics (relative or absolute names), or all; raises TruncatedBagError at the damage."""
+        names = None if topics is None else {absolute(topic) for topic in topics}
+        given = 0
+        for source in self._sources:
+            iterator = source.messages(names)
+            while True:
+                try:
+                    message = next(iterator, None)
+                except Exception as fault:  # damage that the index did not show
+                    raise self._truncated(_one_line(fault), given) from None
+                if message is None:
+                    break
+                given += 1
+                yield message
+        if self.damage:
+            raise self._truncated(self.damage, given)
+
+    def decode(self, cdr: bytes, type_name: str) -> Any:
+        """Message from its bytes, by our definition or by the one embedded in the bag; raises InputError."""
+        if type_name not in self._store.types:
+            raise InputError(f"{self.path}: type {type_name} is unknown and not embedded in the bag; record it as mcap")
+        try:
+            return self._store.deserialize_cdr(cdr, type_name)
+        except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
+            raise InputError(
+                f"{self.path}: a message of type {type_name} does not decode ({_one_line(fault)}); record the bag again"
+            ) from None
+
+    def sha256(self) -> str:
+        """Hex digest of the storage files, one after the other."""
+        digest = hashlib.sha256()
+        for path in storage_files(self.path):
+            with path.open("rb") as file:
+                while block := file.read(1 << 20):
+                    digest.update(block)
+        return digest.hexdigest()
+
+    @cached_property
+    def _store(self) -> Typestore:
+        return extended_typestore(self.definitions)
+
+    def _indexed(self, path: Path) -> IndexedSource:
+        return IndexedSource(self._stack.enter_context(Reader(path)))
+
+    def _open_parts(self, reason: str) -> None:
+        """Storage file by storage file, the damaged mcaps up to their damage."""
+        if _compression(self.path):
+            raise InputError(f"{self.path}: a compressed bag that cannot be read ({reason}); record it again")
+        if self.path.is_dir() and (self.path / "metadata.yaml").exists():
+            self.damage = reason
+        for path in storage_files(self.path):
+            try:
+                self._sources.append(self._indexed(path))
+            except Exception as fault:
+                self.damage = _one_line(fault)
+                if path.suffix == ".mcap":
+                    self._sources.append(McapStream(path))
+        if not self._sources:
+            raise InputError(f"{self.path}: not a readable bag ({reason}); {REMEDY}")
+
+    def _truncated(self, reason: str, given: int) -> TruncatedBagError:
+        return TruncatedBagError(
+            f"{self.path}: the bag is damaged ({reason}); the {given} messages before the damage were used;"
+            " record it again for the rest"
+        )
+
+
+def storage_files(path: Path) -> list[Path]:
+    """The storage files of a bag in the order of their names."""
+    if path.is_file():
+        return [path]
+    return sorted(item for item in path.iterdir() if {".mcap", ".db3"} & set(item.suffixes) and item.is_file())
+
+
+def _compression(folder: Path) -> str:
+    """How the files or messages of a bag folder are compressed, "" when they are not (or by the storage alone)."""
+    try:
+        information = yaml.safe_load((folder / "metadata.yaml").read_text(encoding="utf-8"))
+        mode = str(information["rosbag2_bagfile_information"].get("compression_mode", "")).lower()
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, AttributeError):
+        return ""
+    return "" if mode == "none" else mode
+
+
+def _one_line(fault: BaseException) -> str:
+    return " ".join(str(fault).split())[:200] or type(fault).__name__
