@@ -1,0 +1,47 @@
+"""From a detector's box to the square crop that a network sees."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.1
+"""Background on either side of the box, as a fraction of its longer side."""
+
+
+def box_fault(box: Array, width: int, height: int) -> str:
+    """Why a box (x_min, y_min, x_max, y_max) cannot be used in an image of that size; "" when it can."""
+    if not np.all(np.isfinite(box)):
+        return "box that is not finite"
+    if box[2] <= box[0] or box[3] <= box[1]:
+        return "box without area"
+    if box[0] >= width or box[1] >= height or box[2] <= 0 or box[3] <= 0:
+        return "box outside the image"
+    return ""
+
+
+def square_crop(image: NDArray[np.uint8], box: Array, size: int) -> NDArray[np.uint8]:
+    """(size, size, 3) crop around a usable box, with its margin; the aspect ratio of the object is kept.
+
+    What lies outside the image repeats the border. Shrinking averages, so that no texture aliases.
+    """
+    height, width = image.shape[:2]
+    x_min, x_max = np.clip(box[[0, 2]], 0, width)
+    y_min, y_max = np.clip(box[[1, 3]], 0, height)
+    half = max(0.5 * (1.0 + 2.0 * MARGIN) * max(x_max - x_min, y_max - y_min), 1.0)
+    corner_x, corner_y = round(0.5 * (x_min + x_max) - half), round(0.5 * (y_min + y_max) - half)
+    side = max(round(2.0 * half), 2)
+    window = _padded_window(image, corner_x, corner_y, side)
+    method = cv2.INTER_AREA if side > size else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(window, (size, size), interpolation=method), dtype=np.uint8)
+
+
+def _padded_window(image: NDArray[np.uint8], x: int, y: int, side: int) -> NDArray[np.uint8]:
+    height, width = image.shape[:2]
+    left, top = max(-x, 0), max(-y, 0)
+    right, bottom = max(x + side - width, 0), max(y + side - height, 0)
+    inner = image[y + top : y + side - bottom, x + left : x + side - right]
+    if not (left or top or right or bottom):
+        return inner
+    return np.asarray(cv2.copyMakeBorder(inner, top, bottom, left, right, cv2.BORDER_REPLICATE), dtype=np.uint8)

@@ -1,0 +1,45 @@
+"""What every classification network here is: a trunk that runs once and a head with dropout."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+Array = NDArray[np.float64]
+
+
+class DropoutNetwork(Protocol):
+    """A network whose dropout layers all lie behind its convolutional trunk.
+
+    Only then may the trunk run once for many dropout passes: the distribution of the outputs is the same.
+    """
+
+    input_size: int  # pixels, crops are input_size x input_size
+
+    def trunk(self, images: torch.Tensor) -> torch.Tensor:
+        """(N, 3, size, size) normalised images to (N, K) descriptors; deterministic."""
+
+    def head(self) -> nn.Sequential:
+        """Layers from a descriptor to the logits; its nn.Dropout layers are the source of model uncertainty."""
+
+    def normalise(self, crops: NDArray[np.uint8]) -> torch.Tensor:
+        """(N, size, size, 3) RGB bytes to the (N, 3, size, size) input of the trunk."""
+
+
+@dataclass(frozen=True)
+class ClassifierNetwork:
+    """A loaded network and the meaning of its outputs."""
+
+    network: DropoutNetwork
+    class_names: tuple[str, ...]  # (C,) names of the components that are reported
+    components: tuple[int, ...]  # (C,) indices into the network's outputs
+
+
+def normalised(crops: NDArray[np.uint8], mean: tuple[float, ...], scale: tuple[float, ...]) -> torch.Tensor:
+    """(N, H, W, 3) bytes to (N, 3, H, W) float32, (value / 255 - mean) / scale per channel."""
+    images = torch.from_numpy(np.ascontiguousarray(crops)).permute(0, 3, 1, 2).to(torch.float32) / 255.0
+    shift = torch.tensor(mean).view(1, 3, 1, 1)
+    return ((images - shift) / torch.tensor(scale).view(1, 3, 1, 1)).contiguous()

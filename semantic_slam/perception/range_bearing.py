@@ -1,0 +1,76 @@
+"""Range and bearing of detected objects in the robot's body frame, from boxes, depth and extrinsics."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.geometry.pose import rotation_matrix, transform_points
+from semantic_slam.perception.frame import CameraModel
+
+Array = NDArray[np.float64]
+
+CENTRAL_FRACTION = 0.6
+"""Share of a box's width and height, about its centre, in which depth is read."""
+DEPTH_PERCENTILE = 30.0
+"""Of the valid depths there: below the median, because background shows through and past an object, never before it."""
+LEAST_READINGS = 5
+"""Valid depth pixels without which a box has no depth."""
+
+
+@dataclass(frozen=True)
+class RangeBearing:
+    """Geometric measurement of one object, in the x-y plane of the body frame."""
+
+    range_m: float  # from the body's origin; NaN without depth
+    bearing_rad: float  # counter-clockwise from x; from the body's origin with depth, from the camera without
+    covariance: Array  # (2, 2) of [range, bearing]; its range entry is NaN without depth
+
+
+def viewing_ray(box: Array, camera: CameraModel) -> Array:
+    """(3,) unit ray through the centre of a box, in the optical frame, lens distortion removed."""
+    centre = np.array([[[0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])]]])
+    intrinsics = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+    distortion = np.array(camera.distortion or (0.0, 0.0, 0.0, 0.0))
+    x, y = cv2.undistortPoints(centre, intrinsics, distortion).reshape(2)
+    ray = np.array([x, y, 1.0])
+    return np.asarray(ray / np.linalg.norm(ray))
+
+
+def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -> float:
+    """Depth of the object's visible surface along the optical axis, metres; NaN when too few readings are valid."""
+    height, width = depth_m.shape
+    centre, half = 0.5 * (box[:2] + box[2:]), 0.5 * CENTRAL_FRACTION * (box[2:] - box[:2])
+    low = np.clip(np.floor(centre - half), 0, (width, height)).astype(int)
+    high = np.clip(np.ceil(centre + half), 0, (width, height)).astype(int)
+    values = depth_m[low[1] : high[1], low[0] : high[0]]
+    valid = values[np.isfinite(values) & (values > 0.0) & (values <= max_depth_m)]
+    if valid.size < LEAST_READINGS:
+        return float("nan")
+    return float(np.percentile(valid, DEPTH_PERCENTILE))
+
+
+def range_and_bearing(
+    box: Array,
+    depth_m: NDArray[np.float32] | None,
+    camera: CameraModel,
+    T_base_camera: Array,
+    configuration: PerceptionConfiguration,
+) -> RangeBearing:
+    """Measurement of the object in ``box`` ((4,) pixels); ``T_base_camera`` is the (7,) pose of the optical frame.
+
+    The centre of the object lies ``object_depth_m`` behind its visible surface, along the viewing ray.
+    """
+    ray = viewing_ray(box, camera)
+    depth = float("nan") if depth_m is None else depth_in_box(depth_m, box, configuration.max_depth_m)
+    bearing_variance = configuration.sigma_bearing_rad**2
+    if np.isnan(depth):
+        direction = rotation_matrix(T_base_camera[3:]) @ ray
+        covariance = np.diag([np.nan, bearing_variance])
+        return RangeBearing(float("nan"), float(np.arctan2(direction[1], direction[0])), covariance)
+    centre_camera = ray * (depth / ray[2] + configuration.object_depth_m)
+    x, y, _ = transform_points(T_base_camera, centre_camera[None])[0]
+    covariance = np.diag([configuration.sigma_range_m**2, bearing_variance])
+    return RangeBearing(float(np.hypot(x, y)), float(np.arctan2(y, x)), covariance)

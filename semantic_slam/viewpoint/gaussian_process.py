@@ -1,0 +1,134 @@
+"""Gaussian process class models over the direction of view, independent between views (Eqs. 3.8-3.17, 3.47)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.viewpoint.model import Array, Prediction, Viewpoints
+
+GRID = 360
+"""Azimuths at which the posterior is evaluated once; between them it is interpolated."""
+
+
+@dataclass(frozen=True)
+class ClassFit:
+    """What is known about one class: M training views, F feature components, G azimuths of the noise."""
+
+    azimuth_rad: Array  # (M,) of the training views
+    targets: Array  # (M, F) mean feature of each view
+    target_variances: Array  # (M, F) of those means
+    prior_mean: Array  # (F,)
+    signal_sigma: Array  # (F,) of the squared-exponential kernel
+    length_scale: Array  # (F,) of the kernel, a chord on the unit circle
+    noise_covariance: Array  # (G, F, F) spread of single views about the mean, at azimuths 2 pi g / G
+    coverage_rad: float  # largest angle to a training view that counts as covered
+
+
+def kernel(first_rad: Array, second_rad: Array, signal_sigma: float, length_scale: float) -> Array:
+    """(A, B) squared-exponential kernel of two sets of azimuths, as points (cos, sin) on the unit circle (Eq. 3.12)."""
+    squared_chord = 2.0 - 2.0 * np.cos(first_rad[:, None] - second_rad[None, :])
+    return np.asarray(signal_sigma**2 * np.exp(-0.5 * squared_chord / length_scale**2))
+
+
+def posterior(fit: ClassFit, component: int, azimuth_rad: Array) -> tuple[Array, Array, Array]:
+    """Mean, slope of the mean [1/rad] and variance of one component at (B,) azimuths (Eqs. 3.15-3.16)."""
+    sigma, length = float(fit.signal_sigma[component]), float(fit.length_scale[component])
+    gram = kernel(fit.azimuth_rad, fit.azimuth_rad, sigma, length) + np.diag(fit.target_variances[:, component])
+    weights = np.linalg.solve(gram, fit.targets[:, component] - fit.prior_mean[component])
+    cross = kernel(azimuth_rad, fit.azimuth_rad, sigma, length)
+    difference = azimuth_rad[:, None] - fit.azimuth_rad[None, :]
+    slope = (cross * (-np.sin(difference) / length**2)) @ weights
+    variance = sigma**2 - np.einsum("bm,mb->b", cross, np.linalg.solve(gram, cross.T))
+    return fit.prior_mean[component] + cross @ weights, slope, np.maximum(variance, 0.0)
+
+
+class GaussianProcessModel:
+    """The class models, tabulated over azimuth: a prediction costs a look-up, whatever the number of views.
+
+    The covariance is that of the noise of single views plus the posterior variance of the mean.
+    """
+
+    def __init__(self, class_names: tuple[str, ...], feature_names: tuple[str, ...], fits: Sequence[ClassFit]) -> None:
+        """One ``ClassFit`` per class; ``feature_names`` are the classifier's components (F,)."""
+        self._class_names = class_names
+        self.feature_names = feature_names
+        self.fits = tuple(fits)
+        tables = [_table(fit) for fit in self.fits]
+        self._mean = np.stack([table[0] for table in tables])  # (C, GRID, 4, F) cubic coefficients
+        self._covariance = np.stack([table[1] for table in tables])  # (C, GRID, 2, F, F) value and step
+        self._distance = np.stack([_distance_to_training(fit) for fit in self.fits])  # (C, GRID)
+        self._coverage_rad = np.array([fit.coverage_rad for fit in self.fits])
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """(C,) names of the classes."""
+        return self._class_names
+
+    @property
+    def num_features(self) -> int:
+        """F, components of the feature."""
+        return len(self.feature_names)
+
+    def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
+        """Mean, covariance and slope for (B,) class indices; only the azimuth matters to these models."""
+        cell, t = _cell(viewpoints.azimuth_rad)
+        coefficients = self._mean[classes, cell]
+        basis = np.zeros((t.size, 2, 4))
+        square = t * t
+        basis[:, 0, 0] = 1.0
+        basis[:, 0, 1] = t
+        basis[:, 0, 2] = square
+        basis[:, 0, 3] = square * t
+        basis[:, 1, 1] = 1.0
+        basis[:, 1, 2] = 2.0 * t
+        basis[:, 1, 3] = 3.0 * square
+        values = basis @ coefficients
+        steps = self._covariance[classes, cell]
+        jacobian = np.zeros((t.size, self.num_features, 3))
+        jacobian[:, :, 0] = values[:, 1] * (GRID / (2.0 * np.pi))
+        return Prediction(values[:, 0], steps[:, 0] + t[:, None, None] * steps[:, 1], jacobian)
+
+    def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
+        """(B,) whether a training view of the class lies near this azimuth."""
+        cell, t = _cell(viewpoints.azimuth_rad)
+        nearest = np.where(t < 0.5, cell, (cell + 1) % GRID)
+        return np.asarray(self._distance[classes, nearest] <= self._coverage_rad[classes])
+
+
+def _cell(azimuth_rad: Array) -> tuple[NDArray[np.int_], Array]:
+    """(B,) grid cell of each azimuth and the position 0..1 in it."""
+    position = np.asarray(azimuth_rad) * (GRID / (2.0 * np.pi))
+    floor: Array = np.floor(position)
+    return floor.astype(np.int64) % GRID, position - floor
+
+
+def _grid() -> Array:
+    return np.arange(GRID) * (2.0 * np.pi / GRID)
+
+
+def _table(fit: ClassFit) -> tuple[Array, Array]:
+    """(GRID, 4, F) coefficients of the cubic Hermite mean, (GRID, 2, F, F) value and step of the covariance."""
+    parts = [posterior(fit, component, _grid()) for component in range(fit.targets.shape[1])]
+    mean, slope, variance = (np.stack([part[index] for part in parts], axis=-1) for index in range(3))
+    slope = slope * (2.0 * np.pi / GRID)
+    next_mean, next_slope = np.roll(mean, -1, axis=0), np.roll(slope, -1, axis=0)
+    rise = next_mean - mean
+    coefficients = np.stack([mean, slope, 3 * rise - 2 * slope - next_slope, slope + next_slope - 2 * rise], axis=1)
+    covariance = _noise_on_grid(fit.noise_covariance) + variance[:, :, None] * np.eye(variance.shape[1])
+    return coefficients, np.stack([covariance, np.roll(covariance, -1, axis=0) - covariance], axis=1)
+
+
+def _noise_on_grid(noise: Array) -> Array:
+    """(G, F, F) at G azimuths to (GRID, F, F), linear between them: a mixture of covariances is a covariance."""
+    position = np.arange(GRID) * (len(noise) / GRID)
+    low = np.floor(position).astype(int)
+    share = (position - low)[:, None, None]
+    return np.asarray((1.0 - share) * noise[low] + share * noise[(low + 1) % len(noise)])
+
+
+def _distance_to_training(fit: ClassFit) -> Array:
+    """(GRID,) angle from each azimuth of the grid to the nearest training view."""
+    difference = _grid()[:, None] - fit.azimuth_rad[None, :]
+    return np.asarray(np.abs((difference + np.pi) % (2.0 * np.pi) - np.pi).min(axis=1))

@@ -1,0 +1,18 @@
+"""Features of one class seen from known directions: the data that a viewpoint model is fitted to."""
+
+from dataclasses import dataclass
+
+from semantic_slam.viewpoint.model import Array
+
+
+@dataclass(frozen=True)
+class ClassSamples:
+    """M views of one class, S draws of the nuisances (background, light, box) in each, F feature components."""
+
+    azimuth_rad: Array  # (M,)
+    features: Array  # (M, S, F) mean over the dropout passes
+    feature_covariances: Array  # (M, S, F, F) over the dropout passes
+
+    def select(self, views: Array) -> "ClassSamples":
+        """The views with these indices or under this mask."""
+        return ClassSamples(self.azimuth_rad[views], self.features[views], self.feature_covariances[views])

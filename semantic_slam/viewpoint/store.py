@@ -1,0 +1,92 @@
+"""Viewpoint model files: arrays and a JSON description in one safetensors file; nothing in it is executed."""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.gaussian_process import ClassFit, GaussianProcessModel
+
+SCHEMA_VERSION = 1
+KIND = "gp_independent"
+METADATA_KEY = "semantic_slam"
+
+
+def save_model(model: GaussianProcessModel, path: Path, provenance: dict[str, Any]) -> None:
+    """Write the model; ``provenance`` (command, seed, data, network, report) is kept with it as it is."""
+    arrays = {}
+    for index, fit in enumerate(model.fits):
+        for item in fields(ClassFit):
+            arrays[f"{index}.{item.name}"] = np.ascontiguousarray(getattr(fit, item.name), dtype=np.float64)
+    description = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": KIND,
+        "class_names": list(model.class_names),
+        "feature_names": list(model.feature_names),
+        "provenance": provenance,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_file(arrays, str(path), metadata={METADATA_KEY: json.dumps(description, sort_keys=True)})
+
+
+def read_model(path: Path) -> GaussianProcessModel:
+    """The model in a file. Raises InputError naming the file, what is wrong and the remedy."""
+    arrays, description = _read(path)
+    version, kind = description.get("schema_version"), description.get("kind")
+    if version != SCHEMA_VERSION or kind != KIND:
+        raise InputError(
+            f"{path}: holds kind '{kind}' of schema {version}, wanted is '{KIND}' of schema {SCHEMA_VERSION};"
+            " fit it anew with fit_viewpoint_models"
+        )
+    try:
+        class_names = tuple(str(name) for name in description["class_names"])
+        feature_names = tuple(str(name) for name in description["feature_names"])
+        fits = [_class_fit(arrays, index, len(feature_names)) for index in range(len(class_names))]
+        return GaussianProcessModel(class_names, feature_names, fits)
+    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as fault:
+        raise InputError(
+            f"{path}: incomplete viewpoint model ({fault}); fit it anew with fit_viewpoint_models"
+        ) from None
+
+
+def read_provenance(path: Path) -> dict[str, Any]:
+    """What the file says of its own making. Raises InputError."""
+    return dict(_read(path)[1].get("provenance", {}))
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    try:
+        with safe_open(str(path), framework="np") as file:
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            text = (file.metadata() or {}).get(METADATA_KEY, "")
+    except (OSError, SafetensorError) as fault:
+        reason = " ".join(str(fault).split())
+        raise InputError(f"{path}: not readable as safetensors ({reason}); check semantic_model.path") from None
+    try:
+        return arrays, dict(json.loads(text))
+    except (ValueError, TypeError):
+        raise InputError(f"{path}: not a viewpoint model; make one with fit_viewpoint_models") from None
+
+
+def _class_fit(arrays: dict[str, Any], index: int, num_features: int) -> ClassFit:
+    values = {item.name: arrays[f"{index}.{item.name}"] for item in fields(ClassFit)}
+    views = len(values["azimuth_rad"])
+    shapes = {
+        "azimuth_rad": (views,),
+        "targets": (views, num_features),
+        "target_variances": (views, num_features),
+        "prior_mean": (num_features,),
+        "signal_sigma": (num_features,),
+        "length_scale": (num_features,),
+        "noise_covariance": (len(values["noise_covariance"]), num_features, num_features),
+        "coverage_rad": (),
+    }
+    for name, shape in shapes.items():
+        if values[name].shape != shape or not np.all(np.isfinite(values[name])):
+            raise ValueError(f"class {index}: '{name}' has a wrong shape or is not finite")
+    return ClassFit(**{**values, "coverage_rad": float(values["coverage_rad"])})

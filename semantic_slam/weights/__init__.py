@@ -1,0 +1,1 @@
+"""Files that ship with the package: the trained network and the viewpoint models fitted with it."""
