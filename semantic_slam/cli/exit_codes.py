@@ -1,0 +1,29 @@
+"""The one place where errors become exit codes: 0 done, 2 bad input or usage, 1 a fault of ours, 130 interrupted."""
+
+import sys
+import traceback
+from collections.abc import Callable
+
+from semantic_slam.errors import InputError
+
+DONE, FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+def exit_code(command: Callable[[], None]) -> int:
+    """Run ``command``; bad input gives one line on stderr, a fault of ours its traceback."""
+    try:
+        command()
+    except InputError as error:
+        print(" ".join(str(error).split()), file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+        return FAULT
+    return DONE
+
+
+def run_main(command: Callable[[], None]) -> None:
+    """What every ``main()`` does: run ``command`` (parsing included) and leave the process with its exit code."""
+    sys.exit(exit_code(command))

@@ -1,0 +1,95 @@
+"""Pixels of sensor_msgs Image and CompressedImage: colour as RGB, depth in metres."""
+
+import struct
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.errors import InputError
+
+COLOUR_CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1}
+"""Raw colour encodings and their channels; 8UC3 is taken for BGR, as OpenCV stores it."""
+TO_RGB = {
+    "bgr8": cv2.COLOR_BGR2RGB,
+    "8UC3": cv2.COLOR_BGR2RGB,
+    "rgba8": cv2.COLOR_RGBA2RGB,
+    "bgra8": cv2.COLOR_BGRA2RGB,
+    "mono8": cv2.COLOR_GRAY2RGB,
+    "8UC1": cv2.COLOR_GRAY2RGB,
+}
+DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+"""Raw depth encodings: millimetres as 16-bit integers, metres as 32-bit floats."""
+METRES_PER_UNIT = 0.001
+COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
+"""What image_transport's compressedDepth puts before the png: format, and two numbers of its inverse depth."""
+
+
+def decode_image(message: Any, topic: str) -> NDArray[np.uint8]:
+    """(height, width, 3) RGB pixels; raises InputError that names the topic and what is accepted."""
+    if hasattr(message, "format"):
+        pixels = _imdecode(message.data, cv2.IMREAD_COLOR)
+        if pixels is None:
+            raise InputError(f"{topic}: an image of format '{message.format}' does not decode; send jpeg or png")
+        return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+    channels = _known(message.encoding, COLOUR_CHANNELS, topic)
+    pixels = _rows(message, np.dtype(np.uint8), channels, topic)
+    conversion = TO_RGB.get(message.encoding)
+    return np.asarray(pixels if conversion is None else cv2.cvtColor(pixels, conversion), dtype=np.uint8)
+
+
+def decode_depth(message: Any, topic: str) -> NDArray[np.float32]:
+    """(height, width) metres along the optical axis, NaN where invalid; raises InputError that names the topic."""
+    if hasattr(message, "format"):
+        return _compressed_depth(message, topic)
+    kind = np.dtype(_known(message.encoding, DEPTH_TYPES, topic))
+    values = _rows(message, kind.newbyteorder(">" if message.is_bigendian else "<"), 1, topic)
+    return _metres(values.astype(np.float32) * (METRES_PER_UNIT if kind.kind == "u" else 1.0))
+
+
+def _compressed_depth(message: Any, topic: str) -> NDArray[np.float32]:
+    data = np.asarray(message.data)
+    has_header = "compressedDepth" in message.format
+    values = _imdecode(data[COMPRESSED_DEPTH_HEADER.size :] if has_header else data, cv2.IMREAD_UNCHANGED)
+    if values is None or values.dtype != np.uint16 or values.ndim != 2:
+        raise InputError(
+            f"{topic}: a depth image of format '{message.format}' does not decode; send a 16UC1 png in millimetres"
+        )
+    if not (has_header and message.format.startswith("32FC1")):
+        return _metres(values.astype(np.float32) * METRES_PER_UNIT)
+    _, scale, offset = COMPRESSED_DEPTH_HEADER.unpack(data[: COMPRESSED_DEPTH_HEADER.size].tobytes())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _metres(np.where(values > 0, scale / (values.astype(np.float32) - offset), np.nan))
+
+
+def _metres(depth: NDArray[Any]) -> NDArray[np.float32]:
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.nan).astype(np.float32)
+
+
+def _imdecode(data: Any, flags: int) -> NDArray[Any] | None:
+    """OpenCV's array, or None where the bytes are no image."""
+    buffer = np.asarray(data, dtype=np.uint8)
+    try:
+        return cv2.imdecode(buffer, flags) if len(buffer) else None
+    except cv2.error:
+        return None
+
+
+def _known(encoding: str, accepted: dict[str, Any], topic: str) -> Any:
+    if encoding not in accepted:
+        raise InputError(f"{topic}: encoding '{encoding}' is not read; send one of {', '.join(accepted)}")
+    return accepted[encoding]
+
+
+def _rows(message: Any, kind: np.dtype[Any], channels: int, topic: str) -> NDArray[Any]:
+    """(height, width[, channels]) pixels of a raw image, the padding of its rows removed."""
+    height, width, data = message.height, message.width, np.asarray(message.data)
+    used = width * channels * kind.itemsize
+    if not used or message.step < used or len(data) != height * message.step or not height:
+        raise InputError(
+            f"{topic}: {len(data)} bytes are no {width} x {height} image of {message.encoding} with rows of"
+            f" {message.step} bytes; correct its width, height and step"
+        )
+    pixels = np.ascontiguousarray(data.reshape(height, message.step)[:, :used]).view(kind)
+    return pixels if channels == 1 else pixels.reshape(height, width, channels)

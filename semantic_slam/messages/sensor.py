@@ -1,0 +1,93 @@
+"""Camera model, odometry and static transforms from sensor messages."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.transform import compose, inverse
+from semantic_slam.inference.keyframe import OdometrySample
+from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, pose_vector
+from semantic_slam.perception.frame import CameraModel
+
+Array = NDArray[np.float64]
+
+DISTORTION_MODELS = ("plumb_bob", "")
+IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def camera_model(message: Any, topic: str) -> CameraModel:
+    """Intrinsics of a sensor_msgs/CameraInfo; raises InputError when it is not calibrated or of another lens model."""
+    k = np.asarray(message.k, dtype=np.float64)
+    if not np.isfinite(k).all() or k[0] <= 0.0 or k[4] <= 0.0:
+        raise InputError(f"{topic}: the camera is not calibrated (fx {k[0]:g}, fy {k[4]:g}); calibrate it")
+    distortion = tuple(float(value) for value in message.d)
+    if message.distortion_model not in DISTORTION_MODELS and any(distortion):
+        raise InputError(f"{topic}: distortion model '{message.distortion_model}' is not known; rectify the images")
+    return CameraModel(
+        width=int(message.width),
+        height=int(message.height),
+        fx=float(k[0]),
+        fy=float(k[4]),
+        cx=float(k[2]),
+        cy=float(k[5]),
+        distortion=distortion if any(distortion) else (),
+        frame_id=message.header.frame_id,
+    )
+
+
+def odometry_sample(message: Any, topic: str) -> OdometrySample:
+    """Pose of a nav_msgs/Odometry; raises InputError that names the stamp when it is not finite."""
+    stamp, pose = header_stamp_ns(message), pose_vector(message.pose.pose)
+    if not np.isfinite(pose).all() or not np.linalg.norm(pose[3:]) > 0.0:
+        raise InputError(f"{topic}: the pose at {stamp / NANOSECONDS:.3f} s is not a pose; correct the odometry")
+    return OdometrySample(stamp, pose)
+
+
+class TransformTree:
+    """Fixed transforms between frames, as /tf_static gives them."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, Array]] = {}  # child -> (parent, T_parent_child)
+
+    def add(self, message: Any) -> None:
+        """Remember the transforms of a tf2_msgs/TFMessage; a later one of the same child replaces the earlier."""
+        for item in message.transforms:
+            t, q = item.transform.translation, item.transform.rotation
+            T_parent_child = np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)
+            self._parents[plain_frame(item.child_frame_id)] = (plain_frame(item.header.frame_id), T_parent_child)
+
+    def lookup(self, target: str, source: str) -> Array:
+        """T_target_source along the tree; raises InputError that names the frames when nothing connects them."""
+        to_target, to_source = self._ancestors(plain_frame(target)), self._ancestors(plain_frame(source))
+        for frame, T_frame_source in to_source.items():
+            if frame in to_target:
+                return compose(inverse(to_target[frame]), T_frame_source)
+        raise InputError(
+            f"no static transforms lead from {target} to {source}; publish /tf_static or set perception.extrinsics"
+        )
+
+    def _ancestors(self, frame: str) -> dict[str, Array]:
+        """T_ancestor_frame of the frame itself and of every frame above it, nearest first."""
+        found, T_ancestor_frame = {frame: IDENTITY}, IDENTITY
+        while frame in self._parents and self._parents[frame][0] not in found:
+            frame, T_parent_child = self._parents[frame]
+            T_ancestor_frame = compose(T_parent_child, T_ancestor_frame)
+            found[frame] = T_ancestor_frame
+        return found
+
+
+def plain_frame(frame_id: str) -> str:
+    """Frame id without the leading slash that ROS 1 wrote."""
+    return frame_id.lstrip("/")
+
+
+def sensor_pose(extrinsics: tuple[float, ...], base_frame: str, tree: TransformTree, optical_frame: str) -> Array:
+    """(7,) T_base_camera: the configured extrinsics if there are any, else from the tree. Raises InputError."""
+    if not extrinsics:
+        return tree.lookup(base_frame, optical_frame)
+    pose = np.array(extrinsics, dtype=np.float64)
+    if pose.shape != (7,) or not np.isfinite(pose).all() or not np.linalg.norm(pose[3:]) > 0.0:
+        raise InputError("perception.extrinsics must be 7 numbers: x y z of the camera and its quaternion qx qy qz qw")
+    return pose
