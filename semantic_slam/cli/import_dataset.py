@@ -9,7 +9,10 @@ from semantic_slam.cli.exit_codes import run_main
 from semantic_slam.errors import InputError
 
 FORMATS = {
-    "avd": ("semantic_slam.datasets.avd_import", "a path through a scene of the Active Vision Dataset, or of make_scene"),
+    "avd": (
+        "semantic_slam.datasets.avd_import",
+        "a path through a scene in the format of the Active Vision Dataset",
+    ),
     "bigbird": ("semantic_slam.datasets.bigbird_import", "turntable views of one object in BigBIRD's format"),
     "victoria_park": ("semantic_slam.datasets.victoria_park_import", "the outdoor drive that ships with gtsam"),
     "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
@@ -19,7 +22,7 @@ FORMATS = {
 
 def parse(words: list[str]) -> tuple[ModuleType, argparse.Namespace]:
     """The module of the format that ``words`` name, and its arguments; exits with code 2 on bad usage."""
-    parser = argparse.ArgumentParser(prog="import_dataset", description="Write a data set as an input bag (rosbag2, mcap).")
+    parser = argparse.ArgumentParser(prog="import_dataset", description="Write a data set as an input bag.")
     formats = parser.add_subparsers(dest="format", required=True, metavar="{" + ",".join(FORMATS) + "}")
     module = None
     for name, (module_name, text) in FORMATS.items():

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.standard import stamp_ns
 from semantic_slam.perception.frame import Detections
 
 Array = NDArray[np.float64]
@@ -28,7 +30,7 @@ def axis_aligned_box(center: Any, width: float, height: float) -> list[float]:
 
 
 def from_vision_msgs(message: Any) -> Detections:
-    """vision_msgs/Detection2DArray: 4.x (Humble to Jazzy), 3.x (box centre without ``position``) and 2.x (flat results)."""
+    """vision_msgs/Detection2DArray: 4.x, 3.x (no ``center.position``) and 2.x (flat results)."""
     rows = message.detections
     best = [_best_result(row.results) for row in rows]
     return _detections(
@@ -57,7 +59,7 @@ def _vision_track_id(row: Any) -> str:
 
 
 def from_yolo_msgs(message: Any) -> Detections:
-    """yolo_msgs/DetectionArray of yolo_ros; the box is ``bbox.center.position``, ``bbox.center.theta``, ``bbox.size``."""
+    """yolo_msgs/DetectionArray of yolo_ros; its box has ``center.position``, ``center.theta``, ``size``."""
     rows = message.detections
     return _detections(
         message.header,
@@ -68,9 +70,11 @@ def from_yolo_msgs(message: Any) -> Detections:
     )
 
 
-def _detections(header: Any, boxes: list[list[float]], labels: list[str], scores: list[float], track_ids: list[str]) -> Detections:
+def _detections(
+    header: Any, boxes: list[list[float]], labels: list[str], scores: list[float], track_ids: list[str]
+) -> Detections:
     return Detections(
-        stamp_ns=int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec),
+        stamp_ns=stamp_ns(header.stamp),
         frame_id=str(header.frame_id),
         boxes=np.array(boxes, dtype=np.float64).reshape(-1, 4),
         labels=tuple(labels),
@@ -79,16 +83,8 @@ def _detections(header: Any, boxes: list[list[float]], labels: list[str], scores
     )
 
 
-def _from_ours(message: Any) -> Detections:
-    from semantic_slam.messages.codec import from_message
-
-    detections = from_message(message)
-    assert isinstance(detections, Detections)
-    return detections
-
-
 READERS: dict[str, Callable[[Any], Detections]] = {
-    "semantic_slam_msgs/msg/DetectionArray": _from_ours,
+    "semantic_slam_msgs/msg/DetectionArray": from_message,
     "vision_msgs/msg/Detection2DArray": from_vision_msgs,
     "yolo_msgs/msg/DetectionArray": from_yolo_msgs,
     "yolov8_msgs/msg/DetectionArray": from_yolo_msgs,

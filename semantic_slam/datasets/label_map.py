@@ -55,7 +55,9 @@ def read_label_map(path: Path) -> LabelMap:
         raise InputError(f"{path}: not a readable YAML file ({' '.join(str(fault).split())}); {EXAMPLE}") from None
     if not isinstance(values, dict) or not values:
         raise InputError(f"{path}: a mapping 'detector label: our label' is expected; {EXAMPLE}")
-    return LabelMap({_label(key, path): None if value is None else _label(value, path) for key, value in values.items()})
+    return LabelMap(
+        {_label(key, path): None if value is None else _label(value, path) for key, value in values.items()}
+    )
 
 
 def _label(value: object, path: Path) -> str:

@@ -79,11 +79,13 @@ def read_log(path: Path) -> Log:
             _read_line(line.split(), pose_of, increments, rows)
         except (ValueError, KeyError, IndexError):
             raise InputError(
-                f"{path}, line {number}: neither an ODOMETRY nor a LANDMARK line of known poses; name a victoria_park.txt"
+                f"{path}, line {number}: no ODOMETRY or LANDMARK of known poses; name a victoria_park.txt"
             ) from None
     if not rows:
         raise InputError(f"{path}: no LANDMARK lines; name a victoria_park.txt")
-    observations = tuple(Observation(pose, landmark, np.array(xy)) for pose, landmark, xy in sorted(rows, key=lambda row: row[0]))
+    observations = tuple(
+        Observation(pose, landmark, np.array(xy)) for pose, landmark, xy in sorted(rows, key=lambda row: row[0])
+    )
     return Log(np.array(increments).reshape(-1, 3), observations)
 
 
@@ -118,7 +120,9 @@ def dead_reckoning(increments: Array) -> Array:
     """(K, 3) planar poses in odom, from (K - 1, 3) increments in the frame of the pose before each."""
     yaw = np.concatenate([[0.0], np.cumsum(increments[:, 2])])
     cos, sin = np.cos(yaw[:-1]), np.sin(yaw[:-1])
-    steps = np.stack([cos * increments[:, 0] - sin * increments[:, 1], sin * increments[:, 0] + cos * increments[:, 1]], axis=1)
+    steps = np.stack(
+        [cos * increments[:, 0] - sin * increments[:, 1], sin * increments[:, 0] + cos * increments[:, 1]], axis=1
+    )
     position = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
     return np.column_stack([position, wrap_angle(yaw)])
 

@@ -1,4 +1,4 @@
-"""``import_dataset victoria_park``: odometry and range-bearing measurements as a bag, landmark numbers as ground truth."""
+"""``import_dataset victoria_park``: odometry and trunks as a bag, landmark numbers as ground truth."""
 
 import argparse
 from dataclasses import dataclass
@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
-from semantic_slam.datasets.victoria_park import Log, Observation, dead_reckoning, example_path, range_bearing, read_log, stamps
+from semantic_slam.datasets.victoria_park import (
+    Log,
+    Observation,
+    dead_reckoning,
+    example_path,
+    range_bearing,
+    read_log,
+    stamps,
+)
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.messages import topics
@@ -36,7 +44,7 @@ class Written:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``import_dataset victoria_park``."""
-    parser.add_argument("source", nargs="?", type=Path, metavar="SRC", help="victoria_park.txt; left out: the one in the gtsam wheel")
+    parser.add_argument("source", nargs="?", type=Path, metavar="SRC", help="victoria_park.txt (default: gtsam's)")
     parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="bag folder to write")
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N frames with detections")
     parser.add_argument(
@@ -44,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.4,
         metavar="M2",
-        help="variance of a trunk's position in each axis of the robot's frame [m^2] (default: 0.4, as the file states)",
+        help="variance of a trunk's position in each axis [m^2] (default: 0.4, as the file states)",
     )
 
 
@@ -84,7 +92,7 @@ def write_bag(log: Log, out: Path, variance_m2: float, max_keyframes: int | None
 
 
 def odometry(pose: Array, stamp_ns: int) -> OdometryEstimate:
-    """Integrated odometry; the covariance stays zero because the file's is far too small (see config/victoria_park.yaml)."""
+    """Integrated odometry; covariance zero, unknown: the file's is far too small (config/victoria_park.yaml)."""
     return OdometryEstimate(stamp_ns, "odom", BODY_FRAME, pose, np.zeros((6, 6)))
 
 

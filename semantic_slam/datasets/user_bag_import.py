@@ -1,0 +1,106 @@
+"""``import_dataset bag``: a ROS 2 bag of the user's own, with any detector, as an input bag."""
+
+import argparse
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+
+from tqdm import tqdm
+
+from semantic_slam.bag.reader import BagReader, TruncatedBagError
+from semantic_slam.bag.writer import BagWriter
+from semantic_slam.datasets.image_formats import is_depth
+from semantic_slam.datasets.label_map import LabelMap, read_label_map
+from semantic_slam.datasets.user_bag import Converter
+from semantic_slam.datasets.user_bag_topics import IMAGE_TYPES, NONE, Selection, Topic, Wanted, select_topics
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``import_dataset bag``."""
+    parser.add_argument("source", type=Path, metavar="SRC", help="rosbag2 folder, .mcap or .db3")
+    parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="bag folder to write")
+    parser.add_argument("--labels", type=Path, metavar="YAML", help="detector label: our label, or null to drop it")
+    parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N detection messages")
+    group = parser.add_argument_group("topics", "found by type when left out, as far as that is unique")
+    group.add_argument("--detections", metavar="TOPIC", help="vision_msgs, yolo_msgs or our own")
+    group.add_argument("--image", metavar="TOPIC", help="colour images, raw or compressed")
+    group.add_argument("--depth", metavar="TOPIC", help=f"depth registered to the image; '{NONE}': bearing only")
+    group.add_argument("--camera-info", metavar="TOPIC", help="intrinsics of the image")
+    group.add_argument("--odom", metavar="TOPIC", help="nav_msgs/Odometry, or /tf for the transform odom -> base_link")
+    group.add_argument("--odom-frame", default="odom", metavar="FRAME", help="with TF: odometry frame (default: odom)")
+    group.add_argument("--base-frame", default="base_link", metavar="FRAME", help="with TF: body (default: base_link)")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the bag and say what was used and what was dropped; raises InputError."""
+    labels = read_label_map(arguments.labels) if arguments.labels else LabelMap()
+    if arguments.out.resolve() in (arguments.source.resolve(), *arguments.source.resolve().parents):
+        raise InputError(f"--out {arguments.out}: holds the source bag; name another folder")
+    wanted = Wanted(arguments.detections, arguments.image, arguments.depth, arguments.camera_info, arguments.odom)
+    with BagReader(arguments.source) as reader:
+        selection = find_topics(reader, wanted)
+        print(describe(selection))
+        with BagWriter(arguments.out) as writer:
+            converter = Converter(reader, writer, selection, labels, arguments.odom_frame, arguments.base_frame)
+            try:
+                convert(reader, converter, arguments.max_keyframes)
+            finally:
+                print("\n".join(summary(arguments.out, converter, labels)))
+    converter.check_complete()
+
+
+def find_topics(reader: BagReader, wanted: Wanted) -> Selection:
+    """Look at the first message of every topic and choose; raises InputError."""
+    firsts = {}
+    for name in sorted(reader.topics):
+        with suppress(TruncatedBagError):  # damage further on; it is reported when the messages are read
+            firsts[name] = next(reader.messages([name]), None)
+    available = [Topic(name, first.type_name) for name, first in firsts.items() if first is not None]
+
+    def shows_depth(topic: Topic) -> bool:
+        first = firsts[topic.name]
+        assert first is not None and topic.type_name in IMAGE_TYPES
+        return is_depth(reader.decode(first.cdr, first.type_name))
+
+    return select_topics(str(reader.path), available, wanted, shows_depth)
+
+
+def convert(reader: BagReader, converter: Converter, max_keyframes: int | None) -> None:
+    """Every message of the bag in order, up to ``max_keyframes`` detection messages."""
+    frames = 0
+    for message in tqdm(reader.messages(), total=reader.num_messages, desc="bag", unit="message"):
+        if converter.convert(message):
+            frames += 1
+            if frames == max_keyframes:
+                return
+
+
+def describe(selection: Selection) -> str:
+    """One line: which topic is what."""
+    depth = selection.depth or "none: bearing only"
+    return (
+        f"detections {selection.detections}, image {selection.image}, depth {depth},"
+        f" camera_info {selection.camera_info}, odometry {selection.odometry}"
+    )
+
+
+def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
+    """What was written, and everything that was not, with numbers."""
+    lines = [f"{out}: " + (_counts(converter.written) or "nothing written")]
+    for title, counter in (
+        ("detections dropped, label not listed in the label file", labels.unknown),
+        ("detections dropped, label mapped to null", labels.unwanted),
+        ("messages not usable", converter.dropped),
+        ("messages of topics that are not needed", converter.ignored),
+    ):
+        if counter:
+            lines.append(f"{title}: {_counts(counter)}")
+    if not converter.written[topics.TF_STATIC]:
+        lines.append("no /tf_static: give the camera's pose in base_link as perception.extrinsics in the configuration")
+    return lines
+
+
+def _counts(counter: Counter[str]) -> str:
+    return ", ".join(f"{name or '(no label)'} {number}" for name, number in sorted(counter.items()))
