@@ -226,7 +226,7 @@ def test_images_that_do_not_decode_are_counted(tmp_path, monkeypatch, capsys):
     merge(tmp_path / "both", source, tmp_path / "broken")
     run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag")
     assert len(read_bag(tmp_path / "bag")["/image/compressed"]) == 2
-    assert "raw image of 160 x 120 rgb8 has 100 bytes; record it again 1" in capsys.readouterr().out
+    assert "/camera/color/image_raw: 100 bytes are no 160 x 120 image of rgb8" in capsys.readouterr().out
 
 
 def test_ground_truth_and_initial_pose_are_passed_on_byte_for_byte(tmp_path, monkeypatch):

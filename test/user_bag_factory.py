@@ -189,7 +189,7 @@ class UserBag:
                     results=results,
                     bbox=box,
                     id=item.track_id,
-                )  # fmt: skip
+                )
             )
         return self.make("vision_msgs/msg/Detection2DArray", header=self.header(stamp_ns), detections=rows)
 
@@ -243,7 +243,7 @@ def picture(seed: int) -> np.ndarray:
 
 
 def write_drive(path: Path, *, detector: str = "vision_4", frames: int = 6, depth: str = "16UC1", **more: Any) -> Path:
-    """A robot that drives 0.1 m per frame towards two objects; ``depth`` is "", "16UC1", "32FC1" or "compressedDepth"."""
+    """A robot that drives 0.1 m per frame towards two objects; ``depth`` is an encoding, or "" for none."""
     package, definitions = {"vision_4": ("vision_msgs", VISION_4), "vision_2": ("vision_msgs", VISION_2),
                             "yolo": ("yolo_msgs", YOLO)}[detector]  # fmt: skip
     ids = more.get("track_ids", ("a", "b"))

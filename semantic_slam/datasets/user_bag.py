@@ -10,12 +10,13 @@ from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.detection_formats import READERS
-from semantic_slam.datasets.image_formats import UndecodableImageError, compress_colour, compress_depth
+from semantic_slam.datasets.image_formats import compress_colour, compress_depth
 from semantic_slam.datasets.label_map import LabelMap
 from semantic_slam.datasets.tf_odometry import TfOdometry
 from semantic_slam.datasets.user_bag_topics import Selection, Topic
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.messages.sensor import TransformTree
 
 Handler = Callable[[RawMessage], None]
 RAW_IMAGE = "sensor_msgs/msg/Image"
@@ -48,10 +49,8 @@ class Converter:
         self._writer = writer
         self._selection = selection
         self._labels = labels
-        self._tf = TfOdometry(odom_frame, base_frame)
+        self._tf = TfOdometry(odom_frame, base_frame, self._fixed_transforms())
         self._handlers = self._choose_handlers(selection)
-        if selection.odometry.type_name == topics.TYPES[topics.TF]:
-            self._read_fixed_transforms()
 
     def convert(self, message: RawMessage) -> bool:
         """Convert one message; True when it was the detections of a frame."""
@@ -61,14 +60,9 @@ class Converter:
             return False
         try:
             handler(message)
-        except UndecodableImageError as fault:
-            self.dropped[f"{message.topic}: {fault}"] += 1
+        except InputError as fault:  # one message; the others may be good
+            self.dropped[str(fault)] += 1
         return message.topic == self._selection.detections.name
-
-    def _read_fixed_transforms(self) -> None:
-        with suppress(TruncatedBagError):  # said again, and not suppressed, when the bag is converted
-            for message in self._reader.messages([topics.TF_STATIC]):
-                self._tf.add_fixed(self._decode(message))
 
     def check_complete(self) -> None:
         """Raise InputError when nothing usable came from a topic that was chosen."""
@@ -89,6 +83,14 @@ class Converter:
         pairs = ", ".join(f"{parent} -> {child}" for parent, child in sorted(self._tf.seen))
         wanted = f"{self._tf.odom_frame} -> {self._tf.base_frame}"
         return f"it lacks {wanted} but has {pairs}; name the frames with --odom-frame and --base-frame"
+
+    def _fixed_transforms(self) -> TransformTree:
+        """All static transforms, wherever in the bag they are."""
+        tree = TransformTree()
+        with suppress(TruncatedBagError):  # said again, and not suppressed, when the bag is converted
+            for message in self._reader.messages([topics.TF_STATIC]):
+                tree.add(self._decode(message))
+        return tree
 
     def _choose_handlers(self, selection: Selection) -> dict[str, Handler]:
         """What to do with each topic of the old bag, by its name."""
@@ -117,11 +119,11 @@ class Converter:
 
         return copy
 
-    def _convert_to(self, name: str, conversion: Callable[[Any], Any]) -> Handler:
+    def _convert_to(self, name: str, conversion: Callable[[Any, str], Any]) -> Handler:
         """What ``conversion`` makes of the decoded message."""
 
         def convert(message: RawMessage) -> None:
-            self._write(name, conversion(self._decode(message)), message.stamp_ns)
+            self._write(name, conversion(self._decode(message), message.topic), message.stamp_ns)
 
         return convert
 
