@@ -33,9 +33,13 @@ class SemanticModelConfiguration:
 
 @dataclass(frozen=True)
 class WeightsConfiguration:
-    method: str = parameter("laplace", "evidence of a candidate: damped Laplace or prior samples", choices=("laplace", "sampled"))
+    method: str = parameter(
+        "laplace", "evidence of a candidate: damped Laplace or prior samples", choices=("laplace", "sampled")
+    )
     num_samples: int = parameter(1000, "prior samples per candidate (the thesis's 1000)", minimum=1)
-    gate: float = parameter(25.0, "nats below the best association at which classes are not enumerated any more", minimum=0.0)
+    gate: float = parameter(
+        25.0, "nats below the best association at which classes are not enumerated any more", minimum=0.0
+    )
     max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
 
 
@@ -47,21 +51,29 @@ class PruningConfiguration:
 
 @dataclass(frozen=True)
 class VisibilityConfiguration:
-    max_range_m: float = parameter(0.0, "P(beta | x, O): range in which an object is observed; 0: everywhere", minimum=0.0)
+    max_range_m: float = parameter(
+        0.0, "P(beta | x, O): range in which an object is observed; 0: everywhere", minimum=0.0
+    )
     field_of_view_rad: float = parameter(0.0, "full angle in which an object is observed; 0: all around", minimum=0.0)
     softness: float = parameter(0.1, "relative width of the soft edge used by the Laplace method", minimum=1e-6)
 
 
 @dataclass(frozen=True)
 class InitialPoseConfiguration:
-    mean: tuple[float, ...] = parameter((0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else")
+    mean: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else"
+    )
     sigma: tuple[float, ...] = parameter((0.1, 0.1, 0.05), "standard deviations of x, y [m], yaw [rad]")
 
 
 @dataclass(frozen=True)
 class NewObjectConfiguration:
-    sigma_position_m: float = parameter(20.0, "prior of an object created from a detection, about its first estimate", minimum=1e-3)
-    sigma_heading_rad: float = parameter(3.1, "broad heading prior of an object whose model fixes no heading", minimum=1e-3)
+    sigma_position_m: float = parameter(
+        20.0, "prior of an object created from a detection, about its first estimate", minimum=1e-3
+    )
+    sigma_heading_rad: float = parameter(
+        3.1, "broad heading prior of an object whose model fixes no heading", minimum=1e-3
+    )
     range_m: float = parameter(3.0, "assumed range of an object first seen without depth", minimum=1e-3)
 
 
@@ -76,14 +88,18 @@ class OdometryConfiguration:
 
 @dataclass(frozen=True)
 class KeyframeConfiguration:
-    policy: str = parameter("every_detection", "which detection frames become keyframes", choices=("every_detection", "odometry"))
+    policy: str = parameter(
+        "every_detection", "which detection frames become keyframes", choices=("every_detection", "odometry")
+    )
     distance_m: float = parameter(0.25, "odometry policy: distance since the last keyframe", minimum=0.0)
     angle_rad: float = parameter(0.25, "odometry policy: angle since the last keyframe", minimum=0.0)
 
 
 @dataclass(frozen=True)
 class PerceptionConfiguration:
-    network: str = parameter("", "classifier weights (safetensors) or an AlexNet state dict (.pth); empty: the shipped network")
+    network: str = parameter(
+        "", "classifier weights (safetensors) or an AlexNet state dict (.pth); empty: the shipped network"
+    )
     architecture: str = parameter("compact", "network of those weights", choices=("compact", "alexnet"))
     alexnet_components: tuple[int, ...] = parameter((0,), "ImageNet classes used as features with alexnet")
     num_passes: int = parameter(50, "dropout passes T", minimum=1)
@@ -91,9 +107,13 @@ class PerceptionConfiguration:
     base_frame: str = parameter("base_link", "the robot's body frame")
     sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
     sigma_bearing_rad: float = parameter(0.04, "standard deviation of the bearing to an object's centre", minimum=1e-6)
-    object_depth_m: float = parameter(0.0, "added to the depth of the visible surface to reach the object's centre", minimum=0.0)
+    object_depth_m: float = parameter(
+        0.0, "added to the depth of the visible surface to reach the object's centre", minimum=0.0
+    )
     max_depth_m: float = parameter(10.0, "depth beyond which a reading is not used", minimum=0.0)
-    sync_tolerance_s: float = parameter(0.02, "largest difference of stamps between an image and its detections", minimum=0.0)
+    sync_tolerance_s: float = parameter(
+        0.02, "largest difference of stamps between an image and its detections", minimum=0.0
+    )
     labels: tuple[str, ...] = parameter((), "detector labels to use; empty: all")
 
 
@@ -102,7 +122,9 @@ class Configuration:
     """The effective configuration of a run. Distances in metres, angles in radians."""
 
     seed: int = parameter(0, "seed of every random draw", minimum=0)
-    association: str = parameter("enumerated", "data association: enumerated, or given with the detections' ids", choices=("enumerated", "given"))
+    association: str = parameter(
+        "enumerated", "data association: enumerated, or given with the detections' ids", choices=("enumerated", "given")
+    )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")
     semantic_model: SemanticModelConfiguration = field(default_factory=SemanticModelConfiguration)
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
@@ -167,7 +189,9 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
     try:
         result = _convert(default, value)
     except (TypeError, ValueError):
-        raise InputError(f"{origin}: parameter '{name}' has a wrong type ({value!r}); an example is {default!r}") from None
+        raise InputError(
+            f"{origin}: parameter '{name}' has a wrong type ({value!r}); an example is {default!r}"
+        ) from None
     limits = item.metadata
     if "choices" in limits and result not in limits["choices"]:
         raise InputError(f"{origin}: parameter '{name}' is {result!r}; choose one of {', '.join(limits['choices'])}")

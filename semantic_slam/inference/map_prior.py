@@ -19,7 +19,7 @@ class ObjectPrior:
     object_id: int  # 0 <= id < 2^32, unique in the map
     name: str
     pose: Array  # (7,) x y z qx qy qz qw
-    covariance: Array  # (6, 6) x y z rx ry rz, tangent space at the mean: rows x, y, rz in the object's frame
+    covariance: Array  # (6, 6) x y z rx ry rz along the axes of map, as in PoseWithCovariance
     class_probabilities: dict[str, float]  # {} = uniform over the classes of the belief
     existence: float = 1.0
 
@@ -32,7 +32,9 @@ class MapPrior:
 
     def to_json(self) -> str:
         """The text of an ``objects.json``."""
-        return json.dumps({"schema_version": 1, "frame": "map", "objects": [_row(prior) for prior in self.objects]}, indent=1)
+        return json.dumps(
+            {"schema_version": 1, "frame": "map", "objects": [_row(prior) for prior in self.objects]}, indent=1
+        )
 
 
 def _row(prior: ObjectPrior) -> dict[str, object]:
@@ -53,7 +55,9 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
         rows = json.loads(text)["objects"]
         objects = tuple(_object(row) for row in rows)
     except (ValueError, KeyError, TypeError) as fault:
-        raise InputError(f"{origin}: not a map prior ({fault!r}); give an objects.json as bag_to_report writes it") from None
+        raise InputError(
+            f"{origin}: not a map prior ({fault!r}); give an objects.json as bag_to_report writes it"
+        ) from None
     ids = [prior.object_id for prior in objects]
     if len(set(ids)) < len(ids):
         raise InputError(f"{origin}: object ids are not unique; number the objects anew")

@@ -51,7 +51,9 @@ def log_likelihood(model: ViewpointModel, feature: Array, feature_covariance: Ar
     ``feature`` is (F,) and ``feature_covariance`` (F, F): the dropout samples' mean and covariance.
     """
     count = len(model.class_names)
-    repeated = Viewpoints(*(np.repeat(value, count) for value in (viewpoint.azimuth_rad, viewpoint.elevation_rad, viewpoint.range_m)))
+    repeated = Viewpoints(
+        *(np.repeat(value, count) for value in (viewpoint.azimuth_rad, viewpoint.elevation_rad, viewpoint.range_m))
+    )
     prediction = model.predict(np.arange(count), repeated)
     residual = feature - prediction.mean
     covariance = prediction.covariance + feature_covariance

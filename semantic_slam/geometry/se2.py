@@ -1,0 +1,98 @@
+"""SE(2), vectorised: poses (..., 3) as x, y, yaw; tangent vectors (..., 3) as rho_x, rho_y, theta.
+
+Perturbations act on the right: x = mean * Exp(e). Closed forms as in Sola et al., "A micro Lie theory", 2018.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.pose import wrap_angle
+
+Array = NDArray[np.float64]
+
+SMALL_ANGLE = 1e-5
+
+
+def compose(a: Array, b: Array) -> Array:
+    """T_a b: pose b, given in the frame of a, in the frame of a's parent."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = a[..., 0] + cos * b[..., 0] - sin * b[..., 1]
+    y = a[..., 1] + sin * b[..., 0] + cos * b[..., 1]
+    return np.stack([x, y, wrap_angle(a[..., 2] + b[..., 2])], axis=-1)
+
+
+def inverse(a: Array) -> Array:
+    """The pose of the parent frame in the frame of a."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    return np.stack([-cos * a[..., 0] - sin * a[..., 1], sin * a[..., 0] - cos * a[..., 1], -a[..., 2]], axis=-1)
+
+
+def between(a: Array, b: Array) -> Array:
+    """Pose of b in the frame of a."""
+    return compose(inverse(a), b)
+
+
+def exp(tangent: Array) -> Array:
+    """Group element of a tangent vector."""
+    a, b = _sine_terms(tangent[..., 2])
+    x = a * tangent[..., 0] - b * tangent[..., 1]
+    y = b * tangent[..., 0] + a * tangent[..., 1]
+    return np.stack([x, y, wrap_angle(tangent[..., 2])], axis=-1)
+
+
+def log(pose: Array) -> Array:
+    """Tangent vector of a group element, with theta in [-pi, pi)."""
+    theta = wrap_angle(pose[..., 2])
+    a, b = _sine_terms(theta)
+    scale = 1.0 / (a * a + b * b)
+    x = scale * (a * pose[..., 0] + b * pose[..., 1])
+    y = scale * (a * pose[..., 1] - b * pose[..., 0])
+    return np.stack([x, y, theta], axis=-1)
+
+
+def adjoint(pose: Array) -> Array:
+    """(..., 3, 3) with pose Exp(e) = Exp(Ad e) pose."""
+    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    matrix = np.zeros((*pose.shape[:-1], 3, 3))
+    matrix[..., 0, 0] = matrix[..., 1, 1] = cos
+    matrix[..., 0, 1], matrix[..., 1, 0] = -sin, sin
+    matrix[..., 0, 2], matrix[..., 1, 2] = pose[..., 1], -pose[..., 0]
+    matrix[..., 2, 2] = 1.0
+    return matrix
+
+
+def right_jacobian(tangent: Array) -> Array:
+    """(..., 3, 3) with Exp(t + e) = Exp(t) Exp(J e) to first order in e."""
+    theta = tangent[..., 2]
+    a, b = _sine_terms(theta)
+    small = np.abs(theta) < SMALL_ANGLE
+    safe = np.where(small, 1.0, theta)
+    c = np.where(small, theta / 6.0, (safe - np.sin(safe)) / safe**2)
+    d = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    matrix = np.zeros((*tangent.shape[:-1], 3, 3))
+    matrix[..., 0, 0] = matrix[..., 1, 1] = a
+    matrix[..., 0, 1], matrix[..., 1, 0] = b, -b
+    matrix[..., 0, 2] = tangent[..., 0] * c - tangent[..., 1] * d
+    matrix[..., 1, 2] = tangent[..., 0] * d + tangent[..., 1] * c
+    matrix[..., 2, 2] = 1.0
+    return matrix
+
+
+def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True) -> Array:
+    """Covariance of (..., 3, 3) body-frame perturbations along the parent's axes, or back."""
+    angle = pose[..., 2] if to_parent else -pose[..., 2]
+    rotation = np.zeros((*pose.shape[:-1], 3, 3))
+    rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
+    rotation[..., 0, 1], rotation[..., 1, 0] = -np.sin(angle), np.sin(angle)
+    rotation[..., 2, 2] = 1.0
+    return np.asarray(rotation @ covariance @ np.swapaxes(rotation, -1, -2))
+
+
+def _sine_terms(theta: Array) -> tuple[Array, Array]:
+    """sin(t)/t and (1 - cos(t))/t, also at zero."""
+    small = np.abs(theta) < SMALL_ANGLE
+    safe = np.where(small, 1.0, theta)
+    return (
+        np.where(small, 1.0 - theta * theta / 6.0, np.sin(safe) / safe),
+        np.where(small, theta / 2.0, (1.0 - np.cos(safe)) / safe),
+    )

@@ -1,0 +1,205 @@
+"""A backend: holds components, weighs their continuations, forks and updates the survivors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.component import Component, LostComponentError, Observed, object_key, robot_key
+from semantic_slam.inference.continuation import Continuations, Expander
+from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
+from semantic_slam.inference.objects import ObjectRegistry
+from semantic_slam.inference.problem import Problem, Step
+from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Held:
+    """A hypothesis this backend holds."""
+
+    component: Component
+    log_weight: float
+
+
+class Backend:
+    """Answers keyframes with candidates and commits with components; every answer is a pure function of both.
+
+    ``owner_of_root`` says whether this backend holds the hypothesis before any measurement.
+    """
+
+    def __init__(self, backend_id: int, problem: Problem, run_id: str, *, owner_of_root: bool):
+        self.backend_id, self.problem, self.run_id = backend_id, problem, run_id
+        self.registry = ObjectRegistry(problem.objects, len(problem.class_names))
+        self.expander = Expander(problem, self.registry)
+        self.held: dict[int, Held] = {ROOT_ID: Held(problem.root(), 0.0)} if owner_of_root else {}
+        self.steps: list[Step] = []
+        self.committed = -1
+        self._expanded: tuple[Continuations, list[int]] | None = None
+
+    def expand(self, keyframe: Any) -> Candidates:
+        """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
+        step = self.problem.reader.step(keyframe)
+        if step.index == len(self.steps):
+            self.steps.append(step)
+        elif step.index != len(self.steps) - 1:
+            raise SemanticSlamError(
+                f"backend {self.backend_id}: keyframe {len(self.steps)} is missing; start the run again"
+            )
+        self._register(step)
+        if not self.held:
+            return self._no_candidates(step)
+        parents = sorted(self.held)
+        continuations = self.expander.expand(step, parents, [self.held[n].component for n in parents])
+        self._expanded = (continuations, parents)
+        return self._candidates(step, continuations, parents)
+
+    def commit(self, commit: Commit) -> Components | None:
+        """Round two; None for a commit older than the newest one (stale). A repeated commit changes nothing."""
+        mine = {int(n) for n in commit.ids[commit.owners == self.backend_id]}
+        if commit.keyframe < self.committed:
+            return None
+        if commit.keyframe == self.committed and mine == set(self.held):
+            return self._report(commit.keyframe, [])
+        rebuilt: dict[int, Component] = {}
+        survivors: dict[int, Held] = {}
+        lost: list[int] = []
+        for row in np.flatnonzero(commit.owners == self.backend_id):
+            number = int(commit.ids[row])
+            try:
+                component = self._survivor(commit, int(row), rebuilt)
+                survivors[number] = Held(component, float(commit.log_weights[row]))
+            except LostComponentError:
+                lost.append(number)
+        self.held, self.committed, self._expanded = survivors, commit.keyframe, None
+        return self._report(commit.keyframe, lost)
+
+    def _survivor(self, commit: Commit, row: int, rebuilt: dict[int, Component]) -> Component:
+        number, parent = int(commit.ids[row]), int(commit.parent_ids[row])
+        if self.committed == commit.keyframe and number in self.held:
+            return self.held[number].component
+        if self.committed == commit.keyframe - 1 and self._expanded is not None and parent in self.held:
+            continuations, parents = self._expanded
+            if number in continuations.ids:
+                at = continuations.ids.index(number)
+                step = self.steps[commit.keyframe]
+                return _extended(self.held[parents[continuations.parents[at]]].component, step, continuations, at)
+        return self._rebuild((*commit.lineages[row], commit.steps[row]), commit.keyframe + 1, rebuilt)
+
+    def _rebuild(self, lineage: Sequence[LineageStep], length: int, rebuilt: dict[int, Component]) -> Component:
+        """A component from its lineage alone; trunks that lineages share are replayed once."""
+        if len(lineage) != length:
+            raise LostComponentError(f"backend {self.backend_id} was given no lineage")
+        number, component = ROOT_ID, self.problem.root()
+        for step, taken in zip(self.steps[:length], lineage, strict=True):
+            child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
+            if child not in rebuilt:
+                continuations = self.expander.expand(step, [number], [component], taken)
+                if child not in continuations.ids:
+                    raise LostComponentError("a lineage names an impossible continuation")
+                rebuilt[child] = _extended(component, step, continuations, continuations.ids.index(child))
+            number, component = child, rebuilt[child]
+        return component
+
+    def _register(self, step: Step) -> None:
+        if self.problem.association == "given":
+            for name in step.names:
+                self.registry.identify(name)
+
+    def _candidates(self, step: Step, found: Continuations, parents: list[int]) -> Candidates:
+        reader = self.problem.reader
+        count, detections, dimension = len(found.ids), len(step.names), self.problem.manifold.dimension
+        states = np.full((count, detections, dimension), np.nan)
+        covariances = np.full((count, detections, dimension, dimension), np.nan)
+        states[:, found.used], covariances[:, found.used] = found.objects, found.object_covariances
+        weights = np.array([self.held[n].log_weight for n in parents])
+        return Candidates(
+            run_id=self.run_id,
+            keyframe=step.index,
+            backend_id=self.backend_id,
+            ids=np.array(found.ids, dtype=np.uint64),
+            parent_ids=np.array(parents, dtype=np.uint64)[found.parents],
+            associations=_rows([s.association for s in found.steps], detections),
+            class_assignments=_rows([s.class_assignment for s in found.steps], detections),
+            modes=np.array([s.mode for s in found.steps], dtype=np.uint16),
+            log_weights=weights[found.parents] + found.log_psi,
+            effective_sample_sizes=found.effective_sample_sizes,
+            poses=reader.poses(found.robot),
+            pose_covariances=reader.covariances(found.robot, found.robot_covariance),
+            object_poses=reader.poses(states),
+            object_covariances=reader.covariances(states, covariances),
+            expanded_parent_ids=np.array(parents, dtype=np.uint64),
+            log_mass_not_enumerated=weights + found.log_left_out,
+        )
+
+    def _no_candidates(self, step: Step) -> Candidates:
+        detections = len(step.names)
+        none, parents = np.zeros(0), np.zeros(0, dtype=np.uint64)
+        return Candidates(
+            self.run_id,
+            step.index,
+            self.backend_id,
+            parents,
+            parents,
+            _rows([], detections),
+            _rows([], detections),
+            np.zeros(0, dtype=np.uint16),
+            none,
+            none,
+            np.zeros((0, 7)),
+            np.zeros((0, 6, 6)),
+            np.zeros((0, detections, 7)),
+            np.zeros((0, detections, 6, 6)),
+            parents,
+            none,
+        )
+
+    def _report(self, keyframe: int, lost: list[int]) -> Components:
+        rows = []
+        for number in sorted(self.held):
+            try:
+                rows.append((number, *self._component_row(self.held[number].component)))
+            except LostComponentError:
+                lost.append(number)
+                del self.held[number]
+        count, objects = len(rows), len(self.registry.ids)
+        return Components(
+            run_id=self.run_id,
+            keyframe=keyframe,
+            backend_id=self.backend_id,
+            ids=np.array([row[0] for row in rows], dtype=np.uint64),
+            poses=np.array([row[1][0] for row in rows]).reshape(count, 7),
+            pose_covariances=np.array([row[2][0] for row in rows]).reshape(count, 6, 6),
+            object_ids=np.array(self.registry.ids, dtype=np.uint32),
+            object_poses=np.array([row[1][1:] for row in rows]).reshape(count, objects, 7),
+            object_covariances=np.array([row[2][1:] for row in rows]).reshape(count, objects, 6, 6),
+            classes=np.array([row[3] for row in rows], dtype=np.int32).reshape(count, objects),
+            lost_ids=np.array(sorted(lost), dtype=np.uint64),
+        )
+
+    def _component_row(self, component: Component) -> tuple[Array, Array, list[int]]:
+        """Poses (1 + O, 7) and covariances (1 + O, 6, 6), the robot's first, and O classes; NaN for absent objects."""
+        present = [i for i, n in enumerate(self.registry.ids) if n in component.object_ids]
+        keys = [robot_key(component.keyframe), *(object_key(self.registry.ids[i]) for i in present)]
+        states, covariances = component.states(keys), component.covariances(keys)
+        poses = np.full((1 + len(self.registry.ids), 7), np.nan)
+        spread = np.full((1 + len(self.registry.ids), 6, 6), np.nan)
+        rows = [0, *(1 + i for i in present)]
+        poses[rows] = self.problem.reader.poses(states)
+        spread[rows] = self.problem.reader.covariances(states, covariances)
+        return poses, spread, [component.classes.get(n, -1) for n in self.registry.ids]
+
+
+def _extended(component: Component, step: Step, found: Continuations, at: int) -> Component:
+    taken = found.steps[at]
+    observed = [Observed(step.detections[i], taken.association[i], taken.class_assignment[i]) for i in found.used]
+    new = found.new_objects[found.parents[at]]
+    return component.extended(step.motion, observed, new, found.robot[at], list(found.objects[at]))
+
+
+def _rows(rows: list[tuple[int, ...]], width: int) -> NDArray[np.int32]:
+    return np.array(rows, dtype=np.int32).reshape(len(rows), width)

@@ -1,0 +1,241 @@
+"""All continuations of a set of parents by one keyframe, weighed: rounds one's work of a backend."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.component import Component, GaussianPrior
+from semantic_slam.inference.enumeration import (
+    Enumerated,
+    Setting,
+    enumerate_associations,
+    enumerate_classes,
+    fixed_association,
+)
+from semantic_slam.inference.identity import generator, hypothesis_id
+from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.objects import ObjectRegistry
+from semantic_slam.inference.problem import Problem, Step
+from semantic_slam.inference.protocol import LineageStep
+from semantic_slam.inference.sampled import sample_evidence
+from semantic_slam.inference.stack import Predicted, Stack
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Continuations:
+    """K continuations of P parents; n used detections."""
+
+    ids: list[int]  # K
+    parents: Index  # (K,) index of the parent
+    steps: list[LineageStep]  # K
+    log_psi: Array  # (K,) Eq. 4.18 without the parent's weight
+    effective_sample_sizes: Array  # (K,)
+    robot: Array  # (K, d) mode
+    robot_covariance: Array  # (K, d, d)
+    objects: Array  # (K, n, d) modes of the objects of the used detections
+    object_covariances: Array  # (K, n, d, d)
+    used: Index  # (n,) detections that take part; the others are clutter in every continuation
+    log_left_out: Array  # (P,) estimate of the mass not weighed, relative to the parent's weight
+    new_objects: list[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
+
+
+class Expander:
+    """Weighs continuations; a pure function of the problem, the registry and what it is given."""
+
+    def __init__(self, problem: Problem, registry: ObjectRegistry):
+        self.problem, self.registry = problem, registry
+
+    def expand(
+        self, step: Step, parent_ids: Sequence[int], components: Sequence[Component], path: LineageStep | None = None
+    ) -> Continuations:
+        """Continuations of every parent, or of one along ``path`` alone. Raises LostComponentError."""
+        given = [self.registry.identify(name) for name in step.names] if self.problem.association == "given" else None
+        used = self._used(step, given)
+        object_ids = list(self.registry.ids) if given is None else sorted({given[i] for i in used})
+        new = [self._new_objects(component, step, used, given) for component in components]
+        predicted = _stacked(
+            [
+                self._predict(component, step, object_ids, added)
+                for component, added in zip(components, new, strict=True)
+            ]
+        )
+        setting = self._setting(step, used, object_ids, components, path)
+        enumerated, mode = self._enumerate(setting, predicted, used, given, object_ids)
+        stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
+        if setting.model.num_classes > 0 and len(used):
+            mode = find_modes(stack, enumerated.start)
+        return self._weighed(step, parent_ids, enumerated, stack, mode, used, object_ids, new)
+
+    def _used(self, step: Step, given: list[int] | None) -> Index:
+        """Detections that can be an object: with an identity, or the best-scored where there are more than objects."""
+        if given is not None:
+            return np.array([i for i, number in enumerate(given) if number >= 0], dtype=int)
+        limit = len(self.registry.ids) if self.problem.distinct else (len(step.names) if self.registry.ids else 0)
+        order = np.argsort(-step.scores, kind="stable")
+        return np.asarray(np.sort(order[:limit]))
+
+    def _new_objects(
+        self, component: Component, step: Step, used: Index, given: list[int] | None
+    ) -> dict[int, GaussianPrior]:
+        new: dict[int, GaussianPrior] = {}
+        if given is not None:
+            robot = self._robot(component, step)
+            for i in used:
+                if given[i] not in component.object_ids and given[i] not in new:
+                    mean = self.problem.model.object_start(step.detections[i], robot)
+                    new[given[i]] = GaussianPrior(mean, self.problem.new_object_covariance)
+        return new
+
+    def _robot(self, component: Component, step: Step) -> Array:
+        return self.problem.manifold.compose(component.newest_robot(), step.motion.control)
+
+    def _predict(
+        self, component: Component, step: Step, object_ids: list[int], new: dict[int, GaussianPrior]
+    ) -> Predicted:
+        known = [n for n in object_ids if n not in new]
+        predicted = component.predict(step.motion, known)
+        if not new:
+            return predicted
+        dimension = self.problem.manifold.dimension
+        blocks = [None if n in new else 1 + known.index(n) for n in object_ids]
+        mean = np.concatenate(
+            [predicted.mean[0, :1]]
+            + [
+                new[n].mean[None] if b is None else predicted.mean[0, b : b + 1]
+                for n, b in zip(object_ids, blocks, strict=True)
+            ]
+        )
+        covariance = np.zeros((mean.size, mean.size))
+        old = np.array([0] + [b for b in blocks if b is not None])
+        place = np.array([0] + [1 + i for i, b in enumerate(blocks) if b is not None])
+        columns, targets = _columns(old, dimension), _columns(place, dimension)
+        covariance[np.ix_(targets, targets)] = predicted.covariance[0][np.ix_(columns, columns)]
+        for i, b in enumerate(blocks):
+            if b is None:
+                target = _columns(np.array([1 + i]), dimension)
+                covariance[np.ix_(target, target)] = new[object_ids[i]].covariance
+        return Predicted(mean[None], covariance[None])
+
+    def _setting(
+        self, step: Step, used: Index, object_ids: list[int], components: Sequence[Component], path: LineageStep | None
+    ) -> Setting:
+        known = [[component.classes.get(n, -1) for n in object_ids] for component in components]
+        selected = [self.registry.index(n) for n in object_ids]
+        exact = path is not None
+        return Setting(
+            self.problem.manifold,
+            self.problem.model,
+            [step.detections[i] for i in used],
+            np.array(known, dtype=int).reshape(len(components), len(object_ids)),
+            self.registry.log_class_prior()[selected],
+            self.problem.distinct,
+            np.inf if exact else self.problem.weights.gate,
+            self.problem.weights.max_candidates,
+            _path(path, used, object_ids) if path is not None else None,
+        )
+
+    def _enumerate(
+        self, setting: Setting, predicted: Predicted, used: Index, given: list[int] | None, object_ids: list[int]
+    ) -> tuple[Enumerated, Mode]:
+        if given is None:
+            enumerated, mode = enumerate_associations(setting, predicted)
+        else:
+            index = np.array([object_ids.index(given[i]) for i in used], dtype=int)
+            enumerated, mode = fixed_association(setting, predicted, index)
+        if setting.model.num_classes > 0 and len(used):
+            enumerated = enumerate_classes(setting, predicted, enumerated)
+        return enumerated, mode
+
+    def _weighed(
+        self,
+        step: Step,
+        parent_ids: Sequence[int],
+        enumerated: Enumerated,
+        stack: Stack,
+        mode: Mode,
+        used: Index,
+        object_ids: list[int],
+        new: list[dict[int, GaussianPrior]],
+    ) -> Continuations:
+        rows = enumerated.rows
+        steps = _lineage_steps(rows.objects, rows.classes, used, object_ids, len(step.names))
+        ids = [
+            hypothesis_id(parent_ids[p], step.stamp_ns, s.association, s.class_assignment, s.mode)
+            for p, s in zip(rows.parents, steps, strict=True)
+        ]
+        log_psi, effective = self._evidence(step, ids, stack, mode)
+        states, covariances = _marginals(stack, mode)
+        objects = (
+            np.stack([states[np.arange(len(ids)), 1 + stack.slots[:, i]] for i in range(len(used))], 1)
+            if len(used)
+            else states[:, :0]
+        )
+        object_covariances = (
+            np.stack([covariances[np.arange(len(ids)), 1 + stack.slots[:, i]] for i in range(len(used))], 1)
+            if len(used)
+            else covariances[:, :0]
+        )
+        log_psi = log_psi + enumerated.log_class_prior
+        best = np.full(len(parent_ids), -np.inf)
+        np.maximum.at(best, rows.parents, log_psi)
+        return Continuations(
+            ids,
+            rows.parents,
+            steps,
+            log_psi,
+            effective,
+            states[:, 0],
+            covariances[:, 0],
+            objects,
+            object_covariances,
+            used,
+            enumerated.log_left_out + best,
+            new,
+        )
+
+    def _evidence(self, step: Step, ids: list[int], stack: Stack, mode: Mode) -> tuple[Array, Array]:
+        if self.problem.weights.method == "sampled":
+            generators = [generator(self.problem.seed, "weights", step.stamp_ns, key) for key in ids]
+            return sample_evidence(stack, self.problem.weights.num_samples, generators)
+        return mode.log_evidence + stack.log_visibility(mode.y, soft=True), np.full(len(ids), np.nan)
+
+
+def _stacked(parts: list[Predicted]) -> Predicted:
+    return Predicted(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
+
+
+def _columns(blocks: Index, dimension: int) -> Index:
+    return np.asarray((blocks[:, None] * dimension + np.arange(dimension)).ravel())
+
+
+def _path(path: LineageStep, used: Index, object_ids: list[int]) -> tuple[Index, Index]:
+    objects = [object_ids.index(path.association[i]) for i in used]
+    return np.array(objects, dtype=int), np.array([path.class_assignment[i] for i in used], dtype=int)
+
+
+def _lineage_steps(
+    objects: Index, classes: Index | None, used: Index, object_ids: list[int], count: int
+) -> list[LineageStep]:
+    association = np.full((len(objects), count), -1)
+    association[:, used] = np.array([*object_ids, -1], dtype=int)[objects]
+    assignment = np.full((len(objects), count), -1)
+    if classes is not None:
+        assignment[:, used] = classes
+    return [LineageStep(tuple(a), tuple(c)) for a, c in zip(association.tolist(), assignment.tolist(), strict=True)]
+
+
+def _marginals(stack: Stack, mode: Mode) -> tuple[Array, Array]:
+    """(K, 1 + n, d) states at the modes and their (K, 1 + n, d, d) covariances, in the tangent spaces there."""
+    tangent = stack.tangent(mode.y)
+    states = stack.manifold.retract(stack.mean, tangent)
+    covariance = stack.root @ np.linalg.solve(mode.hessian, np.swapaxes(stack.root, -1, -2))
+    count, dimension = stack.mean.shape[1], stack.dimension
+    blocks = covariance.reshape(len(tangent), count, dimension, count, dimension)
+    diagonal = np.einsum("bnpnq->bnpq", blocks)
+    chart = stack.manifold.retract_jacobian(tangent)
+    return states, chart @ diagonal @ np.swapaxes(chart, -1, -2)

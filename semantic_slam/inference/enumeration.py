@@ -1,0 +1,182 @@
+"""Continuations of hypotheses: which object each detection is, and which class that object has.
+
+Associations are grown detection by detection with the geometric evidence of the detections so far, classes
+after that with a bound of their semantic likelihood. What falls ``gate`` nats behind the best of its parent is
+not grown further; the mass left out is estimated by assuming that it would have continued as well as the best.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.laplace import Mode, find_modes, search_start
+from semantic_slam.inference.manifold import Manifold
+from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.stack import Predicted, Rows, Stack
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What enumeration needs to know besides the parents' Gaussians; C classes, O objects, P parents."""
+
+    manifold: Manifold
+    model: ObservationModel
+    detections: Sequence[Any]
+    known_classes: Index  # (P, O) class, -1 while carried lazily
+    log_class_prior: Array  # (O, C)
+    distinct: bool
+    gate: float  # nats; inf enumerates everything
+    max_candidates: int  # per parent
+    path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
+
+
+@dataclass(frozen=True)
+class Enumerated:
+    """Candidates with the mode of their geometric part, and the score by which others were left out."""
+
+    rows: Rows
+    start: Array  # (B, n) whitened states of the geometric mode
+    score: Array  # (B,) log of an estimate of psi, the class prior included
+    log_class_prior: Array  # (B,) of the classes first enumerated here
+    log_left_out: Array  # (P,) left-out mass relative to the best score of the parent
+
+
+def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enumerated, Mode]:
+    """All associations of the detections to the objects, as far as the gate admits."""
+    parents = np.arange(len(predicted.mean))
+    rows = Rows(parents, np.zeros((len(parents), 0), dtype=int))
+    left_out = np.full(len(parents), -np.inf)
+    stack = _stack(setting, predicted, rows)
+    mode = find_modes(stack, np.zeros((len(parents), stack.size)))
+    for number in range(len(setting.detections)):
+        allowed = None if setting.path is None else int(setting.path[0][number])
+        rows, origin = _with_next_object(rows, predicted.mean.shape[1] - 1, setting.distinct, allowed)
+        stack = _stack(setting, predicted, rows)
+        mode = find_modes(stack, _better_start(stack, mode.y[origin]))
+        keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents))
+        left_out = np.logaddexp(left_out, dropped)
+        rows, mode = rows.take(keep), Mode(mode.y[keep], mode.hessian[keep], mode.log_evidence[keep])
+    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out), mode
+
+
+def fixed_association(setting: Setting, predicted: Predicted, objects: Index) -> tuple[Enumerated, Mode]:
+    """One association (D,), as given with the detections, for every parent."""
+    parents = np.arange(len(predicted.mean))
+    rows = Rows(parents, np.broadcast_to(objects, (len(parents), len(objects))))
+    stack = _stack(setting, predicted, rows)
+    mode = find_modes(stack, search_start(stack))
+    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(parents)), np.full(len(parents), -np.inf)), mode
+
+
+def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enumerated) -> Enumerated:
+    """Every class for the objects a hypothesis had not observed, the known one for the others."""
+    stack = _stack(setting, predicted, associations.rows)
+    bounds = _semantic_bounds(setting, stack, associations.start)  # (B, D, C)
+    num_parents = len(predicted.mean)
+    index = np.arange(len(associations.score))
+    score, prior, left_out = associations.score, associations.log_class_prior, associations.log_left_out
+    chosen = np.zeros((len(index), 0), dtype=int)
+    for number in range(len(setting.detections)):
+        options = _class_options(setting, stack, index, chosen, number)  # (B, C) log prior, -inf where excluded
+        new = _is_new(setting, stack, index, number)
+        row, cls = np.nonzero(np.isfinite(options))
+        score = score[row] + np.where(stack.active[index[row], number], bounds[index[row], number, cls], 0.0)
+        added = np.where(new[row], options[row, cls], 0.0)
+        score, prior = score + added, prior[row] + added
+        chosen = np.concatenate([chosen[row], cls[:, None]], axis=1)
+        index = index[row]
+        parents = associations.rows.parents[index]
+        keep, dropped = _gated(parents, score, setting.gate, num_parents, setting.max_candidates)
+        left_out = np.logaddexp(left_out, dropped)
+        index, score, prior, chosen = index[keep], score[keep], prior[keep], chosen[keep]
+    selected = associations.rows.take(index)
+    classes = np.where(selected.objects >= 0, chosen, -1)
+    rows = Rows(selected.parents, selected.objects, classes)
+    return Enumerated(rows, associations.start[index], score, prior, left_out)
+
+
+def _stack(setting: Setting, predicted: Predicted, rows: Rows) -> Stack:
+    return Stack(setting.manifold, setting.model, predicted, setting.detections, rows)
+
+
+def _with_next_object(rows: Rows, num_objects: int, distinct: bool, only: int | None) -> tuple[Rows, Index]:
+    """Every row with every object (or ``only`` this one) for its next detection, and the row each one came from."""
+    allowed = np.ones((len(rows.parents), num_objects), dtype=bool)
+    if only is not None:
+        allowed[:, np.arange(num_objects) != only] = False
+    if distinct and rows.objects.shape[1]:
+        np.put_along_axis(allowed, rows.objects, False, axis=1)
+    origin, added = np.nonzero(allowed)
+    return Rows(rows.parents[origin], np.concatenate([rows.objects[origin], added[:, None]], axis=1)), origin
+
+
+def _better_start(stack: Stack, previous: Array) -> Array:
+    """The mode of the detections so far, or a start that explains one detection: whichever fits better."""
+    carried = np.zeros((len(previous), stack.size))
+    carried[:, : previous.shape[1]] = previous
+    fresh = search_start(stack)
+    better = stack.energy(carried) <= stack.energy(fresh)
+    return np.where(better[:, None], carried, fresh)
+
+
+def _gated(
+    parents: Index, score: Array, gate: float, num_parents: int, limit: int | None = None
+) -> tuple[Index, Array]:
+    """Rows to keep, and per parent the log of the rest relative to the parent's best."""
+    best = np.full(num_parents, -np.inf)
+    np.maximum.at(best, parents, score)
+    behind = score - best[parents]
+    keep = behind >= -gate
+    if limit is not None:
+        order = np.lexsort((np.arange(len(score)), -score, parents))
+        rank = np.empty(len(score), dtype=int)
+        rank[order] = np.arange(len(score)) - np.searchsorted(parents[order], parents[order])
+        keep &= rank < limit
+    left_out = np.full(num_parents, -np.inf)
+    np.logaddexp.at(left_out, parents[~keep], behind[~keep])
+    return np.flatnonzero(keep), left_out
+
+
+def _semantic_bounds(setting: Setting, stack: Stack, y: Array) -> Array:
+    """(B, D, C) bound on the semantic log density of each detection under each class, near the geometric mode."""
+    states = stack.states(y)
+    count, num_classes = len(y), setting.model.num_classes
+    bounds = np.zeros((count, len(setting.detections), num_classes))
+    classes = np.tile(np.arange(num_classes), count)
+    for number, detection in enumerate(setting.detections):
+        x = np.repeat(states[:, 0], num_classes, axis=0)
+        o = np.repeat(stack.objects_of(states, number), num_classes, axis=0)
+        bounds[:, number] = setting.model.semantic_bound(detection, x, o, classes).reshape(count, num_classes)
+    return bounds
+
+
+def _class_options(setting: Setting, stack: Stack, index: Index, chosen: Index, number: int) -> Array:
+    """(B, C) log prior of the classes that detection ``number``'s object may have, -inf for the others."""
+    objects, parents = stack.rows.objects[index, number], stack.rows.parents[index]
+    classes = np.arange(setting.model.num_classes)
+    options = setting.log_class_prior[np.maximum(objects, 0)].copy()
+    known = np.where(objects >= 0, setting.known_classes[parents, objects], 0)  # clutter: one option, which is ignored
+    slot = stack.slots[index, number]
+    if number:
+        repeated = slot < number
+        known = np.where(
+            repeated, np.take_along_axis(chosen, np.minimum(slot, number - 1)[:, None], axis=1)[:, 0], known
+        )
+    fixed = known >= 0
+    options[fixed] = np.where(classes == known[fixed, None], 0.0, -np.inf)
+    if setting.path is not None:
+        options[:, classes != max(int(setting.path[1][number]), 0)] = -np.inf
+    return options
+
+
+def _is_new(setting: Setting, stack: Stack, index: Index, number: int) -> NDArray[np.bool_]:
+    """(B,) whether detection ``number`` is the first ever of an object whose class is still open."""
+    objects, parents = stack.rows.objects[index, number], stack.rows.parents[index]
+    first = stack.slots[index, number] == number
+    return np.asarray(first & (objects >= 0) & (setting.known_classes[parents, objects] < 0))

@@ -1,0 +1,78 @@
+"""Evidence of many small problems by a damped Laplace approximation around the mode.
+
+With the prior whitened, psi = p(Z | y*) exp(-|y*|^2 / 2) det(H)^(-1/2), H = I + J^T J the Gauss-Newton Hessian at
+the mode y*. Undamped Gauss-Newton loses the mode while the robot is lost; Levenberg-Marquardt keeps it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.stack import Stack
+
+Array = NDArray[np.float64]
+
+MAX_ITERATIONS = 40
+STEP_TOLERANCE = 1e-7
+INITIAL_DAMPING = 1e-4
+LARGEST_DAMPING = 1e12
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Mode and curvature of B problems."""
+
+    y: Array  # (B, n) whitened
+    hessian: Array  # (B, n, n)
+    log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
+
+
+def find_modes(stack: Stack, start: Array) -> Mode:
+    """Levenberg-Marquardt from ``start`` (B, n); rows that have converged are left alone."""
+    y = start.copy()
+    damping = np.full(len(y), INITIAL_DAMPING)
+    running = np.arange(len(y))
+    energy, gradient, hessian = stack.normal_equations(y)
+    gradient, hessian = gradient.copy(), hessian.copy()
+    for _ in range(MAX_ITERATIONS):
+        if len(running) == 0:
+            break
+        step = _damped_step(hessian[running], gradient[running], damping[running])
+        trial = y.copy()
+        trial[running] += step
+        new_energy, new_gradient, new_hessian = stack.select(running).normal_equations(trial[running])
+        better = new_energy <= energy[running] + 1e-12 * np.abs(energy[running])
+        accepted = running[better]
+        y[accepted], energy[accepted] = trial[accepted], new_energy[better]
+        gradient[accepted], hessian[accepted] = new_gradient[better], new_hessian[better]
+        damping[running] = np.where(better, damping[running] * 0.1, damping[running] * 10.0)
+        small = np.abs(step).max(-1) < STEP_TOLERANCE
+        running = running[~(small | (damping[running] > LARGEST_DAMPING))]
+    log_determinant = np.linalg.slogdet(hessian)[1]
+    return Mode(y, hessian, -energy - 0.5 * log_determinant)
+
+
+def search_start(stack: Stack) -> Array:
+    """(B, n) the best of the prior mean and the robot states that explain one detection each."""
+    best = np.zeros((len(stack.mean), stack.size))
+    if len(best) == 0:
+        return best
+    least = stack.energy(best)
+    dimension = stack.dimension
+    robot = stack.mean[:, 0]
+    for number, detection in enumerate(stack.detections[: stack.rows.objects.shape[1]]):
+        wanted = stack.model.robot_start(detection, robot, stack.objects_of(stack.mean, number))
+        start = np.zeros_like(best)
+        tangent = stack.manifold.local(robot, wanted)
+        start[:, :dimension] = np.linalg.solve(stack.root[:, :dimension, :dimension], tangent[..., None])[..., 0]
+        energy = np.where(stack.active[:, number], stack.energy(start), np.inf)
+        better = energy < least
+        best[better], least = start[better], np.minimum(least, energy)
+    return best
+
+
+def _damped_step(hessian: Array, gradient: Array, damping: Array) -> Array:
+    diagonal = np.einsum("bii->bi", hessian)
+    damped = hessian + damping[:, None, None] * diagonal[:, :, None] * np.eye(hessian.shape[-1])
+    return np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0])

@@ -1,0 +1,189 @@
+"""The manager: normalises over all candidates, prunes, commits the survivors and states the belief (Alg. 4.1).
+
+The printed algorithm normalises inside the loop over components, which loses each parent's weight and evidence;
+here w psi is collected over all parents and normalised once.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.identity import ROOT_ID
+from semantic_slam.inference.marginals import Mixture, state_belief
+from semantic_slam.inference.objects import ObjectRegistry
+from semantic_slam.inference.ownership import assign_owners
+from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Components, LineageStep
+from semantic_slam.inference.pruning import Pruned, prune
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Live:
+    """A hypothesis as the manager knows it."""
+
+    owner: int
+    log_weight: float
+    parent_id: int
+    lineage: tuple[LineageStep, ...]
+
+
+class HypothesisManager:
+    """Drives the backends of ``pool`` through the two rounds of each keyframe."""
+
+    def __init__(self, problem: Problem, pool: BackendPool, run_id: str):
+        self.problem, self.pool, self.run_id = problem, pool, run_id
+        self.registry = ObjectRegistry(problem.objects, len(problem.class_names))
+        self.live = {ROOT_ID: Live(pool.backend_ids[0], 0.0, ROOT_ID, ())}
+        self.log_kept_mass = 0.0  # log prod_k (1 - d_k)
+        self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
+
+    def process(self, keyframe: Any) -> HybridBelief:
+        """One keyframe; raises SemanticSlamError when no hypothesis survives it."""
+        step = self.problem.reader.step(keyframe)
+        if self.problem.association == "given":
+            for name in step.names:
+                self.registry.identify(name)
+        answers = self._expand(keyframe, step.index)
+        merged = _merged(answers)
+        pruned = prune(merged.log_weights, merged.ids, merged.log_missing, self.problem.pruning)
+        self.log_evidence += pruned.log_mass
+        children = self._children(merged, pruned)
+        components = _by_id(self.pool.commit(self._commit(step.index, children)))
+        self._accept(children, components, pruned.discarded)
+        mixture = self._mixture(components)
+        self.registry.note_coverage(mixture.associations(), step.in_coverage)
+        discarded = float(-np.expm1(self.log_kept_mass))
+        return state_belief(step, mixture, self.registry, self.problem.class_names, len(merged.ids), discarded)
+
+    def _expand(self, keyframe: Any, index: int) -> list[Candidates]:
+        """Round one; hypotheses whose backend did not answer are rebuilt elsewhere from their lineage."""
+        answers = self.pool.expand(keyframe)
+        missing = set(self.live) - {int(n) for answer in answers for n in answer.expanded_parent_ids}
+        if not missing:
+            return answers
+        if index == 0 or not self.pool.backend_ids:
+            raise SemanticSlamError("no backend holds the first hypothesis; start the backends and run again")
+        self._reassign(index - 1)
+        answers = self.pool.expand(keyframe)
+        if set(self.live) - {int(n) for answer in answers for n in answer.expanded_parent_ids}:
+            raise SemanticSlamError("backends lost hypotheses twice in a row; see their logs")
+        return answers
+
+    def _reassign(self, index: int) -> None:
+        owners = assign_owners([live.owner for live in self.live.values()], self.pool.backend_ids)
+        self.live = {
+            n: Live(owner, live.log_weight, live.parent_id, live.lineage)
+            for (n, live), owner in zip(self.live.items(), owners, strict=True)
+        }
+        self.pool.commit(self._commit(index, self.live, always_lineage=True))
+
+    def _children(self, merged: "_Merged", pruned: Pruned) -> dict[int, Live]:
+        parents = [self.live[int(merged.parent_ids[row])] for row in pruned.kept]
+        owners = assign_owners([parent.owner for parent in parents], self.pool.backend_ids)
+        children: dict[int, Live] = {}
+        for row, owner, parent, log_weight in zip(pruned.kept, owners, parents, pruned.log_weights, strict=True):
+            step = LineageStep(
+                tuple(merged.associations[row].tolist()), tuple(merged.classes[row].tolist()), int(merged.modes[row])
+            )
+            parent_id = int(merged.parent_ids[row])
+            children[int(merged.ids[row])] = Live(owner, float(log_weight), parent_id, (*parent.lineage, step))
+        return children
+
+    def _commit(self, index: int, children: dict[int, Live], *, always_lineage: bool = False) -> Commit:
+        holds = {n: live.owner for n, live in self.live.items()}
+        moved = [always_lineage or holds.get(child.parent_id) != child.owner for child in children.values()]
+        return Commit(
+            run_id=self.run_id,
+            keyframe=index,
+            ids=np.array(list(children), dtype=np.uint64),
+            parent_ids=np.array([child.parent_id for child in children.values()], dtype=np.uint64),
+            steps=tuple(child.lineage[-1] for child in children.values()),
+            log_weights=np.array([child.log_weight for child in children.values()]),
+            owners=np.array([child.owner for child in children.values()], dtype=np.uint32),
+            lineages=tuple(
+                child.lineage[:-1] if move else () for child, move in zip(children.values(), moved, strict=True)
+            ),
+        )
+
+    def _accept(self, children: dict[int, Live], components: dict[int, "_Row"], discarded: float) -> None:
+        """Keep the children whose components could be updated; the rest is discarded mass."""
+        kept = {n: child for n, child in children.items() if n in components}
+        if not kept:
+            raise SemanticSlamError("every hypothesis was lost (indeterminate systems); check the noise parameters")
+        log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
+        self.log_kept_mass += float(np.log1p(-discarded)) + min(log_total, 0.0)
+        self.live = {
+            n: Live(child.owner, child.log_weight - log_total, child.parent_id, child.lineage)
+            for n, child in kept.items()
+        }
+
+    def _mixture(self, components: dict[int, "_Row"]) -> Mixture:
+        rows = [components[n] for n in self.live]
+        return Mixture(
+            ids=list(self.live),
+            parent_ids=[live.parent_id for live in self.live.values()],
+            log_weights=np.array([live.log_weight for live in self.live.values()]),
+            lineages=[live.lineage for live in self.live.values()],
+            poses=np.array([row.pose for row in rows]),
+            pose_covariances=np.array([row.covariance for row in rows]),
+            object_poses=np.array([row.object_poses for row in rows]),
+            object_covariances=np.array([row.object_covariances for row in rows]),
+            classes=np.array([row.classes for row in rows]),
+        )
+
+
+@dataclass(frozen=True)
+class _Merged:
+    ids: NDArray[np.uint64]
+    parent_ids: NDArray[np.uint64]
+    associations: NDArray[np.int32]
+    classes: NDArray[np.int32]
+    modes: NDArray[np.uint16]
+    log_weights: Array
+    log_missing: Array
+
+
+@dataclass(frozen=True)
+class _Row:
+    pose: Array
+    covariance: Array
+    object_poses: Array
+    object_covariances: Array
+    classes: NDArray[np.int32]
+
+
+def _merged(answers: list[Candidates]) -> _Merged:
+    """Candidates of all backends, in an order that does not depend on who answered."""
+    ids = np.concatenate([answer.ids for answer in answers])
+    order = np.argsort(ids, kind="stable")
+    parents = np.concatenate([answer.expanded_parent_ids for answer in answers])
+    missing = np.concatenate([answer.log_mass_not_enumerated for answer in answers])
+    return _Merged(
+        ids[order],
+        np.concatenate([answer.parent_ids for answer in answers])[order],
+        np.concatenate([answer.associations for answer in answers])[order],
+        np.concatenate([answer.class_assignments for answer in answers])[order],
+        np.concatenate([answer.modes for answer in answers])[order],
+        np.concatenate([answer.log_weights for answer in answers])[order],
+        missing[np.argsort(parents, kind="stable")],
+    )
+
+
+def _by_id(answers: list[Components]) -> dict[int, _Row]:
+    return {
+        int(number): _Row(
+            answer.poses[i],
+            answer.pose_covariances[i],
+            answer.object_poses[i],
+            answer.object_covariances[i],
+            answer.classes[i],
+        )
+        for answer in answers
+        for i, number in enumerate(answer.ids)
+    }

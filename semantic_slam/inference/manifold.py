@@ -1,0 +1,113 @@
+"""The state spaces of the engine: planar poses, and planar positions for problems with closed forms."""
+
+from typing import Any, Protocol
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry import se2
+
+Array = NDArray[np.float64]
+
+
+class Manifold(Protocol):
+    """States are (..., d) arrays, tangent vectors (..., d); perturbations act on the right."""
+
+    dimension: int
+
+    def compose(self, state: Array, control: Array) -> Array:
+        """The state after a control."""
+
+    def retract(self, state: Array, tangent: Array) -> Array:
+        """state * Exp(tangent)."""
+
+    def local(self, state: Array, other: Array) -> Array:
+        """Log(state^-1 other)."""
+
+    def retract_jacobian(self, tangent: Array) -> Array:
+        """(..., d, d): change of retract(state, t) in its own tangent space per change of t."""
+
+    def propagation(self, control: Array) -> Array:
+        """(d, d) F with (x Exp(e)) u = (x u) Exp(F e)."""
+
+    def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
+        """Insert one state (d,) into GTSAM values."""
+
+    def state(self, values: gtsam.Values, key: int) -> Array:
+        """(d,) state of ``key``."""
+
+    def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
+        """Gaussian prior; covariance in the tangent space at the mean."""
+
+    def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
+        """Motion model P(x_k | x_{k-1}, u)."""
+
+
+class PlanarPoses:
+    """SE(2): x, y [m], yaw [rad]."""
+
+    dimension = 3
+
+    def compose(self, state: Array, control: Array) -> Array:
+        return se2.compose(state, control)
+
+    def retract(self, state: Array, tangent: Array) -> Array:
+        return se2.compose(state, se2.exp(tangent))
+
+    def local(self, state: Array, other: Array) -> Array:
+        return se2.log(se2.between(state, other))
+
+    def retract_jacobian(self, tangent: Array) -> Array:
+        return se2.right_jacobian(tangent)
+
+    def propagation(self, control: Array) -> Array:
+        return se2.adjoint(se2.inverse(control))
+
+    def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
+        values.insert(key, gtsam.Pose2(*state))
+
+    def state(self, values: gtsam.Values, key: int) -> Array:
+        pose = values.atPose2(key)
+        return np.array([pose.x(), pose.y(), pose.theta()])
+
+    def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
+        return gtsam.PriorFactorPose2(key, gtsam.Pose2(*mean), gtsam.noiseModel.Gaussian.Covariance(covariance))
+
+    def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
+        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+        return gtsam.BetweenFactorPose2(key, next_key, gtsam.Pose2(*control), noise)
+
+
+class PlanarPositions:
+    """R^2: x, y [m]. With linear models every belief of the engine is exact here."""
+
+    dimension = 2
+
+    def compose(self, state: Array, control: Array) -> Array:
+        return np.asarray(state + control)
+
+    def retract(self, state: Array, tangent: Array) -> Array:
+        return np.asarray(state + tangent)
+
+    def local(self, state: Array, other: Array) -> Array:
+        return np.asarray(other - state)
+
+    def retract_jacobian(self, tangent: Array) -> Array:
+        return np.broadcast_to(np.eye(2), (*tangent.shape[:-1], 2, 2))
+
+    def propagation(self, control: Array) -> Array:
+        return np.eye(2)
+
+    def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
+        values.insert(key, np.asarray(state))
+
+    def state(self, values: gtsam.Values, key: int) -> Array:
+        return np.asarray(values.atPoint2(key))
+
+    def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
+        return gtsam.PriorFactorPoint2(key, np.asarray(mean), gtsam.noiseModel.Gaussian.Covariance(covariance))
+
+    def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
+        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+        return gtsam.BetweenFactorPoint2(key, next_key, np.asarray(control), noise)

@@ -1,0 +1,102 @@
+"""Marginals of the hybrid belief: Eqs. 4.6-4.8 from weighted hypotheses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.moments import matched_moments
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.entropy import association_entropy, component_entropy
+from semantic_slam.inference.objects import ObjectRegistry
+from semantic_slam.inference.problem import Step
+from semantic_slam.inference.protocol import LineageStep
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """H hypotheses with their components; O objects."""
+
+    ids: list[int]
+    parent_ids: list[int]
+    log_weights: Array  # (H,) normalised
+    lineages: list[tuple[LineageStep, ...]]
+    poses: Array  # (H, 7)
+    pose_covariances: Array  # (H, 6, 6)
+    object_poses: Array  # (H, O, 7)
+    object_covariances: Array  # (H, O, 6, 6)
+    classes: NDArray[np.int32]  # (H, O), -1 while carried lazily
+
+    def association_history(self, row: int) -> tuple[tuple[int, ...], ...]:
+        """beta_{1:k} of one hypothesis."""
+        return tuple(step.association for step in self.lineages[row])
+
+    def associations(self) -> NDArray[np.int64]:
+        """(H, D) object ids of the newest keyframe's detections, -1 clutter."""
+        return np.array([lineage[-1].association for lineage in self.lineages], dtype=np.int64)
+
+
+def class_probabilities(classes: NDArray[np.int32], priors: Array) -> Array:
+    """(H, O, C): one-hot where a class is enumerated, the prior (O, C) where it is carried lazily."""
+    num_classes = priors.shape[1]
+    if num_classes == 0:
+        return np.zeros((*classes.shape, 0))
+    one_hot = np.eye(num_classes)[np.maximum(classes, 0)]
+    return np.where(classes[..., None] >= 0, one_hot, priors)
+
+
+def state_belief(
+    step: Step,
+    mixture: Mixture,
+    registry: ObjectRegistry,
+    class_names: Sequence[str],
+    num_candidates: int,
+    discarded_mass: float,
+) -> HybridBelief:
+    """The belief after one keyframe."""
+    weights = np.exp(mixture.log_weights)
+    by_hypothesis = class_probabilities(mixture.classes, registry.class_prior())
+    poses, covariances = _object_moments(weights, mixture)
+    count = len(registry.ids)
+    return HybridBelief(
+        stamp_ns=step.stamp_ns,
+        keyframe=step.index,
+        planar=True,
+        class_names=tuple(class_names),
+        num_candidates=num_candidates,
+        hypothesis_ids=np.array(mixture.ids, dtype=np.uint64),
+        parent_ids=np.array(mixture.parent_ids, dtype=np.uint64),
+        modes=np.array([lineage[-1].mode for lineage in mixture.lineages], dtype=np.uint16),
+        log_weights=mixture.log_weights,
+        poses=mixture.poses,
+        pose_covariances=mixture.pose_covariances,
+        detection_ids=np.arange(len(step.names), dtype=np.uint32),
+        associations=registry.indices(mixture.associations()),
+        object_ids=np.array(registry.ids, dtype=np.uint32),
+        object_names=tuple(registry.names),
+        hypothesis_class_probabilities=by_hypothesis,
+        existence=np.ones(count),
+        class_probabilities=np.einsum("h,hoc->oc", weights, by_hypothesis),
+        object_poses=poses,
+        object_covariances=covariances,
+        mutual_information=np.full(count, np.nan),
+        in_coverage=registry.in_coverage(),
+        descriptors=np.zeros((count, 0)),
+        descriptor_covariances=np.zeros((count, 0)),
+        association_entropy=association_entropy(weights, [mixture.association_history(h) for h in range(len(weights))]),
+        component_entropy=component_entropy(weights),
+        discarded_mass=discarded_mass,
+        dropped=step.dropped,
+    )
+
+
+def _object_moments(weights: Array, mixture: Mixture) -> tuple[Array, Array]:
+    count = mixture.object_poses.shape[1]
+    moments = [
+        matched_moments(weights, mixture.object_poses[:, i], mixture.object_covariances[:, i]) for i in range(count)
+    ]
+    poses = np.array([pose for pose, _ in moments]).reshape(count, 7)
+    return poses, np.array([covariance for _, covariance in moments]).reshape(count, 6, 6)

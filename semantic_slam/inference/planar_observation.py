@@ -1,0 +1,219 @@
+"""Range, bearing and viewpoint-dependent semantics of an object in the plane.
+
+With d = R_x^T (t_o - t_x) the object in the body frame and v = R_o^T (t_x + R_x s - t_o) the camera in the
+object's frame, range and bearing are those of d, the viewpoint's azimuth and range those of v. Right
+perturbations give dd/dx = [-I, -S d], dd/do = [R_x^T R_o, 0], dv/dx = R_o^T R_x [I, S s], dv/do = [-I, -S v],
+where S turns by a quarter.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.observation import Classes, Linearisation
+from semantic_slam.inference.planar_factors import geometry_factor, semantic_factor
+from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
+
+Array = NDArray[np.float64]
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+LEAST_DISTANCE_M = 1e-6
+BOUND_WINDOW_RAD = np.linspace(-0.6, 0.6, 9)
+"""Azimuths about the geometric mode that the semantic bound looks at: the viewpoint is uncertain by the heading."""
+
+
+@dataclass(frozen=True)
+class PlanarDetection:
+    """One detection, in the body frame."""
+
+    range_m: float  # NaN: bearing only
+    bearing_rad: float  # seen from the body's origin, or from ``sensor`` when bearing only
+    covariance: Array  # (2, 2) of [range, bearing]
+    sensor: Array  # (2,) camera in the body frame, metres
+    feature: Array  # (F,) z_sem
+    feature_covariance: Array  # (F, F) of the dropout samples' mean
+
+    @property
+    def has_range(self) -> bool:
+        return bool(np.isfinite(self.range_m))
+
+    @property
+    def origin(self) -> Array:
+        """(2,) point of the body that range and bearing are seen from."""
+        return np.zeros(2) if self.has_range else self.sensor
+
+
+@dataclass(frozen=True)
+class PlanarVisibility:
+    """P(beta | x, o): constant inside range and field of view, zero outside; 0 switches a limit off."""
+
+    max_range_m: float = 0.0
+    field_of_view_rad: float = 0.0
+    softness: float = 0.1  # width of the logistic edge relative to the limit
+
+    def log_probability(self, distance: Array, bearing: Array, *, soft: bool) -> Array:
+        """(B,) from range [m] and bearing [rad] of the object."""
+        total = np.zeros_like(distance)
+        for value, limit in ((distance, self.max_range_m), (np.abs(bearing), self.field_of_view_rad / 2.0)):
+            if limit > 0.0:
+                margin = (limit - value) / (self.softness * limit)
+                total = total + (-np.logaddexp(0.0, -4.0 * margin) if soft else np.where(margin >= 0.0, 0.0, -np.inf))
+        return total
+
+
+class PlanarObservation:
+    """Geometric range-bearing likelihood times the class model of Eq. 4.2 (``model`` None: geometry alone)."""
+
+    def __init__(self, model: ViewpointModel | None, visibility: PlanarVisibility, default_range_m: float = 3.0):
+        self.model = model
+        self.visibility = visibility
+        self.default_range_m = default_range_m
+        self.num_classes = len(model.class_names) if model is not None else 0
+
+    def geometry(self, detection: PlanarDetection, x: Array, o: Array) -> Linearisation:
+        """Residual of [range, bearing], or of the bearing alone."""
+        d = object_in_body(x, o) - detection.origin
+        distance, bearing = _polar(d)
+        radial, turn = _polar_jacobian(d, distance)
+        residual = np.stack([distance - detection.range_m, wrap_angle(bearing - detection.bearing_rad)], -1)
+        by_point = np.stack([radial, turn], axis=1)
+        jacobian_x = by_point @ _body_jacobian(d + detection.origin)
+        jacobian_o = np.concatenate([by_point @ _relative_rotation(x, o), np.zeros((len(d), 2, 1))], axis=-1)
+        rows = slice(0, 2) if detection.has_range else slice(1, 2)
+        root = np.linalg.cholesky(detection.covariance[rows, rows])
+        whiten = np.linalg.inv(root)
+        log_normaliser = -np.log(np.diag(root)).sum() - 0.5 * len(root) * LOG_2PI
+        return Linearisation(
+            residual[:, rows] @ whiten.T,
+            whiten @ jacobian_x[:, rows],
+            whiten @ jacobian_o[:, rows],
+            np.full(len(d), log_normaliser),
+        )
+
+    def geometry_peak(self, detection: PlanarDetection) -> float:
+        """Log density at the measured range and bearing."""
+        rows = slice(0, 2) if detection.has_range else slice(1, 2)
+        covariance = detection.covariance[rows, rows]
+        return float(-0.5 * np.linalg.slogdet(2.0 * np.pi * covariance)[1])
+
+    def semantics(self, detection: PlanarDetection, x: Array, o: Array, classes: Classes) -> Linearisation:
+        """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes."""
+        v = camera_in_object(x, o, detection.sensor)
+        distance, azimuth = _polar(v)
+        prediction = self._predict(classes, azimuth, distance)
+        root = np.linalg.cholesky(prediction.covariance + detection.feature_covariance)
+        radial, turn = _polar_jacobian(v, distance)
+        slope = (
+            prediction.mean_jacobian[:, :, :1] * turn[:, None] + prediction.mean_jacobian[:, :, 2:] * radial[:, None]
+        )
+        by_x, by_o = _viewpoint_jacobians(x, o, v, detection.sensor)
+        stacked = np.concatenate(
+            [(prediction.mean - detection.feature)[..., None], slope @ by_x, slope @ by_o], axis=-1
+        )
+        whitened = np.linalg.solve(root, stacked)
+        logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
+        log_normaliser = -logdet - 0.5 * detection.feature.size * LOG_2PI
+        return Linearisation(whitened[..., 0], whitened[..., 1:4], whitened[..., 4:], log_normaliser)
+
+    def semantic_bound(self, detection: PlanarDetection, x: Array, o: Array, classes: Classes) -> Array:
+        """Largest semantic log density in a window of azimuths about these states."""
+        distance, azimuth = _polar(camera_in_object(x, o, detection.sensor))
+        count = len(BOUND_WINDOW_RAD)
+        prediction = self._predict(
+            np.repeat(classes, count), (azimuth[:, None] + BOUND_WINDOW_RAD).ravel(), np.repeat(distance, count)
+        )
+        root = np.linalg.cholesky(prediction.covariance + detection.feature_covariance)
+        whitened = np.linalg.solve(root, (prediction.mean - detection.feature)[..., None])[..., 0]
+        logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
+        density = -0.5 * (whitened**2).sum(-1) - logdet - 0.5 * detection.feature.size * LOG_2PI
+        return np.asarray(density.reshape(-1, count).max(-1))
+
+    def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
+        """P(beta | x, o) of Eq. 4.18."""
+        distance, bearing = _polar(object_in_body(x, o))
+        return self.visibility.log_probability(distance, bearing, soft=soft)
+
+    def robot_start(self, detection: PlanarDetection, x: Array, o: Array) -> Array:
+        """Keep the heading, stand where the object is seen as measured."""
+        if not detection.has_range:
+            return x
+        direction = x[:, 2] + detection.bearing_rad
+        position = o[:, :2] - detection.range_m * np.stack([np.cos(direction), np.sin(direction)], -1)
+        return np.concatenate([position, x[:, 2:]], axis=-1)
+
+    def object_start(self, detection: PlanarDetection, x: Array) -> Array:
+        """Where the detection points, heading as the robot's."""
+        distance = detection.range_m if detection.has_range else self.default_range_m
+        rotation = np.array([[np.cos(x[2]), -np.sin(x[2])], [np.sin(x[2]), np.cos(x[2])]])
+        along = np.array([np.cos(detection.bearing_rad), np.sin(detection.bearing_rad)])
+        return np.append(x[:2] + rotation @ (detection.origin + distance * along), x[2])
+
+    def factors(
+        self, detection: PlanarDetection, keys: tuple[int, int], assigned_class: int, x: Array, o: Array
+    ) -> list[Any]:
+        """Range-bearing factor and, with a class, a semantic factor whose covariance is that at (x, o)."""
+        factors = [geometry_factor(self, detection, keys)]
+        if assigned_class >= 0 and self.model is not None:
+            _, azimuth = _polar(camera_in_object(x[None], o[None], detection.sensor))
+            distance = np.linalg.norm(camera_in_object(x[None], o[None], detection.sensor), axis=-1)
+            prediction = self._predict(np.array([assigned_class]), azimuth, distance)
+            covariance = prediction.covariance[0] + detection.feature_covariance
+            factors.append(semantic_factor(self.model, detection, keys, assigned_class, covariance))
+        return factors
+
+    def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
+        assert self.model is not None
+        return self.model.predict(classes, Viewpoints(azimuth, np.zeros_like(azimuth), distance))
+
+
+def object_in_body(x: Array, o: Array) -> Array:
+    """(B, 2) positions of objects in the body frame."""
+    return _turn_back(x[:, 2], o[:, :2] - x[:, :2])
+
+
+def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
+    """(B, 2) positions of the camera in the objects' frames; ``sensor`` (2,) in the body frame."""
+    cos, sin = np.cos(x[:, 2]), np.sin(x[:, 2])
+    camera = x[:, :2] + np.stack([cos * sensor[0] - sin * sensor[1], sin * sensor[0] + cos * sensor[1]], -1)
+    return _turn_back(o[:, 2], camera - o[:, :2])
+
+
+def _turn_back(angle: Array, vector: Array) -> Array:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.stack([cos * vector[:, 0] + sin * vector[:, 1], cos * vector[:, 1] - sin * vector[:, 0]], -1)
+
+
+def _polar(point: Array) -> tuple[Array, Array]:
+    """Distance [m] and direction [rad] of (B, 2) points."""
+    return np.maximum(np.hypot(point[:, 0], point[:, 1]), LEAST_DISTANCE_M), np.arctan2(point[:, 1], point[:, 0])
+
+
+def _polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
+    """(B, 2) derivatives of distance and of direction with respect to the point."""
+    radial = point / distance[:, None]
+    return radial, np.stack([-radial[:, 1], radial[:, 0]], -1) / distance[:, None]
+
+
+def _body_jacobian(d: Array) -> Array:
+    """(B, 2, 3) dd/dx."""
+    jacobian = np.zeros((len(d), 2, 3))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = -1.0
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = d[:, 1], -d[:, 0]
+    return jacobian
+
+
+def _relative_rotation(x: Array, o: Array) -> Array:
+    """(B, 2, 2) R_x^T R_o."""
+    cos, sin = np.cos(o[:, 2] - x[:, 2]), np.sin(o[:, 2] - x[:, 2])
+    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], axis=1)
+
+
+def _viewpoint_jacobians(x: Array, o: Array, v: Array, sensor: Array) -> tuple[Array, Array]:
+    """(B, 2, 3) dv/dx and dv/do."""
+    rotation = _relative_rotation(o, x)
+    by_turn = rotation @ np.array([-sensor[1], sensor[0]])
+    by_x = np.concatenate([rotation, by_turn[..., None]], axis=-1)
+    return by_x, _body_jacobian(v)

@@ -1,0 +1,67 @@
+"""Keyframes of semantic measurements as steps of the planar engine."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.pose import (
+    covariance_from_planar,
+    planar_from_covariance,
+    planar_from_pose_vector,
+    pose_vector_from_planar,
+)
+from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.inference.component import Motion
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.planar_observation import PlanarDetection
+from semantic_slam.inference.problem import Step
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+Array = NDArray[np.float64]
+
+
+class PlanarReader:
+    """The planar engine takes x, y and yaw of everything; ``num_features`` is what the class models need (0: none)."""
+
+    def __init__(self, num_features: int):
+        self.num_features = num_features
+
+    def step(self, keyframe: Keyframe) -> Step:
+        """Raises InputError when the measurements' features are not those of the class models."""
+        measurements = keyframe.measurements
+        if self.num_features and len(measurements) and measurements.features.shape[1] != self.num_features:
+            raise InputError(
+                f"the classifier gives {measurements.features.shape[1]} feature components but the class models were"
+                f" fitted on {self.num_features}; fit viewpoint models for this classifier or set semantic_model.kind none"
+            )
+        return Step(
+            index=keyframe.index,
+            stamp_ns=keyframe.stamp_ns,
+            motion=Motion(
+                planar_from_pose_vector(keyframe.odometry), planar_from_covariance(keyframe.odometry_covariance)
+            ),
+            detections=[_detection(measurements, i) for i in range(len(measurements))],
+            scores=measurements.scores,
+            names=measurements.track_ids,
+            in_coverage=measurements.in_coverage,
+            dropped=measurements.dropped,
+        )
+
+    def poses(self, states: Array) -> Array:
+        """(..., 3) planar poses to pose vectors."""
+        return pose_vector_from_planar(states)
+
+    def covariances(self, states: Array, covariances: Array) -> Array:
+        """(..., 3, 3) in the body frames to (..., 6, 6) along the axes of map."""
+        return covariance_from_planar(rotate_covariance(states, covariances))
+
+
+def _detection(measurements: SemanticMeasurements, index: int) -> PlanarDetection:
+    return PlanarDetection(
+        range_m=float(measurements.ranges_m[index]),
+        bearing_rad=float(measurements.bearings_rad[index]),
+        covariance=measurements.geometric_covariances[index],
+        sensor=measurements.sensor_position[:2],
+        feature=measurements.features[index],
+        feature_covariance=measurements.feature_covariances[index],
+    )

@@ -1,0 +1,75 @@
+"""What a run is about: models, priors and settings, built once from the run's configuration."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
+from semantic_slam.inference.component import Component, GaussianPrior, Motion
+from semantic_slam.inference.manifold import Manifold
+from semantic_slam.inference.observation import ObservationModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A keyframe as the engine sees it."""
+
+    index: int
+    stamp_ns: int
+    motion: Motion
+    detections: Sequence[Any]  # D, for the observation model
+    scores: Array  # (D,) detector's confidence
+    names: tuple[str, ...]  # (D,) identities given, "" for none
+    in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
+    dropped: int = 0  # inputs not used so far
+
+
+class KeyframeReader(Protocol):
+    """Turns keyframes into steps and states into message poses: the only place that knows the keyframe's content."""
+
+    def step(self, keyframe: Any) -> Step:
+        """The step of a keyframe."""
+
+    def poses(self, states: Array) -> Array:
+        """(..., d) states to (..., 7) pose vectors."""
+
+    def covariances(self, states: Array, covariances: Array) -> Array:
+        """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map."""
+
+
+@dataclass(frozen=True)
+class ObjectEntry:
+    """An object known from the start."""
+
+    object_id: int
+    name: str
+    prior: GaussianPrior
+    class_prior: Array  # (C,) probabilities
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything a backend needs besides keyframes and commits."""
+
+    manifold: Manifold
+    model: ObservationModel
+    reader: KeyframeReader
+    robot: GaussianPrior
+    objects: tuple[ObjectEntry, ...]
+    new_object_covariance: Array  # (d, d) prior of an object created from a detection
+    class_names: tuple[str, ...]
+    seed: int
+    association: str  # enumerated | given
+    distinct: bool
+    weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
+    pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
+
+    def root(self) -> Component:
+        """The component before any keyframe."""
+        priors = {entry.object_id: entry.prior for entry in self.objects}
+        return Component.root(self.manifold, self.model, self.robot, priors)

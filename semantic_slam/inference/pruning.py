@@ -1,0 +1,39 @@
+"""Normalising and pruning over all candidates, with an account of what is discarded."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import PruningConfiguration
+from semantic_slam.errors import SemanticSlamError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pruned:
+    """Survivors, heaviest first."""
+
+    kept: NDArray[np.int_]  # (S,) rows
+    log_weights: Array  # (S,) normalised over the survivors
+    log_mass: float  # log of the survivors' mass before normalising
+    discarded: float  # d_k: share of the mass that was pruned or never enumerated
+
+
+def prune(log_weights: Array, ids: NDArray[np.uint64], log_missing: Array, limits: PruningConfiguration) -> Pruned:
+    """Keep what weighs at least max / ratio, at most ``max_hypotheses`` of them; ties break by id.
+
+    ``log_weights`` (K,) are w psi over all parents, not normalised; ``log_missing`` is mass that was never
+    enumerated, in the same units. Raises SemanticSlamError when no candidate has any weight.
+    """
+    if len(log_weights) == 0 or not np.isfinite(log_weights.max()):
+        raise SemanticSlamError("no candidate explains the measurements; check priors, noise and visibility parameters")
+    order = np.lexsort((ids, -log_weights))
+    admitted = log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio)
+    kept = order[admitted][: limits.max_hypotheses]
+    log_kept = float(np.logaddexp.reduce(log_weights[kept]))
+    rest = np.concatenate([np.delete(log_weights, kept), log_missing, [-np.inf]])
+    log_rest = float(np.logaddexp.reduce(rest))
+    discarded = float(np.exp(log_rest - np.logaddexp(log_kept, log_rest)))
+    return Pruned(kept, log_weights[kept] - log_kept, log_kept, discarded)

@@ -1,0 +1,115 @@
+"""A run's configuration as it is announced, and the problem that follows from it."""
+
+import json
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import Configuration, from_dict, to_dict
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
+from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.inference.component import GaussianPrior
+from semantic_slam.inference.identity import digest
+from semantic_slam.inference.manifold import PlanarPoses
+from semantic_slam.inference.map_prior import MapPrior, ObjectPrior, parse_map_prior
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
+from semantic_slam.inference.planar_reader import PlanarReader
+from semantic_slam.inference.problem import ObjectEntry, Problem
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.viewpoint.load import load_model
+
+Array = NDArray[np.float64]
+
+LEAST_VARIANCE = 1e-9
+"""Added to the variances of priors, so that a map given as exact keeps the graph regular."""
+
+
+def make_run_configuration(
+    configuration: Configuration,
+    map_prior: MapPrior | None,
+    initial_pose: Array,
+    initial_covariance: Array,
+    *,
+    stamp_ns: int,
+    source: str = "",
+    revision: str = "",
+) -> RunConfiguration:
+    """The announcement of a run; ``initial_pose`` (7,) and ``initial_covariance`` (6, 6) in map.
+
+    Raises InputError when detections have to be associated with a map that has no objects.
+    """
+    if configuration.association == "enumerated" and not (map_prior and map_prior.objects):
+        raise InputError(
+            "association is 'enumerated' but there is no map prior; give --map-prior objects.json,"
+            " or set association: given for detections that carry ids"
+        )
+    settings = json.dumps(to_dict(configuration), sort_keys=True)
+    prior = map_prior.to_json() if map_prior else ""
+    pose = [float(value) for value in initial_pose]
+    covariance = np.asarray(initial_covariance, dtype=np.float64)
+    model = load_model(configuration.semantic_model)
+    names = model.class_names if model is not None else ()
+    run_id = digest(settings, prior, json.dumps(pose), json.dumps(covariance.tolist()), *names)
+    return RunConfiguration(
+        run_id, stamp_ns, settings, prior, np.array(pose), covariance, tuple(names), source, revision
+    )
+
+
+def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
+    """Planar initial pose (7,) and covariance (6, 6) of the configuration."""
+    mean, sigma = np.array(configuration.initial_pose.mean), np.array(configuration.initial_pose.sigma)
+    x, y, yaw = mean
+    pose = np.array([x, y, 0.0, 0.0, 0.0, np.sin(yaw / 2.0), np.cos(yaw / 2.0)])
+    return pose, covariance_from_planar(np.diag(sigma**2))
+
+
+def problem_of(run: RunConfiguration) -> Problem:
+    """The planar problem that a run announces."""
+    configuration = from_dict(json.loads(run.configuration), "run configuration")
+    model = load_model(configuration.semantic_model)
+    visibility = configuration.visibility
+    new = configuration.new_objects
+    prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
+    sigma = np.array([new.sigma_position_m, new.sigma_position_m, new.sigma_heading_rad])
+    return Problem(
+        manifold=PlanarPoses(),
+        model=PlanarObservation(
+            model,
+            PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
+            new.range_m,
+        ),
+        reader=PlanarReader(model.num_features if model is not None else 0),
+        robot=_planar_prior(run.initial_pose, run.initial_covariance),
+        objects=tuple(_entry(item, run.class_names) for item in prior.objects),
+        new_object_covariance=np.diag(sigma**2),
+        class_names=run.class_names,
+        seed=configuration.seed,
+        association=configuration.association,
+        distinct=configuration.distinct_assignment,
+        weights=configuration.weights,
+        pruning=configuration.pruning,
+    )
+
+
+def _planar_prior(pose: Array, covariance: Array) -> GaussianPrior:
+    """Prior in the tangent space at the mean, from a covariance along the axes of map."""
+    mean = planar_from_pose_vector(pose)
+    planar = rotate_covariance(mean, planar_from_covariance(covariance), to_parent=False)
+    return GaussianPrior(mean, planar + LEAST_VARIANCE * np.eye(3))
+
+
+def _entry(item: ObjectPrior, class_names: tuple[str, ...]) -> ObjectEntry:
+    given = np.array([item.class_probabilities.get(name, 0.0) for name in class_names])
+    if item.class_probabilities and class_names and given.sum() <= 0.0:
+        raise InputError(
+            f"map prior: object {item.object_id} names none of the classes {', '.join(class_names)};"
+            " correct its class_probabilities"
+        )
+    uniform = np.full(len(class_names), 1.0 / max(len(class_names), 1))
+    return ObjectEntry(
+        item.object_id,
+        item.name,
+        _planar_prior(item.pose, item.covariance),
+        given / given.sum() if given.sum() > 0.0 else uniform,
+    )

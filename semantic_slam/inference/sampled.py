@@ -1,0 +1,28 @@
+"""Evidence by samples from the prior: PROPWEIGHTS of Alg. 4.1, kept as the thesis's reference."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.stack import Stack
+
+Array = NDArray[np.float64]
+
+
+def sample_evidence(stack: Stack, num_samples: int, generators: list[np.random.Generator]) -> tuple[Array, Array]:
+    """Log of psi (Eq. 4.20), with P(beta | x, O) as a hard test, and effective sample size; (B,) each.
+
+    ``generators`` holds one generator per candidate, so that its draws depend on nothing but its own key. A
+    candidate none of whose samples explains the measurements has log psi = -inf and an effective sample size of 0.
+    """
+    log_evidence = np.full(len(generators), -np.inf)
+    effective = np.zeros(len(generators))
+    for row, random in enumerate(generators):
+        repeated = stack.select(np.full(num_samples, row))
+        y = random.standard_normal((num_samples, stack.size))
+        log_weight = repeated.log_likelihood(y) + repeated.log_visibility(y, soft=False)
+        largest = log_weight.max()
+        if np.isfinite(largest):
+            weight = np.exp(log_weight - largest)
+            log_evidence[row] = largest + np.log(weight.mean())
+            effective[row] = weight.sum() ** 2 / (weight**2).sum()
+    return log_evidence, effective

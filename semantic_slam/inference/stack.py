@@ -1,0 +1,158 @@
+"""Small problems, many at a time: robot and associated objects of B candidates under their Gaussian priors.
+
+A candidate's states are x = mean * Exp(L y) with y ~ N(0, I), block by block: block 0 is the robot, block 1 + i
+the object of detection i. A slot that a candidate does not use (clutter, or a second detection of the same
+object) carries an independent standard normal that no measurement touches, so that it adds nothing.
+"""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.manifold import Manifold
+from semantic_slam.inference.observation import Linearisation, ObservationModel
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Predicted Gaussians of P parents over the robot and O objects, covariances in the tangent spaces at the mean."""
+
+    mean: Array  # (P, 1 + O, d)
+    covariance: Array  # (P, (1 + O) d, (1 + O) d)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """B candidates: ``parents`` (B,) into Predicted, ``objects`` (B, n) into its objects (-1 clutter), ``classes`` (B, n)."""
+
+    parents: Index
+    objects: Index
+    classes: Index | None = None  # -1: no semantics for this detection
+
+    def take(self, selection: Any) -> "Rows":
+        """The rows of a selection."""
+        classes = None if self.classes is None else self.classes[selection]
+        return Rows(self.parents[selection], self.objects[selection], classes)
+
+
+class Stack:
+    """The likelihood of n detections over y (B, (1 + n) d), for the candidates of ``rows``."""
+
+    def __init__(
+        self, manifold: Manifold, model: ObservationModel, predicted: Predicted, detections: Sequence[Any], rows: Rows
+    ):
+        self.manifold, self.model, self.detections, self.rows = manifold, model, detections, rows
+        self.dimension = manifold.dimension
+        self.active = rows.objects >= 0
+        self.slots = _first_occurrence(rows.objects)
+        self.mean, self.root = self._gather(predicted)
+        self.size = self.mean.shape[1] * self.dimension
+
+    def _gather(self, predicted: Predicted) -> tuple[Array, Array]:
+        count = self.rows.objects.shape[1]
+        own = self.active & (self.slots == np.arange(count))
+        blocks = np.concatenate([np.zeros((len(own), 1), int), np.where(own, 1 + self.rows.objects, 0)], axis=1)
+        used = np.concatenate([np.ones((len(own), 1), bool), own], axis=1)
+        mean = predicted.mean[self.rows.parents[:, None], blocks]
+        columns = (blocks[..., None] * self.dimension + np.arange(self.dimension)).reshape(len(own), -1)
+        covariance = predicted.covariance[self.rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
+        free = np.repeat(~used, self.dimension, axis=1)
+        covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
+        return mean, np.linalg.cholesky(covariance)
+
+    def select(self, selection: Index) -> "Stack":
+        """Some of the candidates, without gathering their priors again."""
+        part = copy.copy(self)
+        part.rows = self.rows.take(selection)
+        part.active, part.slots = self.active[selection], self.slots[selection]
+        part.mean, part.root = self.mean[selection], self.root[selection]
+        return part
+
+    def tangent(self, y: Array) -> Array:
+        """(B, 1 + n, d) tangent vectors at the prior means."""
+        return np.asarray((self.root @ y[..., None])[..., 0].reshape(self.mean.shape))
+
+    def states(self, y: Array) -> Array:
+        """(B, 1 + n, d) states."""
+        return self.manifold.retract(self.mean, self.tangent(y))
+
+    def objects_of(self, states: Array, detection: int) -> Array:
+        """(B, d) states of the objects that detection ``detection`` is associated with."""
+        return states[np.arange(len(states)), 1 + self.slots[:, detection]]
+
+    def log_likelihood(self, y: Array) -> Array:
+        """(B,) log P(Z | x, O, C), Eq. 4.10."""
+        states = self.states(y)
+        total = np.zeros(len(y))
+        for number in range(self.rows.objects.shape[1]):
+            for part in self._parts(states, number):
+                density = part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
+                total += np.where(self.active[:, number], density, 0.0)
+        return total
+
+    def energy(self, y: Array) -> Array:
+        """(B,) -log P(Z | y) + |y|^2 / 2."""
+        return np.asarray(0.5 * (y**2).sum(-1) - self.log_likelihood(y))
+
+    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
+        """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
+        tangent = self.tangent(y)
+        states = self.manifold.retract(self.mean, tangent)
+        energy = 0.5 * (y**2).sum(-1)
+        residuals, jacobians = [], []
+        for number in range(self.rows.objects.shape[1]):
+            for part in self._parts(states, number):
+                applies = self.active[:, number]
+                energy = energy + np.where(applies, 0.5 * (part.residual**2).sum(-1) - part.log_normaliser, 0.0)
+                residuals.append(np.where(applies[:, None], part.residual, 0.0))
+                jacobians.append(np.where(applies[:, None, None], self._place(part, number), 0.0))
+        if not residuals:
+            return energy, y, np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size))
+        chart = self.manifold.retract_jacobian(tangent)  # (B, 1 + n, d, d)
+        blocks = np.concatenate(jacobians, axis=1).reshape(len(y), -1, self.mean.shape[1], self.dimension)
+        by_tangent = np.einsum("bmnd,bnde->bmne", blocks, chart).reshape(len(y), -1, self.size)
+        jacobian = by_tangent @ self.root
+        transposed = np.swapaxes(jacobian, -1, -2)
+        gradient = y + (transposed @ np.concatenate(residuals, axis=1)[..., None])[..., 0]
+        return energy, gradient, np.eye(self.size) + transposed @ jacobian
+
+    def log_visibility(self, y: Array, *, soft: bool) -> Array:
+        """(B,) log P(beta | x, O) over the associated objects."""
+        states = self.states(y)
+        total = np.zeros(len(y))
+        for number in range(self.rows.objects.shape[1]):
+            value = self.model.log_visibility(states[:, 0], self.objects_of(states, number), soft=soft)
+            total += np.where(self.active[:, number], value, 0.0)
+        return total
+
+    def _parts(self, states: Array, number: int) -> list[Linearisation]:
+        x, o, detection = states[:, 0], self.objects_of(states, number), self.detections[number]
+        parts = [self.model.geometry(detection, x, o)]
+        if self.rows.classes is not None and self.model.num_classes > 0:
+            parts.append(self.model.semantics(detection, x, o, np.maximum(self.rows.classes[:, number], 0)))
+        return parts
+
+    def _place(self, part: Linearisation, number: int) -> Array:
+        """(B, m, size) Jacobian in the tangent spaces at the states."""
+        batch, rows, dimension = part.jacobian_robot.shape
+        placed = np.zeros((batch, rows, self.size))
+        placed[:, :, :dimension] = part.jacobian_robot
+        columns = (1 + self.slots[:, number, None]) * dimension + np.arange(dimension)
+        index = np.broadcast_to(columns[:, None, :], part.jacobian_object.shape)
+        np.put_along_axis(placed, index, part.jacobian_object, axis=2)
+        return placed
+
+
+def _first_occurrence(objects: Index) -> Index:
+    """(B, n) slot of each detection: its own, or that of the first detection of the same object."""
+    if objects.shape[1] == 0:
+        return objects
+    same = objects[:, :, None] == objects[:, None, :]
+    return np.asarray(np.argmax(same, axis=2))

@@ -1,0 +1,95 @@
+"""A linear observation model over planar positions: with it the engine's beliefs are exact."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.inference.observation import Linearisation
+from semantic_slam.inference.problem import Step
+
+LOG_2PI = np.log(2.0 * np.pi)
+
+
+@dataclass(frozen=True)
+class LinearDetection:
+    geo: np.ndarray  # (2,) o - x + v
+    sem: np.ndarray  # (2,) a_c + B_c (o - x) + e
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    geometric_covariance: np.ndarray  # (2, 2)
+    semantic_covariance: np.ndarray  # (2, 2)
+    offsets: np.ndarray  # (C, 2) a_c
+    slopes: np.ndarray  # (C, 2, 2) B_c
+    num_classes: int  # 0 leaves the semantics out
+
+    def geometry(self, detection, x, o):
+        count = len(x)
+        eye = np.broadcast_to(np.eye(2), (count, 2, 2))
+        return _whitened(o - x - detection.geo, -eye, eye, self.geometric_covariance)
+
+    def semantics(self, detection, x, o, classes):
+        slope = self.slopes[classes]
+        mean = self.offsets[classes] + (slope @ (o - x)[..., None])[..., 0]
+        return _whitened(mean - detection.sem, -slope, slope, self.semantic_covariance)
+
+    def geometry_peak(self, detection):
+        return float(-0.5 * np.linalg.slogdet(2.0 * np.pi * self.geometric_covariance)[1])
+
+    def semantic_bound(self, detection, x, o, classes):
+        return np.full(len(classes), -0.5 * np.linalg.slogdet(2.0 * np.pi * self.semantic_covariance)[1])
+
+    def log_visibility(self, x, o, *, soft):
+        return np.zeros(len(x))
+
+    def robot_start(self, detection, x, o):
+        return o - detection.geo
+
+    def object_start(self, detection, x):
+        return x + detection.geo
+
+    def factors(self, detection, keys, assigned_class, x, o):
+        parts = [lambda x, o: self.geometry(detection, x, o)]
+        if assigned_class >= 0:
+            parts.append(lambda x, o: self.semantics(detection, x, o, np.array([assigned_class])))
+        return [_factor(part, keys) for part in parts]
+
+
+def _whitened(residual, jacobian_x, jacobian_o, covariance):
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    log_normaliser = -0.5 * np.linalg.slogdet(covariance)[1] - LOG_2PI
+    return Linearisation(
+        residual @ whiten.T, whiten @ jacobian_x, whiten @ jacobian_o, np.full(len(residual), log_normaliser)
+    )
+
+
+def _factor(part, keys):
+    def error(this: Any, values: gtsam.Values, jacobians):
+        x, o = (values.atPoint2(key)[None] for key in this.keys())
+        linear = part(x, o)
+        if jacobians is not None:
+            jacobians[0] = np.asfortranarray(linear.jacobian_robot[0])
+            jacobians[1] = np.asfortranarray(linear.jacobian_object[0])
+        return linear.residual[0]
+
+    return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(2), list(keys), error)
+
+
+class StepReader:
+    """Steps made by hand; positions become poses without rotation."""
+
+    def step(self, keyframe: Step) -> Step:
+        return keyframe
+
+    def poses(self, states):
+        poses = np.zeros((*states.shape[:-1], 7))
+        poses[..., :2], poses[..., 6] = states[..., :2], 1.0
+        return poses
+
+    def covariances(self, states, covariances):
+        full = np.zeros((*states.shape[:-1], 6, 6))
+        full[..., :2, :2] = covariances[..., :2, :2]
+        return full
