@@ -13,7 +13,7 @@ from semantic_slam.perception.frame import CameraModel
 
 Array = NDArray[np.float64]
 
-DISTORTION_MODELS = ("plumb_bob", "")
+DISTORTION_MODELS = ("plumb_bob", "rational_polynomial", "")
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 

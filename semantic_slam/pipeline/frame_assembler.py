@@ -1,0 +1,130 @@
+"""Images, depth, camera_info and detections, in whatever order they arrive, become frames in the order of their stamps.
+
+What comes out depends on the messages' stamps alone. A frame leaves once the topics' clocks show which image and
+which depth lie nearest to its detections; images without detections are never decoded.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.images import decode_depth, decode_image
+from semantic_slam.messages.sensor import camera_model, plain_frame
+from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns
+from semantic_slam.perception.frame import CameraModel, Detections, Frame
+from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+
+MAX_IMAGES_WAITING = 300
+"""Images kept while no detections come; a detector later than that many images cannot be matched."""
+
+
+class FrameAssembler:
+    """Matches detections with the image and the depth nearest in time.
+
+    ``dropped`` counts, by reason, every message that could not be used; images between detections are not among them.
+    """
+
+    def __init__(self, configuration: Configuration, has_depth: bool) -> None:
+        """``has_depth``: whether this run has a depth topic; without it every frame is bearing only."""
+        self.dropped: Counter[str] = Counter()
+        self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
+        self._has_depth = has_depth
+        self._tolerance_ns = round(configuration.perception.sync_tolerance_s * NANOSECONDS)
+        self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self.dropped)
+        self._images: StampedBuffer[Any] = StampedBuffer(topics.IMAGE, self.dropped, MAX_IMAGES_WAITING)
+        self._depths: StampedBuffer[Any] = StampedBuffer(topics.DEPTH, self.dropped, MAX_IMAGES_WAITING)
+
+    def add_camera_info(self, message: Any) -> None:
+        """sensor_msgs/CameraInfo; raises InputError when the camera is not calibrated."""
+        if self.camera is None:
+            self.camera = camera_model(message, topics.CAMERA_INFO)
+
+    def add_image(self, message: Any) -> None:
+        """sensor_msgs/Image or CompressedImage in colour."""
+        self._images.add(header_stamp_ns(message), message)
+
+    def add_depth(self, message: Any) -> None:
+        """sensor_msgs/Image or CompressedImage with depth."""
+        self._depths.add(header_stamp_ns(message), message)
+
+    def add_detections(self, message: Any) -> None:
+        """semantic_slam_msgs/DetectionArray."""
+        try:
+            detections = from_message(message)
+        except InputError:
+            self.dropped[f"{topics.DETECTIONS}: arrays of different lengths"] += 1
+            return
+        self._detections.add(detections.stamp_ns, detections)
+
+    def take(self) -> list[Frame]:
+        """Frames that are complete by now, in the order of their stamps."""
+        return self._frames(at_end=False)
+
+    def flush(self) -> list[Frame]:
+        """All that is left, once no more messages will come."""
+        return self._frames(at_end=True)
+
+    def _frames(self, at_end: bool) -> list[Frame]:
+        frames = []
+        while len(self._detections) and (at_end or self._is_decided(self._detections.first()[0])):
+            detections = self._detections.pop()
+            frame = self._frame(detections)
+            if frame is not None:
+                frames.append(frame)
+            self._images.forget_before(detections.stamp_ns - self._tolerance_ns)
+            self._depths.forget_before(detections.stamp_ns - self._tolerance_ns)
+        return frames
+
+    def _is_decided(self, stamp_ns: int) -> bool:
+        buffers = [self._images, self._depths] if self._has_depth else [self._images]
+        return self.camera is not None and all(buffer.has_reached(stamp_ns) for buffer in buffers)
+
+    def _frame(self, detections: Detections) -> Frame | None:
+        """The frame of these detections; None, counted, when image, camera or frame id are missing or wrong."""
+        camera, image = self.camera, self._images.nearest(detections.stamp_ns, self._tolerance_ns)
+        if camera is None:
+            return self._drop(f"{topics.DETECTIONS}: no {topics.CAMERA_INFO} came")
+        if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):
+            names = f"'{detections.frame_id}' is not the camera's '{camera.frame_id}'"
+            return self._drop(f"{topics.DETECTIONS}: frame id {names}")
+        if image is None:
+            return self._drop(f"{topics.DETECTIONS}: no {topics.IMAGE} of their stamp")
+        pixels = self._decoded(decode_image, image, topics.IMAGE)
+        if pixels is None or not self._fits(pixels, topics.IMAGE):
+            return None
+        return Frame(detections.stamp_ns, pixels, self._depth(detections.stamp_ns), camera, detections)
+
+    def _depth(self, stamp_ns: int) -> NDArray[np.float32] | None:
+        """Depth for the frame of this stamp; None where it is missing or broken, counted: those are bearing only."""
+        if not self._has_depth:
+            return None
+        message = self._depths.nearest(stamp_ns, self._tolerance_ns)
+        if message is None:
+            return self._drop(f"{topics.DEPTH}: none of the detections' stamp, bearing only")
+        depth_m = self._decoded(decode_depth, message, topics.DEPTH)
+        return depth_m if depth_m is not None and self._fits(depth_m, topics.DEPTH) else None
+
+    def _decoded(self, decode: Callable[[Any, str], NDArray[Any]], message: Any, topic: str) -> Any:
+        try:
+            return decode(message, topic)
+        except InputError as error:
+            return self._drop(str(error))
+
+    def _fits(self, pixels: NDArray[Any], topic: str) -> bool:
+        assert self.camera is not None
+        height, width = pixels.shape[:2]
+        if (width, height) == (self.camera.width, self.camera.height):
+            return True
+        expected = f"{self.camera.width} x {self.camera.height}"
+        self._drop(f"{topic}: size {width} x {height} is not the {expected} of {topics.CAMERA_INFO}")
+        return False
+
+    def _drop(self, reason: str) -> None:
+        self.dropped[reason] += 1

@@ -1,0 +1,163 @@
+"""Odometry and semantic measurements, in whatever order they arrive, become keyframes in the order of their stamps.
+
+What comes out depends on the messages' stamps alone. A measurement becomes a keyframe (or is passed over by the
+policy) once the odometry has come to its stamp.
+
+Policies: ``every_detection`` makes a keyframe of every measurement that has detections; ``odometry`` of the first
+measurement, and of every one, with detections or without, at which the robot has moved far enough since the last
+keyframe. The motion up to measurements passed over is in the odometry of the next keyframe.
+"""
+
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.transform import between
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.messages import topics
+from semantic_slam.messages.ground_truth import GroundTruthAssociations
+from semantic_slam.messages.sensor import odometry_sample
+from semantic_slam.messages.standard import NANOSECONDS
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, point_between, start
+from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+
+MAX_EXTRAPOLATION_S = 1.0
+"""How long the last odometry still stands for the robot's pose; measurements after that cannot be used."""
+
+
+class KeyframeAssembler:
+    """Decides which measurements become keyframes, and gives each its odometry. ``dropped`` counts, by reason."""
+
+    def __init__(self, configuration: Configuration, has_identities: bool = False) -> None:
+        """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`."""
+        self.dropped: Counter[str] = Counter()
+        self._configuration = configuration
+        self._wants_identities = configuration.association == "given"
+        self._has_identities = has_identities
+        self._odometry: StampedBuffer[OdometryPoint] = StampedBuffer(topics.ODOMETRY, self.dropped)
+        self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
+        self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
+        self._newest: OdometryPoint | None = None
+        self._last_keyframe: OdometryPoint | None = None  # before the first keyframe: the first odometry sample
+        self._next_index = 0
+
+    def add_odometry(self, message: Any) -> None:
+        """nav_msgs/Odometry; one that is not finite is dropped, its neighbours are interpolated."""
+        try:
+            sample = odometry_sample(message, topics.ODOMETRY)
+        except InputError:
+            self.dropped[f"{topics.ODOMETRY}: pose is not finite"] += 1
+            return
+        if self._newest is None:
+            point = self._last_keyframe = start(sample)
+        else:
+            point = self._newest.advance(sample)
+        if not self._odometry.has_reached(sample.stamp_ns):
+            self._newest = point
+        self._odometry.add(sample.stamp_ns, point)
+
+    def add_measurements(self, measurements: SemanticMeasurements) -> None:
+        """The measurements of one frame."""
+        self._measurements.add(measurements.stamp_ns, measurements)
+
+    def add_identities(self, identities: GroundTruthAssociations) -> None:
+        """Object ids of the detections of one frame, used with ``association: given``."""
+        self._identities.add(identities.stamp_ns, identities.object_ids)
+
+    def take(self) -> list[Keyframe]:
+        """Keyframes that are complete by now, in the order of their stamps. Raises InputError when ids are missing."""
+        return self._keyframes(at_end=False)
+
+    def flush(self) -> list[Keyframe]:
+        """All that is left, once no more messages will come; the last odometry stands for a short while."""
+        return self._keyframes(at_end=True)
+
+    def _keyframes(self, at_end: bool) -> list[Keyframe]:
+        keyframes = []
+        while len(self._measurements):
+            stamp_ns, measurements = self._measurements.first()
+            if not at_end and not (self._odometry.has_reached(stamp_ns) and self._identities_known(measurements)):
+                break
+            self._measurements.pop()
+            keyframe = self._keyframe(measurements)
+            if keyframe is not None:
+                keyframes.append(keyframe)
+        return keyframes
+
+    def _identities_known(self, measurements: SemanticMeasurements) -> bool:
+        return not self._needs_identities(measurements) or self._identities.has_reached(measurements.stamp_ns)
+
+    def _needs_identities(self, measurements: SemanticMeasurements) -> bool:
+        """Whether detections have to be given identities; raises InputError when nothing can give them."""
+        if not self._wants_identities or not len(measurements) or any(measurements.track_ids):
+            return False
+        if not self._has_identities:
+            raise InputError(
+                f"association: given, but the {topics.DETECTIONS} carry no track_ids and there is no"
+                f" {topics.GROUND_TRUTH_ASSOCIATIONS}; set association: enumerated"
+            )
+        return True
+
+    def _keyframe(self, measurements: SemanticMeasurements) -> Keyframe | None:
+        """The next keyframe; None when the policy passes the measurement over, or, counted, when it cannot be used."""
+        point = self._point(measurements.stamp_ns)
+        if point is None:
+            self.dropped[f"{topics.MEASUREMENTS}: no {topics.ODOMETRY} at their stamp"] += 1
+            return None
+        assert self._last_keyframe is not None
+        if not self._is_chosen(measurements, self._last_keyframe, point):
+            return None
+        named = self._with_identities(measurements)
+        if named is None:
+            self.dropped[f"{topics.MEASUREMENTS}: no {topics.GROUND_TRUTH_ASSOCIATIONS} of their stamp"] += 1
+            return None
+        keyframe = Keyframe(
+            index=self._next_index,
+            stamp_ns=measurements.stamp_ns,
+            odometry=between(self._last_keyframe.pose, point.pose),
+            odometry_covariance=motion_covariance(self._last_keyframe, point, self._configuration.odometry),
+            measurements=named,
+        )
+        self._next_index += 1
+        self._last_keyframe = point
+        return keyframe
+
+    def _point(self, stamp_ns: int) -> OdometryPoint | None:
+        """Odometry at an instant; the first sample stands for all before it, the last for a short while after it."""
+        earlier = None
+        for sample_stamp_ns, point in self._odometry:
+            if sample_stamp_ns >= stamp_ns:
+                found = (
+                    point if earlier is None or sample_stamp_ns == stamp_ns else point_between(earlier, point, stamp_ns)
+                )
+                break
+            earlier = point
+        else:
+            is_recent = earlier is not None and stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
+            found = replace(earlier, stamp_ns=stamp_ns) if earlier is not None and is_recent else None
+        if earlier is not None:
+            self._odometry.forget_before(earlier.stamp_ns)
+        return found
+
+    def _is_chosen(self, measurements: SemanticMeasurements, last: OdometryPoint, point: OdometryPoint) -> bool:
+        policy = self._configuration.keyframes
+        if policy.policy == "every_detection":
+            return len(measurements) > 0
+        return (
+            self._next_index == 0
+            or point.travelled_m - last.travelled_m >= policy.distance_m
+            or point.turned_rad - last.turned_rad >= policy.angle_rad
+        )
+
+    def _with_identities(self, measurements: SemanticMeasurements) -> SemanticMeasurements | None:
+        """The measurements with object ids as their track ids where ids are given apart; None when there are none."""
+        if not self._needs_identities(measurements):
+            return measurements
+        object_ids = self._identities.nearest(measurements.stamp_ns, 0)
+        self._identities.forget_before(measurements.stamp_ns)
+        if object_ids is None or max(measurements.detection_ids) >= len(object_ids):
+            return None
+        return replace(measurements, track_ids=tuple(object_ids[index] for index in measurements.detection_ids))
