@@ -1,0 +1,55 @@
+"""``make_scene --out DIR [--seed N] [--turntable]``: a simulated room in AVD's format, or turntables in BigBIRD's."""
+
+import argparse
+from pathlib import Path
+
+from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.errors import InputError
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="make_scene",
+        description="Render furniture that looks alike from some sides: a room in the format of the Active Vision Dataset"
+        " (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every class on a"
+        " turntable in BigBIRD's format (DIR/<class>). Needs EGL or OSMesa, not a screen.",
+    )
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="data set folder to write into")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="layout of the room, 0 to 999 (default: 0)")
+    parser.add_argument("--turntable", action="store_true", help="write turntable views instead of a room")
+    parser.add_argument(
+        "--step-deg", type=int, default=3, metavar="A", help="angle between turntable views, divides 360 (default: 3)"
+    )
+    return parser.parse_args()
+
+
+def command() -> None:
+    """Parse the command line and render."""
+    arguments = parse()
+    if arguments.turntable:
+        _turntables(arguments)
+    else:
+        _room(arguments)
+
+
+def _turntables(arguments: argparse.Namespace) -> None:
+    from semantic_slam.simulation.turntable import TurntableSettings, write_turntables
+
+    if arguments.step_deg < 1 or 360 % arguments.step_deg:
+        raise InputError(f"--step-deg {arguments.step_deg}: must divide 360")
+    folders = write_turntables(arguments.out, TurntableSettings(step_deg=arguments.step_deg))
+    print(f"{arguments.out}: turntable views of {', '.join(folder.name for folder in folders)}")
+
+
+def _room(arguments: argparse.Namespace) -> None:
+    from semantic_slam.simulation.scene import make_scene
+
+    print(f"{make_scene(arguments.out, arguments.seed)}: import it with import_dataset avd")
+
+
+def main() -> None:
+    run_main(command)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""Offscreen rendering with MuJoCo: colour, depth and the object behind every pixel."""
+
+import ctypes
+import os
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.perception.frame import CameraModel
+
+Array = NDArray[np.float64]
+
+LIBRARIES = {"egl": "libEGL.so.1", "osmesa": "libOSMesa.so.8"}
+OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+"""MuJoCo's cameras look along -z with y up, optical frames along +z with y down."""
+
+
+class RenderingError(SemanticSlamError):
+    """Neither EGL nor OSMesa works on this machine."""
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """One view of a scene."""
+
+    image: NDArray[np.uint8]  # (height, width, 3) RGB
+    depth_m: NDArray[np.float32]  # (height, width) along the optical axis
+    body_ids: NDArray[np.int32]  # (height, width) MuJoCo body, 0 for the room and the background
+
+
+def choose_library() -> str:
+    """Set MUJOCO_GL, unless the user did, to the first offscreen library that loads; raises RenderingError."""
+    if os.environ.get("MUJOCO_GL"):
+        return os.environ["MUJOCO_GL"]
+    for name, library in LIBRARIES.items():
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            continue
+        os.environ["MUJOCO_GL"] = name
+        return name
+    raise RenderingError("neither libEGL nor libOSMesa loads; install libegl1 and libgl1-mesa-dri, or libosmesa6")
+
+
+def camera_model(width: int, height: int, horizontal_fov_rad: float) -> CameraModel:
+    """A pinhole camera with square pixels whose optical axis meets the middle of the image."""
+    focal = width / 2.0 / np.tan(horizontal_fov_rad / 2.0)
+    return CameraModel(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
+
+
+class Renderer:
+    """Renders one MuJoCo scene; a context manager, because OpenGL contexts are scarce."""
+
+    def __init__(self, xml: str, assets: dict[str, bytes], camera: CameraModel) -> None:
+        choose_library()
+        import mujoco
+
+        self._mujoco: Any = mujoco
+        self._camera = camera
+        try:
+            self._gl = mujoco.GLContext(camera.width, camera.height)
+            self._gl.make_current()
+        except Exception as fault:  # each library fails in its own way
+            raise RenderingError(
+                f"no OpenGL context ({fault!r}); install libegl1 and libgl1-mesa-dri, or libosmesa6"
+            ) from None
+        self._model = mujoco.MjModel.from_xml_string(xml, assets)
+        self._model.cam_fovy[0] = np.rad2deg(2.0 * np.arctan(camera.height / 2.0 / camera.fy))
+        self._data = mujoco.MjData(self._model)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=1000)
+        self._option = mujoco.MjvOption()
+        self._rectangle = mujoco.MjrRect(0, 0, camera.width, camera.height)
+        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+
+    def __enter__(self) -> "Renderer":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._context.free()
+        self._gl.free()
+
+    def render(self, T_world_camera: Array) -> Rendering:
+        """The view of an optical frame at the (4, 4) pose ``T_world_camera``."""
+        self._place_camera(T_world_camera)
+        image, _ = self._draw(segment=False)
+        codes, depth = self._draw(segment=True)  # drawn without smoothed edges: its depth belongs to its ids
+        return Rendering(image, self._metric(depth), self._bodies(codes))
+
+    def _place_camera(self, T_world_camera: Array) -> None:
+        mujoco = self._mujoco
+        rotation = (T_world_camera[:3, :3] @ OPTICAL_FROM_OPENGL).ravel()
+        mujoco.mju_mat2Quat(self._model.cam_quat[0], rotation)
+        self._model.cam_pos[0] = T_world_camera[:3, 3]
+        mujoco.mj_forward(self._model, self._data)
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        camera.fixedcamid = 0
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self._model, self._data, self._option, None, camera, every, self._scene)
+
+    def _draw(self, segment: bool) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        flags = self._mujoco.mjtRndFlag
+        self._scene.flags[flags.mjRND_SEGMENT] = segment
+        self._scene.flags[flags.mjRND_IDCOLOR] = segment
+        self._scene.flags[flags.mjRND_SHADOW] = not segment
+        image = np.empty((self._camera.height, self._camera.width, 3), dtype=np.uint8)
+        depth = np.empty((self._camera.height, self._camera.width), dtype=np.float32)
+        self._mujoco.mjr_render(self._rectangle, self._scene, self._context)
+        self._mujoco.mjr_readPixels(image, depth, self._rectangle, self._context)
+        return image[::-1], depth[::-1]
+
+    def _metric(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Metres from the depth buffer, which holds near / far at 1 / 0 (reversed perspective)."""
+        near = self._model.vis.map.znear * self._model.stat.extent
+        far = self._model.vis.map.zfar * self._model.stat.extent
+        return (near * far / (near + depth.astype(np.float64) * (far - near))).astype(np.float32)
+
+    def _bodies(self, codes: NDArray[np.uint8]) -> NDArray[np.int32]:
+        """Bodies from the colours of a segmentation image: the number of a drawn geom plus one, 0 for nothing."""
+        body_of_code = np.zeros(self._scene.ngeom + 1, dtype=np.int32)
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.segid >= 0 and geom.objtype == self._mujoco.mjtObj.mjOBJ_GEOM:
+                body_of_code[geom.segid + 1] = self._model.geom_bodyid[geom.objid]
+        code = codes.astype(np.int64) @ np.array([1, 1 << 8, 1 << 16])
+        return body_of_code[code]

@@ -1,0 +1,136 @@
+"""``make_scene``: a simulated room as a scene folder in AVD's format, with its ground truth beside it."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from semantic_slam.errors import InputError
+from semantic_slam.simulation import avd_writer
+from semantic_slam.simulation.annotation import annotate
+from semantic_slam.simulation.avd_writer import SceneImage
+from semantic_slam.simulation.layout import draw_layout, room
+from semantic_slam.simulation.move_graph import moves
+from semantic_slam.simulation.mujoco_scene import PlacedObject, scene_xml
+from semantic_slam.simulation.renderer import Renderer, camera_model
+from semantic_slam.simulation.tour import CAMERA_HEIGHT_M, HORIZONTAL_FOV_RAD, VIEWS_PER_POSITION, ring, tour
+
+Array = NDArray[np.float64]
+
+UNRECONSTRUCTED_FRACTION = 0.05
+SIGMA_POSITION_M = 0.008
+SIGMA_YAW_RAD = 0.015
+LARGEST_SCENE_NUMBER = 999
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """Size of the pictures, and a limit for tests."""
+
+    width: int = 720
+    height: int = 540
+    max_positions: int | None = None
+
+
+def make_scene(root: Path, seed: int, settings: SceneSettings | None = None) -> Path:
+    """Render the room of that seed into ``root/Gen_<seed>_1``; returns the scene's folder. Raises InputError."""
+    settings = settings or SceneSettings()
+    if not 0 <= seed <= LARGEST_SCENE_NUMBER:
+        raise InputError(f"--seed {seed}: the scene's number has three digits; choose 0 to {LARGEST_SCENE_NUMBER}")
+    folder = root / avd_writer.scene_name(seed)
+    if folder.exists():
+        raise InputError(f"{folder}: exists already; remove it or choose another --out")
+    folder.mkdir(parents=True)
+    positions = ring()[: settings.max_positions]
+    names = [avd_writer.image_name(seed, index) for index in range(len(positions) * VIEWS_PER_POSITION)]
+    objects = draw_layout(seed)
+    images = _render(folder, names, positions, objects, seed, settings)
+    scale_mm = float(np.random.default_rng([seed, 4]).uniform(300.0, 900.0))
+    avd_writer.write_annotations(folder, images)
+    avd_writer.write_image_structs(folder, images, scale_mm)
+    avd_writer.write_instances(root, folder, objects)
+    _write_tour(folder, names, seed)
+    _write_ground_truth(folder, objects, images[0].T_map_camera, scale_mm)
+    return folder
+
+
+def camera_poses(positions: Array, seed: int) -> Array:
+    """(P * 12, 4, 4) T_map_camera: a robot never stands or turns exactly where it should."""
+    rng = np.random.default_rng([seed, 3])
+    count = len(positions) * VIEWS_PER_POSITION
+    places = np.repeat(positions, VIEWS_PER_POSITION, axis=0) + rng.normal(0.0, SIGMA_POSITION_M, (count, 2))
+    yaws = np.arange(count) % VIEWS_PER_POSITION * (2.0 * np.pi / VIEWS_PER_POSITION) + rng.normal(
+        0.0, SIGMA_YAW_RAD, count
+    )
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    zero = np.zeros(count)
+    poses[:, :3, 0] = np.stack([np.sin(yaws), -np.cos(yaws), zero], axis=1)
+    poses[:, :3, 1] = [0.0, 0.0, -1.0]
+    poses[:, :3, 2] = np.stack([np.cos(yaws), np.sin(yaws), zero], axis=1)
+    poses[:, :3, 3] = np.column_stack([places, np.full(count, CAMERA_HEIGHT_M)])
+    return poses
+
+
+def _render(
+    folder: Path,
+    names: Sequence[str],
+    positions: Array,
+    objects: Sequence[PlacedObject],
+    seed: int,
+    settings: SceneSettings,
+) -> list[SceneImage]:
+    camera = camera_model(settings.width, settings.height, HORIZONTAL_FOV_RAD)
+    avd_writer.write_camera(folder, camera, len(names))
+    links = moves(names, positions)
+    kept = _reconstructed(len(names), seed)
+    poses = camera_poses(positions, seed)
+    images = []
+    with Renderer(*scene_xml(objects, room()), camera) as renderer:
+        for index, name in enumerate(tqdm(names, desc=folder.name, unit="image")):
+            view = renderer.render(poses[index])
+            avd_writer.write_pixels(folder, name, view.image, view.depth_m)
+            found = tuple(annotate(view.body_ids, objects, poses[index], camera))
+            position = index // VIEWS_PER_POSITION
+            images.append(SceneImage(name, poses[index], position, bool(kept[index]), links[index], found))
+    return images
+
+
+def _reconstructed(count: int, seed: int) -> NDArray[np.bool_]:
+    """(count,) false for the images whose pose structure from motion did not find; the first image always has one."""
+    kept = np.random.default_rng([seed, 5]).random(count) >= UNRECONSTRUCTED_FRACTION
+    kept[0] = True
+    return kept
+
+
+def _write_tour(folder: Path, names: Sequence[str], seed: int) -> None:
+    """``tour.txt``: the images of a drive past all objects, one name per line."""
+    indices = [frame.position * VIEWS_PER_POSITION + frame.view for frame in tour(seed)]
+    lines = [names[index] for index in indices if index < len(names)]
+    (folder / "tour.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _write_ground_truth(folder: Path, objects: Sequence[PlacedObject], first: Array, scale_mm: float) -> None:
+    """``ground_truth.json``: what AVD lacks. A point of map is map_from_world.linear @ world + map_from_world.offset."""
+    linear, offset = avd_writer.world_from_map(first[:3, 3], scale_mm)
+    inverse = np.linalg.inv(linear)
+    rows = [
+        {
+            "id": placed.object_id,
+            "name": placed.name,
+            "class": placed.class_name,
+            "pose": placed.pose.tolist(),
+            "size": list(placed.model.size),
+        }
+        for placed in objects
+    ]
+    truth = {
+        "schema_version": 1,
+        "frame": "map",
+        "map_from_world": {"linear": inverse.tolist(), "offset": (-inverse @ offset).tolist()},
+        "objects": rows,
+    }
+    (folder / "ground_truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
