@@ -4,6 +4,7 @@ Records are opcode (1 byte), length (8 bytes), content. A chunk's content is dec
 """
 
 import struct
+from collections import Counter
 from collections.abc import Collection, Iterator
 from io import BytesIO
 from pathlib import Path
@@ -43,7 +44,7 @@ class McapStream:
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise InputError(f"{path}: no mcap file; give a rosbag2 folder, a .mcap or a .db3")
-        self.num_messages = sum(1 for _ in self.messages(None))
+        self.counts = Counter(message.topic for message in self.messages(None))
 
     def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]:
         """Every whole message before the damage, in the order of the file; ``topics``: absolute names, None for all."""

@@ -1,6 +1,7 @@
 """Read bags: rosbag2 folders and bare storage files, mcap or sqlite3, compressed or not, damaged or whole."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from functools import cached_property
@@ -29,7 +30,7 @@ class Source(Protocol):
 
     topics: dict[str, str]
     definitions: dict[str, str]
-    num_messages: int
+    counts: Counter[str]
 
     def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]: ...
 
@@ -40,7 +41,9 @@ class IndexedSource:
     def __init__(self, reader: Reader) -> None:
         """``reader`` is open."""
         self._reader = reader
-        self.num_messages = reader.message_count
+        self.counts = Counter()
+        for item in reader.connections:
+            self.counts[absolute(item.topic)] += item.msgcount
         self.topics = {absolute(item.topic): item.msgtype for item in reader.connections}
         self.definitions = {item.msgtype: item.msgdef.data for item in reader.connections if item.msgdef.data}
 
@@ -82,9 +85,14 @@ class BagReader:
         return {topic: kind for source in self._sources for topic, kind in source.topics.items()}
 
     @property
+    def counts(self) -> Counter[str]:
+        """Number of messages that can be read, by absolute topic name."""
+        return sum((source.counts for source in self._sources), Counter())
+
+    @property
     def num_messages(self) -> int:
-        """Messages that can be read."""
-        return sum(source.num_messages for source in self._sources)
+        """Messages that can be read, of all topics."""
+        return self.counts.total()
 
     @property
     def definitions(self) -> dict[str, str]:
@@ -108,6 +116,10 @@ class BagReader:
                 yield message
         if self.damage:
             raise self._truncated(self.damage, given)
+
+    def check_definitions(self) -> None:
+        """Raises InputError when a type of ours was recorded with another definition than this version's."""
+        _ = self._store
 
     def decode(self, cdr: bytes, type_name: str) -> Any:
         """Message from its bytes, by our definition or by the one embedded in the bag; raises InputError."""

@@ -1,12 +1,22 @@
 """The one place where errors become exit codes: 0 done, 2 bad input or usage, 1 a fault of ours, 130 interrupted."""
 
+import argparse
 import sys
 import traceback
 from collections.abc import Callable
+from typing import NoReturn
 
 from semantic_slam.errors import InputError
 
 DONE, FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+class CommandParser(argparse.ArgumentParser):
+    """An argument parser whose complaints are bad input like any other: one line, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Called by argparse; raises InputError."""
+        raise InputError(f"{self.prog}: {message}; {self.prog} --help tells what is possible")
 
 
 def exit_code(command: Callable[[], None]) -> int:

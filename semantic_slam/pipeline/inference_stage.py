@@ -1,0 +1,46 @@
+"""The hypothesis manager of a run in this process, with its backends."""
+
+from semantic_slam.bag.writer import BagWriter
+from semantic_slam.configuration import Configuration
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.manager import HypothesisManager
+from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.run import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.messages import topics
+from semantic_slam.pipeline.preamble import Preamble
+from semantic_slam.pipeline.provenance import revision
+
+
+class InferenceStage:
+    """The hypothesis manager, started by the first keyframe, whose stamp is the run's."""
+
+    def __init__(
+        self, configuration: Configuration, prior: MapPrior | None, preamble: Preamble, source: str, num_backends: int
+    ) -> None:
+        self._configuration, self._prior, self._source = configuration, prior, source
+        self._estimate, self._num_backends = preamble.initial_pose, num_backends
+        self._manager: HypothesisManager | None = None
+
+    def process(self, keyframe: Keyframe, writer: BagWriter) -> None:
+        """One keyframe; writes the belief, and before the first one the run's configuration."""
+        if self._manager is None:
+            self._manager = self._start(keyframe.stamp_ns, writer)
+        writer.write(topics.BELIEF, self._manager.process(keyframe), keyframe.stamp_ns)
+
+    def _start(self, stamp_ns: int, writer: BagWriter) -> HypothesisManager:
+        pose, covariance = initial_pose_of(self._configuration)
+        if self._estimate is not None:
+            pose, covariance = self._estimate.pose, self._estimate.covariance
+        run = make_run_configuration(
+            self._configuration,
+            self._prior,
+            pose,
+            covariance,
+            stamp_ns=stamp_ns,
+            source=self._source,
+            revision=revision(),
+        )
+        writer.write(topics.RUN_CONFIGURATION, run, stamp_ns)
+        problem = problem_of(run)
+        return HypothesisManager(problem, InProcessPool(self._num_backends, problem, run.run_id), run.run_id)

@@ -1,0 +1,207 @@
+"""The whole pipeline in this process: from an input bag to a belief bag.
+
+bag -> FrameAssembler -> Classifier -> KeyframeAssembler -> HypothesisManager -> belief bag; the parts are the nodes'.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from semantic_slam.bag.mcap_stream import RawMessage
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.writer import BagWriter
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.sensor import sensor_pose
+from semantic_slam.perception.classifier import Classifier
+from semantic_slam.perception.frame import Frame
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.diagnostics import dropped_message
+from semantic_slam.pipeline.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.inference_stage import InferenceStage
+from semantic_slam.pipeline.input_topics import COPIED, InputTopics, find_topics
+from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
+from semantic_slam.pipeline.provenance import source_text
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What a run made of its bag."""
+
+    belief_bag: Path
+    num_frames: int
+    num_keyframes: int
+    dropped: dict[str, int]  # inputs not used, by reason
+    fault: InputError | None  # why the input ended early; everything before it is in the belief bag
+
+
+def run_bag(
+    bag: Path,
+    out_bag: Path,
+    configuration: Configuration,
+    map_prior: MapPrior | None = None,
+    max_keyframes: int | None = None,
+    num_backends: int = 1,
+) -> RunSummary:
+    """Run the pipeline on ``bag`` and write the belief bag ``out_bag`` as it goes.
+
+    ``map_prior`` None: the objects.json beside the bag, if there is one. Raises InputError when not a single keyframe
+    can be made; bad input after that ends the run, and is in the summary.
+    """
+    if out_bag.resolve() in (bag.resolve(), bag.resolve().parent):
+        raise InputError(f"{out_bag}: is the input bag; name another output")
+    with BagReader(bag) as reader:
+        found = find_topics(bag, reader.topics)
+        reader.check_definitions()
+        preamble = read_preamble(reader)
+        prior = map_prior if map_prior is not None else find_map_prior(bag)
+        inference = InferenceStage(configuration, prior, preamble, source_text(bag, reader.sha256()), num_backends)
+        with BagWriter(out_bag) as writer:
+            run = OfflineRun(configuration, found, preamble, inference, writer)
+            fault = _run(run, reader, max_keyframes)
+    dropped = sum(run.dropped_by().values(), Counter[str]())
+    if not run.num_keyframes:
+        reasons = "; ".join(f"{reason} ({n})" for reason, n in sorted(dropped.items())) or "no detections in it"
+        raise fault or InputError(f"{bag}: not one keyframe could be made: {reasons}; correct the bag's messages")
+    return RunSummary(out_bag, run.num_frames, run.num_keyframes, dict(dropped), fault)
+
+
+def _run(run: "OfflineRun", reader: BagReader, max_keyframes: int | None) -> InputError | None:
+    """Feed the bag until its end, its damage or the last keyframe wanted; returns what was wrong with it."""
+    fault = None
+    with tqdm(total=run.num_expected(reader.counts), unit="frame", desc="frames") as progress:
+        run.on_frame = progress.update
+        run.max_keyframes = max_keyframes
+        try:
+            for message in reader.messages(run.wanted):
+                run.take(message, reader.decode)
+                if run.is_done:
+                    break
+        except InputError as error:
+            fault = error
+        try:
+            run.finish()
+        except InputError as error:
+            fault = fault or error
+    return fault
+
+
+class OfflineRun:
+    """Hands each message of a bag to the part that wants it, and what comes out to the next."""
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        found: InputTopics,
+        preamble: Preamble,
+        inference: InferenceStage,
+        writer: BagWriter,
+    ) -> None:
+        self.num_frames, self.num_keyframes = 0, 0
+        self.on_frame: Callable[[], object] = lambda: None
+        self.max_keyframes: int | None = None
+        self._perception, self._found, self._preamble = configuration.perception, found, preamble
+        self._inference, self._writer = inference, writer
+        self._frames = FrameAssembler(configuration, has_depth=bool(found.depth))
+        self._keyframes = KeyframeAssembler(configuration, has_identities=bool(found.identities))
+        self._classifier = Classifier(configuration) if found.has_images else None
+        self._undecodable: Counter[str] = Counter()
+        self._handlers = self._make_handlers(configuration)
+        self._last_stamp_ns = 0
+
+    def _make_handlers(self, configuration: Configuration) -> dict[str, Callable[[Any], None]]:
+        found = self._found
+        handlers = {found.odometry: self._keyframes.add_odometry}
+        if found.has_images:
+            handlers |= {
+                found.image: self._frames.add_image,
+                found.camera_info: self._frames.add_camera_info,
+                found.detections: self._frames.add_detections,
+            }
+            if found.depth:
+                handlers[found.depth] = self._frames.add_depth
+        else:
+            handlers[found.measurements] = lambda message: self._add_measurements(from_message(message))
+        if found.identities and configuration.association == "given":
+            handlers[found.identities] = lambda message: self._keyframes.add_identities(from_message(message))
+        return handlers
+
+    @property
+    def wanted(self) -> set[str]:
+        """Topics to be read."""
+        return {*self._handlers, *COPIED}
+
+    @property
+    def is_done(self) -> bool:
+        return self.max_keyframes is not None and self.num_keyframes >= self.max_keyframes
+
+    def num_expected(self, counts: Counter[str]) -> int:
+        """Frames that the bag may hold, for a progress display."""
+        return counts[self._found.measurements or self._found.detections]
+
+    def dropped_by(self) -> dict[str, Counter[str]]:
+        """Inputs not used, by part and reason."""
+        classifier = self._classifier.dropped if self._classifier else Counter[str]()
+        return {
+            "bag": self._undecodable,
+            "frames": self._frames.dropped,
+            "classifier": classifier,
+            "keyframes": self._keyframes.dropped,
+        }
+
+    def take(self, message: RawMessage, decode: Callable[[bytes, str], Any]) -> None:
+        """One message of the bag. Raises InputError when the run cannot go on."""
+        self._last_stamp_ns = message.stamp_ns
+        if message.topic in COPIED:
+            self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns)
+        if message.topic not in self._handlers:
+            return
+        try:
+            content = decode(message.cdr, message.type_name)
+        except InputError:
+            self._undecodable[f"{message.topic}: message does not decode"] += 1
+            return
+        self._handlers[message.topic](content)
+        self._measure(self._frames.take())
+        self._infer(self._keyframes.take())
+
+    def finish(self) -> None:
+        """Use what still waits for later messages, and record what was not used. Raises InputError."""
+        try:
+            self._measure(self._frames.flush())
+            self._infer(self._keyframes.flush())
+        finally:
+            self._writer.write(
+                topics.DIAGNOSTICS, dropped_message(self._last_stamp_ns, self.dropped_by()), self._last_stamp_ns
+            )
+
+    def _measure(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            if self._classifier is None or self.is_done:
+                return
+            extrinsics, base_frame = self._perception.extrinsics, self._perception.base_frame
+            T_base_camera = sensor_pose(extrinsics, base_frame, self._preamble.transforms, frame.camera.frame_id)
+            measured = self._classifier.measure(frame, self.num_frames, T_base_camera)
+            dropped = self._frames.dropped.total() + self._classifier.dropped.total()
+            self._add_measurements(replace(measured, dropped=dropped))
+
+    def _add_measurements(self, measurements: SemanticMeasurements) -> None:
+        self.num_frames += 1
+        self._writer.write(topics.MEASUREMENTS, measurements, measurements.stamp_ns)
+        self._keyframes.add_measurements(measurements)
+        self.on_frame()
+
+    def _infer(self, keyframes: list[Keyframe]) -> None:
+        for keyframe in keyframes:
+            if not self.is_done:
+                self._inference.process(keyframe, self._writer)
+                self.num_keyframes += 1
