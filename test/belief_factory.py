@@ -8,23 +8,23 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.rosbag2 import StoragePlugin, Writer
 
 from semantic_slam import configuration
+from semantic_slam.bag.writer import BagWriter
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import encode
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate, header_message
-from semantic_slam.messages.typestore import message_class, serialize, typestore
+from semantic_slam.messages.typestore import message_class
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 Array = NDArray[np.float64]
@@ -219,24 +219,24 @@ def write_belief_bag(
     path = true_path(keyframes)
     source, beliefs = folder / "source", folder / "belief"
     run = run_configuration(source, class_names, object_names)
-    rows: list[tuple[str, int, bytes]] = [(topics.RUN_CONFIGURATION, START, encode(run))]
-    pictures: list[tuple[str, int, bytes]] = []
+    rows: list[tuple[str, int, Any]] = [(topics.RUN_CONFIGURATION, START, run)]
+    pictures: list[tuple[str, int, Any]] = []
     odometry = odometry_of(path)
     for k in range(keyframes):
         stamp, seen = START + k * SECOND, visible(path[k])
-        rows.append(("/" + topics.ODOMETRY, stamp, encode(odometry_message(stamp, odometry[k], "odom"))))
-        rows.append((topics.MEASUREMENTS, stamp, encode(measurements_at(k, seen, class_names))))
-        rows.append((topics.BELIEF, stamp, encode(belief_at(k, path, class_names, object_names))))
+        rows.append((topics.ODOMETRY, stamp, odometry_message(stamp, odometry[k], "odom")))
+        rows.append((topics.MEASUREMENTS, stamp, measurements_at(k, seen, class_names)))
+        rows.append((topics.BELIEF, stamp, belief_at(k, path, class_names, object_names)))
         if with_truth:
             names = tuple(str(n + 1) for n in seen)
-            rows.append((topics.GROUND_TRUTH_ASSOCIATIONS, stamp, encode(GroundTruthAssociations(stamp, names))))
-            rows.append((topics.GROUND_TRUTH_ODOMETRY, stamp, encode(odometry_message(stamp, path[k], "map"))))
-        pictures.append(("/" + topics.IMAGE_COMPRESSED, stamp, compressed_image(stamp, picture(k, seen))))
+            rows.append((topics.GROUND_TRUTH_ASSOCIATIONS, stamp, GroundTruthAssociations(stamp, names)))
+            rows.append((topics.GROUND_TRUTH_ODOMETRY, stamp, odometry_message(stamp, path[k], "map")))
+        pictures.append((topics.IMAGE_COMPRESSED, stamp, compressed_image(stamp, picture(k, seen))))
     if with_truth:
         true_classes = tuple(class_names[n] for n in OBJECT_CLASSES)
         ids = tuple(str(n + 1) for n in range(len(OBJECTS)))
         truth = GroundTruthObjects(START, ids, true_classes, pose_vector_from_planar(OBJECTS))
-        rows.append((topics.GROUND_TRUTH_OBJECTS, START, encode(truth)))
+        rows.append((topics.GROUND_TRUTH_OBJECTS, START, truth))
     write_rows(beliefs, rows)
     write_rows(source, pictures)
     return beliefs, source
@@ -256,18 +256,14 @@ def odometry_message(stamp: int, pose: Array, frame: str) -> OdometryEstimate:
     return OdometryEstimate(stamp, frame, "base_link", pose_vector_from_planar(pose), np.zeros((6, 6)))
 
 
-def compressed_image(stamp: int, data: bytes) -> bytes:
+def compressed_image(stamp: int, data: bytes) -> Any:
     kind = message_class("sensor_msgs/msg/CompressedImage")
     header = header_message(stamp, "camera_optical_frame")
-    return serialize(kind(header=header, format="jpeg", data=np.frombuffer(data, dtype=np.uint8)))
+    return kind(header=header, format="jpeg", data=np.frombuffer(data, dtype=np.uint8))
 
 
-def write_rows(path: Path, rows: list[tuple[str, int, bytes]]) -> None:
-    """An mcap bag of serialised messages; types by topic."""
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connections = {
-            topic: writer.add_connection(topic, topics.TYPES.get(topic, topics.TYPES.get(topic.lstrip("/"))), typestore=typestore())
-            for topic in dict.fromkeys(row[0] for row in rows)
-        }
-        for topic, stamp, data in sorted(rows, key=lambda row: row[1]):
-            writer.write(connections[topic], stamp, data)
+def write_rows(path: Path, rows: list[tuple[str, int, Any]]) -> None:
+    """A bag of (topic, stamp, message)."""
+    with BagWriter(path) as writer:
+        for topic, stamp, message in sorted(rows, key=lambda row: row[1]):
+            writer.write(topic, message, stamp)

@@ -60,7 +60,9 @@ def test_true_association_probability_follows_the_parents() -> None:
     # but 4 and 5 descend from 2: only hypothesis 3 has the true history. Keyframe 2: 6 grew from 3, 7 from 5.
     beliefs = [
         small_belief(0, ids=[1, 2], parents=[0, 0], weights=[0.6, 0.4], objects=[10, 20], associations=[[0], [1]]),
-        small_belief(1, ids=[3, 4, 5], parents=[1, 2, 2], weights=[0.5, 0.3, 0.2], objects=[10, 20], associations=[[1], [1], [1]]),
+        small_belief(
+            1, ids=[3, 4, 5], parents=[1, 2, 2], weights=[0.5, 0.3, 0.2], objects=[10, 20], associations=[[1], [1], [1]]
+        ),
         small_belief(2, ids=[6, 7], parents=[3, 5], weights=[0.995, 0.005], objects=[10, 20], associations=[[0], [0]]),
     ]
     truth = [np.array([10]), np.array([20]), np.array([10])]
@@ -77,7 +79,9 @@ def test_true_association_probability_follows_the_parents() -> None:
 
 def test_components_of_one_history_add_up() -> None:
     # Two classes of the same association: P(history) is the sum of both.
-    belief = small_belief(0, ids=[1, 2, 3], parents=[0, 0, 0], weights=[0.5, 0.3, 0.2], objects=[4, 5], associations=[[0], [0], [1]])
+    belief = small_belief(
+        0, ids=[1, 2, 3], parents=[0, 0, 0], weights=[0.5, 0.3, 0.2], objects=[4, 5], associations=[[0], [0], [1]]
+    )
     assert history.true_association_probability([belief], [np.array([4])]) == pytest.approx([0.8])
 
 
@@ -127,7 +131,9 @@ def test_errors_of_a_trajectory_and_its_alignment() -> None:
         assert trajectory.absolute_trajectory_error(trajectory.align(moved, reference), reference) < 1e-9
     # A pure shift by (3, 4) is an error of 5 everywhere; a row without an estimate does not count.
     shifted = np.vstack([reference[:, :2] + [3.0, 4.0], [np.nan, 0.0]])
-    assert trajectory.absolute_trajectory_error(shifted, np.vstack([reference[:, :2], [0.0, 0.0]])) == pytest.approx(5.0)
+    assert trajectory.absolute_trajectory_error(shifted, np.vstack([reference[:, :2], [0.0, 0.0]])) == pytest.approx(
+        5.0
+    )
 
 
 def test_alignment_is_no_reflection() -> None:

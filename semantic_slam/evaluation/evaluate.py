@@ -68,7 +68,9 @@ def evaluate(record: Record, truth: GroundTruth) -> Evaluation:
 
 def poses_of(beliefs: tuple[HybridBelief, ...], chain: list[int]) -> Array:
     """(K, 7) robot pose of hypothesis ``chain[k]`` at every keyframe, NaN where it is -1."""
-    rows = [belief.poses[index] if index >= 0 else np.full(7, np.nan) for belief, index in zip(beliefs, chain, strict=True)]
+    rows = [
+        belief.poses[index] if index >= 0 else np.full(7, np.nan) for belief, index in zip(beliefs, chain, strict=True)
+    ]
     return np.array(rows).reshape(-1, 7)
 
 
@@ -108,7 +110,11 @@ def _matches(record: Record, truth: GroundTruth, chain: list[int]) -> dict[str, 
     true_ids = {true for names in truth.associations.values() for true in names if true}
     true_ids |= set(truth.objects.object_ids) if truth.objects else set()
     last = record.beliefs[-1] if record.beliefs else None
-    named = {name: int(number) for name, number in zip(last.object_names, last.object_ids, strict=True) if name} if last else {}
+    named = (
+        {name: int(number) for name, number in zip(last.object_names, last.object_ids, strict=True) if name}
+        if last
+        else {}
+    )
     prior_ids = [item.object_id for item in prior.objects] if prior else []
     return match_objects(sorted(true_ids), prior_ids, named, pairs)
 

@@ -28,3 +28,4 @@ class Record:
     measurements: dict[int, SemanticMeasurements]  # by stamp_ns
     truth: GroundTruth | None
     dropped: dict[str, int] = field(default_factory=dict)  # inputs not used, by reason
+    fault: str = ""  # why the bag could not be read to its end

@@ -1,0 +1,126 @@
+"""A recorded belief bag as a :class:`Record`."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.bag.names import absolute
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.record import GroundTruth, Record
+from semantic_slam.evaluation.trajectory import Trajectory
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode
+from semantic_slam.messages.ground_truth import GroundTruthObjects
+from semantic_slam.messages.standard import OdometryEstimate
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+READ = tuple(
+    absolute(topic)
+    for topic in (
+        topics.RUN_CONFIGURATION,
+        topics.BELIEF,
+        topics.MEASUREMENTS,
+        topics.ODOMETRY,
+        topics.DIAGNOSTICS,
+        topics.GROUND_TRUTH_ODOMETRY,
+        topics.GROUND_TRUTH_OBJECTS,
+        topics.GROUND_TRUTH_ASSOCIATIONS,
+    )
+)
+DROPPED = "dropped"
+"""Diagnostic values whose key begins with this word count inputs not used; the rest of the key is the reason."""
+
+
+@dataclass
+class _Collected:
+    run: RunConfiguration | None = None
+    beliefs: dict[int, HybridBelief] = field(default_factory=dict)
+    measurements: dict[int, SemanticMeasurements] = field(default_factory=dict)
+    odometry: dict[int, Any] = field(default_factory=dict)
+    true_odometry: dict[int, Any] = field(default_factory=dict)
+    true_objects: GroundTruthObjects | None = None
+    true_associations: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    dropped: dict[tuple[str, str], int] = field(default_factory=dict)
+
+    def take(self, topic: str, type_name: str, raw: bytes) -> None:
+        if topic == topics.DIAGNOSTICS:
+            self.dropped.update(_dropped(deserialize(raw, type_name)))
+            return
+        value = decode(raw, type_name)
+        if isinstance(value, HybridBelief):
+            self.beliefs[value.keyframe] = value
+        elif isinstance(value, RunConfiguration):
+            self.run = value
+        elif isinstance(value, SemanticMeasurements):
+            self.measurements[value.stamp_ns] = value
+        elif isinstance(value, OdometryEstimate):
+            track = self.true_odometry if topic == topics.GROUND_TRUTH_ODOMETRY else self.odometry
+            track[value.stamp_ns] = value.pose
+        elif isinstance(value, GroundTruthObjects):
+            self.true_objects = value
+        else:
+            self.true_associations[value.stamp_ns] = value.object_ids
+
+    def truth(self) -> GroundTruth | None:
+        if not self.true_odometry and self.true_objects is None and not self.true_associations:
+            return None
+        return GroundTruth(_trajectory(self.true_odometry), self.true_objects, self.true_associations)
+
+    def reasons(self, beliefs: tuple[HybridBelief, ...]) -> dict[str, int]:
+        """Inputs not used, by reason: as diagnostics name them, else the total that the last belief counted."""
+        reasons: dict[str, int] = {}
+        for (_, reason), count in self.dropped.items():
+            reasons[reason] = reasons.get(reason, 0) + count
+        total = beliefs[-1].dropped
+        return reasons if reasons or not total else {"reason not recorded": total}
+
+
+def read_record(path: Path) -> Record:
+    """The run in the bag ``path``. A bag that cannot be read to its end gives what came before, and its ``fault``.
+
+    Raises InputError when the bag holds no belief or no run configuration.
+    """
+    found, fault = _Collected(), ""
+    try:
+        for topic, type_name, raw in _messages(path):
+            found.take(topic, type_name, raw)
+    except InputError as error:
+        if not found.beliefs:
+            raise
+        fault = str(error)
+    if not found.beliefs:
+        raise InputError(f"{path}: holds no message on {topics.BELIEF}; give a recorded belief bag or an input bag")
+    if found.run is None:
+        raise InputError(f"{path}: holds no {topics.RUN_CONFIGURATION}; record that topic together with the beliefs")
+    beliefs = tuple(found.beliefs[k] for k in sorted(found.beliefs))
+    odometry = _trajectory(found.odometry)
+    return Record(found.run, beliefs, odometry, found.measurements, found.truth(), found.reasons(beliefs), fault)
+
+
+def _messages(path: Path) -> Iterator[tuple[str, str, bytes]]:
+    with BagReader(path) as reader:
+        for topic, type_name, _, raw in reader.messages(READ):
+            yield absolute(topic), type_name, raw
+
+
+def _trajectory(poses: dict[int, Any]) -> Trajectory:
+    stamps = sorted(poses)
+    return Trajectory(np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]).reshape(-1, 7))
+
+
+def _dropped(message: Any) -> dict[tuple[str, str], int]:
+    """(node, reason) -> count of one diagnostics message; later ones replace earlier ones."""
+    counts = {}
+    for status in message.status:
+        for item in status.values:
+            word, _, reason = item.key.partition(" ")
+            if word.rstrip(":") == DROPPED and item.value.isdigit():
+                counts[status.name, reason.strip() or DROPPED] = int(item.value)
+    return counts

@@ -1,0 +1,146 @@
+"""The contents of ``report.json``, ``objects.json`` and ``trajectory.tum``."""
+
+import json
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.evaluation.evaluate import Evaluation, evaluate
+from semantic_slam.evaluation.history import associated_objects, best_index, lineage
+from semantic_slam.evaluation.record import Record
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """A record, with what every part of a report needs to know about it."""
+
+    record: Record
+    bag: dict[str, Any]  # path, sha256 and number of keyframes of the input
+    configuration: dict[str, Any]
+    chain: list[int]  # (K,) index of the ancestor of the final best hypothesis, -1 unknown
+    evaluation: Evaluation | None  # None without ground truth
+    detection_counts: Counter[int]  # object id -> detections it explains in the end
+
+
+def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysis:
+    """Everything derived from the record once. Input that names no source is described by the belief bag itself."""
+    source = json.loads(record.run.source) if record.run.source else {}
+    bag = {
+        "path": source.get("path") or str(belief_bag),
+        "sha256": source.get("sha256") or belief_bag_sha256,
+        "n_keyframes": len(record.beliefs),
+        "belief_bag": str(belief_bag),
+    }
+    chain = lineage(record.beliefs)
+    counts = Counter(
+        int(number)
+        for belief, index in zip(record.beliefs, chain, strict=True)
+        if index >= 0
+        for number in associated_objects(belief)[index]
+    )
+    evaluation = evaluate(record, record.truth) if record.truth else None
+    configuration = json.loads(record.run.configuration) if record.run.configuration else {}
+    return Analysis(record, bag, configuration, chain, evaluation, counts)
+
+
+def report_document(analysis: Analysis) -> dict[str, Any]:
+    """``report.json``; NaN still inside, see :mod:`plain_json`."""
+    record = analysis.record
+    document = {
+        "schema_version": SCHEMA_VERSION,
+        "bag": analysis.bag,
+        "config": analysis.configuration,
+        "seed": analysis.configuration.get("seed"),
+        "revision": record.run.revision,
+        "run_id": record.run.run_id,
+        "keyframes": [_keyframe(belief, index) for belief, index in zip(record.beliefs, analysis.chain, strict=True)],
+        "objects": object_rows(analysis),
+        "dropped": record.dropped,
+    }
+    if record.fault:
+        document["fault"] = record.fault
+    if analysis.evaluation:
+        document["metrics"] = analysis.evaluation.metrics
+    return document
+
+
+def _keyframe(belief: HybridBelief, final: int) -> dict[str, Any]:
+    best = _hypothesis(belief, best_index(belief))
+    return {
+        "k": belief.keyframe,
+        "stamp_ns": belief.stamp_ns,
+        "n_detections": len(belief.detection_ids),
+        "n_candidates": belief.num_candidates,
+        "n_hypotheses": len(belief.hypothesis_ids),
+        "association_entropy": belief.association_entropy,
+        "component_entropy": belief.component_entropy,
+        "discarded_mass": belief.discarded_mass,
+        "best": best,
+        "associations": best["associations"],
+        "final": _hypothesis(belief, final) if final >= 0 else None,
+    }
+
+
+def _hypothesis(belief: HybridBelief, index: int) -> dict[str, Any]:
+    return {
+        "id": int(belief.hypothesis_ids[index]),
+        "weight": float(np.exp(belief.log_weights[index])),
+        "pose": belief.poses[index],
+        "associations": associated_objects(belief)[index],
+    }
+
+
+def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
+    """The objects of the last belief."""
+    last = analysis.record.beliefs[-1]
+    return [
+        {
+            "id": int(number),
+            "name": last.object_names[row],
+            "class_probabilities": dict(zip(last.class_names, last.class_probabilities[row].tolist(), strict=True)),
+            "existence": last.existence[row],
+            "pose": last.object_poses[row],
+            "covariance": last.object_covariances[row],
+            "mutual_information": last.mutual_information[row],
+            "in_coverage": bool(last.in_coverage[row]),
+            "n_detections": analysis.detection_counts[int(number)],
+        }
+        for row, number in enumerate(last.object_ids)
+    ]
+
+
+def map_prior(last: HybridBelief) -> MapPrior:
+    """The objects of a belief as the map prior of a later run."""
+    return MapPrior(
+        tuple(
+            ObjectPrior(
+                object_id=int(number),
+                name=last.object_names[row] or str(number),
+                pose=last.object_poses[row],
+                covariance=last.object_covariances[row],
+                class_probabilities=dict(zip(last.class_names, last.class_probabilities[row].tolist(), strict=True)),
+                existence=float(last.existence[row]),
+            )
+            for row, number in enumerate(last.object_ids)
+        )
+    )
+
+
+def tum_lines(analysis: Analysis) -> str:
+    """One line ``seconds x y z qx qy qz qw`` per keyframe: the path of the hypothesis that is best at the end.
+
+    Where its chain is not recorded, the best hypothesis of that keyframe stands in.
+    """
+    lines = []
+    for belief, final in zip(analysis.record.beliefs, analysis.chain, strict=True):
+        seconds, nanoseconds = divmod(belief.stamp_ns, 1_000_000_000)
+        pose = belief.poses[final if final >= 0 else best_index(belief)]
+        lines.append(f"{seconds}.{nanoseconds:09d} " + " ".join(f"{value:.9g}" for value in pose))
+    return "\n".join(lines) + "\n"

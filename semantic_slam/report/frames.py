@@ -1,0 +1,159 @@
+"""Camera pictures with the boxes of their detections, and what they were taken for."""
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.history import UNKNOWN, associated_objects, best_index
+from semantic_slam.messages import topics
+from semantic_slam.messages.standard import header_stamp_ns
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.report.document import Analysis
+
+SHOWN_FRAMES = 12
+WIDTH = 480
+JPEG_QUALITY = 78
+CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
+
+
+@dataclass(frozen=True)
+class BoxView:
+    """One detection; edges in per cent of the picture."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    text: str
+    colour: str
+    verdict: str  # right, wrong or unknown
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """One keyframe's picture."""
+
+    keyframe: int
+    data: str  # base64 of a JPEG
+    width: int
+    height: int
+    boxes: list[BoxView]
+
+
+def frame_views(analysis: Analysis, source_bag: Path | None, colours: list[str]) -> tuple[list[FrameView], str]:
+    """A dozen keyframes with detections, spread over the run; and why there are none, "" when there are some."""
+    if source_bag is None or not source_bag.exists():
+        return [], "The bag with the pictures is not there any more."
+    chosen = _chosen(analysis)
+    try:
+        pictures = _pictures(source_bag, {analysis.record.beliefs[row].stamp_ns for row in chosen})
+    except InputError as fault:
+        return [], f"The pictures cannot be read: {fault}"
+    views = [
+        _view(analysis, row, pictures[stamp], colours) for row, stamp in _stamped(analysis, chosen) if stamp in pictures
+    ]
+    return views, "" if views else "The bag holds no picture taken at these keyframes."
+
+
+def _stamped(analysis: Analysis, rows: list[int]) -> list[tuple[int, int]]:
+    return [(row, analysis.record.beliefs[row].stamp_ns) for row in rows]
+
+
+def _chosen(analysis: Analysis) -> list[int]:
+    beliefs, measured = analysis.record.beliefs, analysis.record.measurements
+    rows = [row for row, belief in enumerate(beliefs) if len(belief.detection_ids) and belief.stamp_ns in measured]
+    places = np.unique(np.linspace(0, len(rows) - 1, SHOWN_FRAMES).round().astype(int)) if rows else []
+    return [rows[place] for place in places]
+
+
+def _pictures(bag: Path, stamps: set[int]) -> dict[int, NDArray[np.uint8]]:
+    """BGR pictures with these stamps; a damaged end of the bag costs only what it held."""
+    found: dict[int, NDArray[np.uint8]] = {}
+    with BagReader(bag) as reader:
+        try:
+            for message in reader.messages((topics.IMAGE_COMPRESSED, topics.IMAGE)):
+                image = deserialize(message.cdr, message.type_name)
+                if header_stamp_ns(image) in stamps and (picture := _decoded(image)) is not None:
+                    found[header_stamp_ns(image)] = picture
+        except InputError:
+            if not found:
+                raise
+    return found
+
+
+def _decoded(image: Any) -> NDArray[np.uint8] | None:
+    """BGR picture of a CompressedImage or Image; None where it does not decode."""
+    data = np.asarray(image.data, dtype=np.uint8)
+    if image.__msgtype__ == topics.TYPES[topics.IMAGE_COMPRESSED]:
+        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    channels = CHANNELS.get(image.encoding)
+    if channels is None or data.size != image.height * image.step or image.step < image.width * channels:
+        return None
+    rows = data.reshape(image.height, image.step)[:, : image.width * channels]
+    picture = rows.reshape(image.height, image.width, channels)
+    if channels == 1:
+        return np.repeat(picture, 3, axis=2)
+    return np.ascontiguousarray(picture[..., :3] if image.encoding.startswith("bgr") else picture[..., 2::-1])
+
+
+def _view(analysis: Analysis, row: int, picture: NDArray[np.uint8], colours: list[str]) -> FrameView:
+    height, width = picture.shape[:2]
+    scale = min(1.0, WIDTH / width)
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else picture
+    _, encoded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return FrameView(
+        keyframe=analysis.record.beliefs[row].keyframe,
+        data=base64.b64encode(encoded.tobytes()).decode("ascii"),
+        width=small.shape[1],
+        height=small.shape[0],
+        boxes=_boxes(analysis, row, width, height, colours),
+    )
+
+
+def _boxes(analysis: Analysis, row: int, width: int, height: int, colours: list[str]) -> list[BoxView]:
+    belief = analysis.record.beliefs[row]
+    measured = analysis.record.measurements[belief.stamp_ns]
+    places = {int(number): place for place, number in enumerate(measured.detection_ids)}
+    best = best_index(belief)
+    objects = associated_objects(belief)[best]
+    views = []
+    for detection, number in enumerate(belief.detection_ids):
+        if int(number) in places:
+            box = np.clip(measured.boxes[places[int(number)]], 0, [width, height, width, height])
+            text, colour = _text(analysis, row, int(belief.associations[best, detection]), colours)
+            verdict, note = _verdict(analysis, row, detection, int(objects[detection]))
+            edges = 100.0 * np.array(
+                [box[0] / width, box[1] / height, (box[2] - box[0]) / width, (box[3] - box[1]) / height]
+            )
+            views.append(BoxView(*(round(float(value), 2) for value in edges), text + note, colour, verdict))
+    return views
+
+
+def _text(analysis: Analysis, row: int, place: int, colours: list[str]) -> tuple[str, str]:
+    """``object class probability`` as believed at that keyframe, and the colour of the class."""
+    belief = analysis.record.beliefs[row]
+    if place < 0:
+        return "clutter", "#5b6b7a"
+    probabilities = belief.class_probabilities[place]
+    if not probabilities.size:
+        return str(belief.object_ids[place]), "#5b6b7a"
+    best = int(np.argmax(probabilities))
+    return f"{belief.object_ids[place]} {belief.class_names[best]} {probabilities[best]:.2f}", colours[best]
+
+
+def _verdict(analysis: Analysis, row: int, detection: int, found: int) -> tuple[str, str]:
+    if analysis.evaluation is None:
+        return "unknown", ""
+    true = int(analysis.evaluation.true_associations[row][detection])
+    if true == UNKNOWN:
+        return "unknown", ""
+    if true == found:
+        return "right", ""
+    return "wrong", f" (is {true})" if true >= 0 else " (is not on the map)" if true < -1 else " (is clutter)"

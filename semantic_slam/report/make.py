@@ -1,0 +1,39 @@
+"""From a recorded belief bag to the files of a report."""
+
+import json
+from pathlib import Path
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.errors import InputError
+from semantic_slam.report.belief_bag import read_record
+from semantic_slam.report.document import analyse, map_prior, report_document, tum_lines
+from semantic_slam.report.page import render_page
+from semantic_slam.report.plain_json import to_text
+
+
+def make_report(belief_bag: Path, out: Path, source_bag: Path | None = None) -> list[Path]:
+    """Write ``report.json``, ``objects.json``, ``trajectory.tum`` and ``report.html`` into the folder ``out``.
+
+    Nothing is inferred anew. Pictures come from ``source_bag``, else from the bag that the run configuration
+    names, when it is still there. Returns the paths written. Raises InputError when the bag holds no beliefs.
+    """
+    record = read_record(belief_bag)
+    analysis = analyse(record, belief_bag, BagReader(belief_bag).sha256())
+    texts = {
+        "report.json": to_text(report_document(analysis)),
+        "objects.json": map_prior(record.beliefs[-1]).to_json() + "\n",
+        "trajectory.tum": tum_lines(analysis),
+        "report.html": render_page(analysis, source_bag or _named_source(record.run.source)),
+    }
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (out / name).write_text(text, encoding="utf-8")
+    except OSError as fault:
+        raise InputError(f"{out}: cannot be written ({fault.strerror}); name another output folder") from None
+    return [out / name for name in texts]
+
+
+def _named_source(source: str) -> Path | None:
+    path = json.loads(source).get("path") if source else None
+    return Path(path) if path else None

@@ -1,0 +1,118 @@
+"""The objects of a map: the table's rows and how their class probabilities came about."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.report.charts import time_plot
+from semantic_slam.report.document import Analysis
+
+CERTAIN = 0.95
+"""Probability of the most likely class from which an object counts as identified."""
+SHOWN_COURSES = 24
+SHOWN_MOMENTS = 240
+
+
+@dataclass(frozen=True)
+class ObjectView:
+    """One object at the end of a run, for the reader."""
+
+    number: int
+    label: str
+    probabilities: list[float]  # (C,)
+    class_name: str
+    probability: float
+    true_class: str  # "" unknown
+    existence: float
+    position: tuple[float, float]
+    sigma_m: float  # root of the larger eigenvalue of the x-y covariance
+    error_m: float  # from the true position, NaN unknown
+    mutual_information: float
+    in_coverage: bool
+    detections: int
+    course: Markup | None
+
+    @property
+    def certain(self) -> bool:
+        return self.probability >= CERTAIN
+
+
+def object_views(analysis: Analysis, colours: list[str]) -> list[ObjectView]:
+    """All objects of the last belief, by id."""
+    last = analysis.record.beliefs[-1]
+    drawn = set(_worth_a_picture(analysis))
+    return [
+        _view(analysis, last, row, courses_svg(analysis, int(number), colours) if int(number) in drawn else None)
+        for row, number in enumerate(last.object_ids)
+    ]
+
+
+def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | None) -> ObjectView:
+    number = int(last.object_ids[row])
+    probabilities = last.class_probabilities[row]
+    best = int(np.argmax(probabilities)) if len(probabilities) else -1
+    evaluation = analysis.evaluation
+    return ObjectView(
+        number=number,
+        label=object_label(last, row),
+        probabilities=probabilities.tolist(),
+        class_name=last.class_names[best] if best >= 0 else "",
+        probability=float(probabilities[best]) if best >= 0 else float("nan"),
+        true_class=evaluation.true_classes.get(number, "") if evaluation else "",
+        existence=float(last.existence[row]),
+        position=(float(last.object_poses[row, 0]), float(last.object_poses[row, 1])),
+        sigma_m=float(np.sqrt(max(np.linalg.eigvalsh(last.object_covariances[row][:2, :2])[-1], 0.0))),
+        error_m=float(
+            np.linalg.norm(last.object_poses[row, :2] - true_positions(analysis).get(number, np.full(2, np.nan)))
+        ),
+        mutual_information=float(last.mutual_information[row]),
+        in_coverage=bool(last.in_coverage[row]),
+        detections=analysis.detection_counts[number],
+        course=course,
+    )
+
+
+def object_label(belief: HybridBelief, row: int) -> str:
+    """The object's name where it says more than its number."""
+    name, number = belief.object_names[row], str(belief.object_ids[row])
+    return f"{number} · {name}" if name and name != number else number
+
+
+def true_positions(analysis: Analysis) -> dict[int, NDArray[np.float64]]:
+    """(2,) true position by object id."""
+    return {number: pose[:2] for number, pose in true_object_poses(analysis).items()}
+
+
+def true_object_poses(analysis: Analysis) -> dict[int, NDArray[np.float64]]:
+    """(3,) true planar pose by object id."""
+    truth, evaluation = analysis.record.truth, analysis.evaluation
+    if truth is None or truth.objects is None or evaluation is None:
+        return {}
+    rows = zip(truth.objects.object_ids, planar_from_pose_vector(truth.objects.poses), strict=True)
+    return {evaluation.matches[true]: pose for true, pose in rows if true in evaluation.matches}
+
+
+def _worth_a_picture(analysis: Analysis) -> list[int]:
+    """Ids of the objects that are least certain, or all when they are few."""
+    last = analysis.record.beliefs[-1]
+    certainty = last.class_probabilities.max(axis=1, initial=0.0)
+    order = np.argsort(certainty, kind="stable")[:SHOWN_COURSES]
+    return [int(last.object_ids[row]) for row in order]
+
+
+def courses_svg(analysis: Analysis, number: int, colours: list[str]) -> Markup:
+    """Stacked class probabilities of one object over the keyframes."""
+    every = max(1, len(analysis.record.beliefs) // SHOWN_MOMENTS)
+    moments = [belief for belief in analysis.record.beliefs[::-1][::every][::-1] if number in belief.object_ids]
+    rows = np.array([belief.class_probabilities[list(belief.object_ids).index(number)] for belief in moments])
+    options = {"width": 300, "height": 120, "margins": (6, 8, 20, 34)}
+    plot = time_plot(analysis.record.beliefs, 0.0, 1.0, f"class probabilities of object {number}", **options)
+    plot.axes(x_label="", y_ticks=(0, 0.5, 1), x_count=4)
+    edges = np.hstack([np.zeros((len(rows), 1)), np.cumsum(rows, axis=1)])
+    for index, colour in enumerate(colours):
+        plot.area([belief.keyframe for belief in moments], edges[:, index], edges[:, index + 1], colour)
+    return plot.svg()

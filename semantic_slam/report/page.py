@@ -1,0 +1,77 @@
+"""The page: one HTML file with everything inside, readable without a network."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from semantic_slam.report.charts import time_charts, truth_charts
+from semantic_slam.report.document import Analysis
+from semantic_slam.report.frames import frame_views
+from semantic_slam.report.metrics_table import metric_rows
+from semantic_slam.report.objects import object_views
+from semantic_slam.report.palette import class_colours
+from semantic_slam.report.plain_json import plain
+from semantic_slam.report.scene import moments, scene
+from semantic_slam.report.verdict import verdict, warnings
+from semantic_slam.report.wording import number, percent
+
+
+def render_page(analysis: Analysis, source_bag: Path | None) -> str:
+    """The text of ``report.html``. Whatever comes from a bag is escaped."""
+    record, evaluation = analysis.record, analysis.evaluation
+    colours = class_colours(len(record.beliefs[-1].class_names))
+    objects = object_views(analysis, colours)
+    frames, no_frames = frame_views(analysis, source_bag, colours)
+    return (
+        environment()
+        .get_template("report.html")
+        .render(
+            title=Path(analysis.bag["path"]).name,
+            bag=analysis.bag,
+            run=record.run,
+            seed=analysis.configuration.get("seed"),
+            last=record.beliefs[-1],
+            duration_s=(record.beliefs[-1].stamp_ns - record.beliefs[0].stamp_ns) * 1e-9,
+            most_hypotheses=max(len(belief.hypothesis_ids) for belief in record.beliefs),
+            detections=sum(len(belief.detection_ids) for belief in record.beliefs),
+            verdict=verdict(analysis, objects),
+            warnings=warnings(analysis, objects),
+            classes=list(zip(record.beliefs[-1].class_names, colours, strict=True)),
+            objects=objects,
+            charts=time_charts(analysis),
+            truth_charts=truth_charts(evaluation, record.beliefs) if evaluation else [],
+            metrics=metric_rows(evaluation.metrics) if evaluation else [],
+            frames=frames,
+            no_frames=no_frames,
+            configuration=flat(analysis.configuration),
+            dropped=record.dropped,
+            scene=plain(scene(analysis, colours)),
+            moments=[(place, record.beliefs[place].keyframe) for place in moments(record.beliefs)],
+        )
+    )
+
+
+def environment() -> jinja2.Environment:
+    """Templates of this package; every value is escaped."""
+    found = jinja2.Environment(
+        loader=jinja2.PackageLoader("semantic_slam.report"), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    found.filters |= {"number": number, "series": series, "percent": percent}
+    return found
+
+
+def flat(configuration: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Dotted names and values, as ROS parameters are named."""
+    rows: list[tuple[str, str]] = []
+    for name, value in configuration.items():
+        rows += flat(value, f"{prefix}{name}.") if isinstance(value, dict) else [(f"{prefix}{name}", json.dumps(value))]
+    return rows
+
+
+def series(chart_keys: list[Any]) -> str:
+    """The values of a legend as JSON, three significant digits."""
+    return json.dumps(
+        [[None if value != value else float(f"{value:.3g}") for value in key.values] for key in chart_keys]
+    )

@@ -1,0 +1,169 @@
+"""The map over time, as plain data that the page's script draws."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.evaluation.evaluate import dead_reckonings
+from semantic_slam.evaluation.history import best_index
+from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.report.document import Analysis
+from semantic_slam.report.objects import object_label, true_object_poses
+
+Array = NDArray[np.float64]
+SHOWN_HYPOTHESES = 16
+"""Heaviest hypotheses of a keyframe that are drawn, besides the ancestors of those drawn later."""
+MOVED_M, CHANGED = 0.01, 0.004
+"""An object is written again when it moved this far, or its probabilities or size changed this much."""
+
+
+def scene(analysis: Analysis, colours: list[str]) -> dict[str, Any]:
+    """Hypotheses and objects per keyframe, reference paths, extent in metres."""
+    beliefs = analysis.record.beliefs
+    last = beliefs[-1]
+    drawn = _drawn_hypotheses(beliefs)
+    stamps = np.array([belief.stamp_ns for belief in beliefs], dtype=np.int64)
+    evaluation = analysis.evaluation
+    dead = evaluation.dead_reckoning if evaluation else dead_reckonings(analysis.record, None, stamps)[0]
+    true_objects = true_object_poses(analysis)
+    true_path = _points(evaluation.true_poses) if evaluation else []
+    data = {
+        "classes": [{"name": name, "colour": colour} for name, colour in zip(last.class_names, colours, strict=True)],
+        "objects": [
+            {"label": object_label(last, row), "id": int(number), "true": _rounded(true_objects.get(int(number)))}
+            for row, number in enumerate(last.object_ids)
+        ],
+        "truth": true_path,
+        "dead": _points(dead),
+        "frames": _frames(beliefs, drawn),
+    }
+    return {**data, "extent": _extent(data)}
+
+
+def moments(beliefs: tuple[HybridBelief, ...]) -> list[int]:
+    """Keyframes (by place) that tell the story: the first, the most hypotheses, half decided, settled, the last."""
+    entropies = np.array([belief.component_entropy for belief in beliefs])
+    last = len(beliefs) - 1
+    return sorted(
+        {
+            0,
+            int(np.argmax([len(belief.hypothesis_ids) for belief in beliefs])),
+            _below(entropies, 0.5),
+            _below(entropies, 0.05),
+            last,
+        }
+    )
+
+
+def _below(values: Array, share: float) -> int:
+    """Place from which ``values`` stay below this share of their maximum; the last place when they do not."""
+    above = np.flatnonzero(values > share * values.max(initial=0.0))
+    return min(int(above[-1]) + 1, len(values) - 1) if len(above) else 0
+
+
+def _drawn_hypotheses(beliefs: tuple[HybridBelief, ...]) -> list[list[int]]:
+    """Rows drawn at every keyframe: the heaviest ones and the parents of those drawn at the next keyframe."""
+    drawn: list[list[int]] = []
+    needed: set[int] = set()
+    for belief in reversed(beliefs):
+        heavy = set(np.argsort(-belief.log_weights, kind="stable")[:SHOWN_HYPOTHESES].tolist())
+        rows = sorted(heavy | {row for row, value in enumerate(belief.hypothesis_ids) if int(value) in needed})
+        needed = {int(belief.parent_ids[row]) for row in rows}
+        drawn.append(rows)
+    return drawn[::-1]
+
+
+def _frames(beliefs: tuple[HybridBelief, ...], drawn: list[list[int]]) -> list[dict[str, Any]]:
+    frames: list[dict[str, Any]] = []
+    place: dict[int, int] = {}
+    numbers = {int(number): row for row, number in enumerate(beliefs[-1].object_ids)}
+    written: dict[int, Array] = {}
+    for belief, rows in zip(beliefs, drawn, strict=True):
+        best = best_index(belief)
+        seen = [numbers.get(int(belief.object_ids[row]), -1) for row in belief.associations[best] if row >= 0]
+        frames.append(
+            {
+                "k": belief.keyframe,
+                "t": round((belief.stamp_ns - beliefs[0].stamp_ns) * 1e-9, 2),
+                "n": len(belief.hypothesis_ids),
+                "h": _hypotheses(belief, rows, place),
+                "o": _changed_objects(belief, numbers, written),
+                "s": [row for row in seen if row >= 0],
+            }
+        )
+        place = {int(belief.hypothesis_ids[row]): index for index, row in enumerate(rows)}
+    return frames
+
+
+def _hypotheses(belief: HybridBelief, rows: list[int], place: dict[int, int]) -> list[list[float]]:
+    """Per hypothesis: place of its parent in the frame before (-1 none), weight, x, y, yaw, ellipse."""
+    poses = planar_from_pose_vector(belief.poses)
+    return [
+        [
+            place.get(int(belief.parent_ids[row]), -1),
+            *_rounded([np.exp(belief.log_weights[row]), *poses[row], *ellipse(belief.pose_covariances[row])], 4),
+        ]
+        for row in rows
+    ]
+
+
+def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dict[int, Array]) -> list[list[float]]:
+    """Per changed object: place in the list of objects, x, y, yaw, ellipse, sigma of yaw, class probabilities."""
+    changed = []
+    poses = planar_from_pose_vector(belief.object_poses)
+    for row, number in enumerate(belief.object_ids):
+        covariance = belief.object_covariances[row]
+        sigma_yaw = np.sqrt(max(covariance[5, 5], 0.0))
+        state = np.array([*poses[row], *ellipse(covariance), sigma_yaw, *belief.class_probabilities[row]])
+        before = written.get(int(number))
+        if int(number) in numbers and (before is None or _differs(state, before)):
+            written[int(number)] = state
+            changed.append([numbers[int(number)], *_rounded(state)])
+    return changed
+
+
+def _differs(state: Array, before: Array) -> bool:
+    moved = np.linalg.norm(state[:2] - before[:2]) > MOVED_M
+    return bool(
+        moved
+        or np.abs(state[3:5] - before[3:5]).max() > MOVED_M
+        or np.abs(state[7:] - before[7:]).max(initial=0) > CHANGED
+    )
+
+
+def ellipse(covariance: Array) -> tuple[float, float, float]:
+    """Semi-axes [m] of one standard deviation in x-y and the direction [rad] of the first; (6, 6) in map."""
+    values, vectors = np.linalg.eigh(planar_from_covariance(covariance)[:2, :2])
+    major, minor = np.sqrt(np.maximum(values[::-1], 0.0))
+    return float(major), float(minor), float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+
+
+def _points(poses: Array) -> list[list[float]]:
+    return [_rounded(pose[:2]) for pose in poses if np.isfinite(pose[:2]).all()]
+
+
+def _rounded(values: Any, digits: int = 3) -> Any:
+    return None if values is None else [round(float(value), digits) for value in values]
+
+
+def _extent(data: dict[str, Any]) -> list[float]:
+    """x_min y_min x_max y_max: objects, truth and the final path whole; what strays far beyond is cut off."""
+    frames = data["frames"]
+    best = [max(frame["h"], key=lambda row: row[1])[2:4] for frame in frames[len(frames) // 2 :]]
+    objects = [row[1:3] for frame in frames[-1:] for row in frame["o"]]
+    objects += [item["true"][:2] for item in data["objects"] if item["true"]]
+    core = np.array(best + objects + data["truth"] + _last_states(frames))
+    low, high = core.min(axis=0), core.max(axis=0)
+    room = 0.35 * float(max(high - low)) + 0.5
+    stray = np.array([row[2:4] for frame in frames for row in frame["h"] if row[1] > 0.05] + data["dead"])
+    inside = stray[((stray > low - room) & (stray < high + room)).all(axis=1)]
+    every = np.vstack([core, inside])
+    margin = 0.04 * float(np.max(every.max(axis=0) - every.min(axis=0))) + 0.4
+    return _rounded([*(every.min(axis=0) - margin), *(every.max(axis=0) + margin)])
+
+
+def _last_states(frames: list[dict[str, Any]]) -> list[list[float]]:
+    last = {row[0]: row[1:3] for frame in frames for row in frame["o"]}
+    return list(last.values())

@@ -1,0 +1,108 @@
+"""What a run found out, in plain words."""
+
+import math
+
+import numpy as np
+
+from semantic_slam.report.document import Analysis
+from semantic_slam.report.objects import CERTAIN, ObjectView
+from semantic_slam.report.wording import listed, percent
+
+NAMED = 4
+"""Ambiguous objects that are named one by one."""
+
+
+def verdict(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
+    """Sentences for the head of the report: objects, data association, agreement with the truth."""
+    sentences = [_objects(objects), *_ambiguous(analysis, objects), _association(analysis), *_truth(analysis)]
+    return [sentence for sentence in sentences if sentence]
+
+
+def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
+    """What a reader must know before trusting the rest."""
+    found = [analysis.record.fault] if analysis.record.fault else []
+    used = {reason: count for reason, count in analysis.record.dropped.items() if count}
+    if used:
+        found.append("Inputs not used: " + ", ".join(f"{count} × {reason}" for reason, count in used.items()) + ".")
+    outside = [view.label for view in objects if not view.in_coverage]
+    if outside:
+        found.append(
+            f"Some views of {listed(outside)} lay outside what the class models were fitted on; their probabilities deserve less trust."
+        )
+    mass = analysis.record.beliefs[-1].discarded_mass
+    if mass > 0.05:
+        found.append(
+            f"{percent(mass)} of the probability mass was discarded on the way; stated probabilities are no better than that."
+        )
+    return found
+
+
+def _objects(objects: list[ObjectView]) -> str:
+    count = len(objects)
+    if not count:
+        return "No object was found."
+    sure = sum(view.certain for view in objects)
+    noun = "object is" if count == 1 else "objects are"
+    if sure == count:
+        return f"{count} {noun} on the map, {'its class' if count == 1 else 'the class of each'} known with at least {percent(CERTAIN)} certainty."
+    return (
+        f"{count} {noun} on the map; the class of {sure or 'none'} is known with at least {percent(CERTAIN)} certainty."
+    )
+
+
+def _ambiguous(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
+    names = analysis.record.beliefs[-1].class_names
+    doubtful = sorted(
+        (view for view in objects if not view.certain and view.detections), key=lambda view: view.probability
+    )
+    unseen = [view for view in objects if not view.certain and not view.detections]
+    sentences = [f"Object {view.label} is ambiguous: {_alternatives(view, names)}." for view in doubtful[:NAMED]]
+    if len(doubtful) > NAMED:
+        sentences.append(f"{len(doubtful) - NAMED} more are ambiguous.")
+    if unseen:
+        sentences.append(f"{'One object was' if len(unseen) == 1 else f'{len(unseen)} objects were'} never seen.")
+    return sentences
+
+
+def _alternatives(view: ObjectView, names: tuple[str, ...]) -> str:
+    order = np.argsort(view.probabilities)[::-1][:3]
+    likely = [row for row in order if view.probabilities[row] >= 0.05] or list(order[:1])
+    return listed([f"{names[row]} {percent(view.probabilities[row])}" for row in likely], "or")
+
+
+def _association(analysis: Analysis) -> str:
+    last = analysis.record.beliefs[-1]
+    most = max(len(belief.hypothesis_ids) for belief in analysis.record.beliefs)
+    explanations = math.exp(last.association_entropy) if math.isfinite(last.association_entropy) else 1.0
+    if explanations < 1.02:
+        return "One explanation of which detection shows which object is left" + (
+            f", of up to {most} at a time." if most > 1 else "."
+        )
+    best = float(np.exp(last.log_weights.max()))
+    return (
+        f"Which detection shows which object is still open: {len(last.hypothesis_ids)} hypotheses remain,"
+        f" the best holds {percent(best)} (as uncertain as {explanations:.1f} equal explanations)."
+    )
+
+
+def _truth(analysis: Analysis) -> list[str]:
+    if analysis.evaluation is None:
+        return []
+    metrics = analysis.evaluation.metrics
+    sentences = []
+    settled, right = metrics["keyframe_disambiguated"], metrics["association_right"]
+    if right == right:
+        when = f"from keyframe {settled} on" if settled is not None else "never for good"
+        sentences.append(
+            f"Against the ground truth, {percent(right)} of the detections are assigned rightly; the true assignment was certain {when}."
+        )
+    if metrics["ate_m"] == metrics["ate_m"]:
+        sentences.append(
+            f"The path is {metrics['ate_m']:.2f} m from the true one"
+            + (
+                f" (dead reckoning: {metrics['dead_reckoning_ate_m']:.2f} m)."
+                if metrics["dead_reckoning_ate_m"] == metrics["dead_reckoning_ate_m"]
+                else "."
+            )
+        )
+    return sentences
