@@ -11,13 +11,14 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
-SMALLEST_OBJECT = 24
+SMALLEST_OBJECT = 30
 """Pixels of an object's longer side at the far end of a room."""
-LARGEST_OBJECT = 90
+LARGEST_OBJECT = 100
 BOX_JITTER = 0.06
 """Standard deviation of each box edge, as a fraction of the object's size."""
-OCCLUSION_PROBABILITY = 0.25
-LARGEST_OCCLUSION = 0.25
+HIDDEN_PROBABILITY = 0.25
+"""Of a part of the object that something covers or the image's border cuts off."""
+LARGEST_HIDDEN_SHARE = 0.35
 
 
 def room_crop(view: ObjectView, size: int, generator: np.random.Generator) -> Bytes:
@@ -30,8 +31,8 @@ def room_crop(view: ObjectView, size: int, generator: np.random.Generator) -> By
     window = canvas[top : top + height, left : left + width]
     window += alpha[..., None] * (_lit(cutout, generator) - window)
     box = np.array([left, top, left + width, top + height], dtype=np.float64)
-    if generator.random() < OCCLUSION_PROBABILITY:
-        _occlude(canvas, box, generator)
+    if generator.random() < HIDDEN_PROBABILITY:
+        canvas, box = _hide_a_side(canvas, box, generator)
     box += generator.normal(0.0, BOX_JITTER, 4) * np.array([width, height, width, height])
     return square_crop(_camera(canvas, generator), box, size)
 
@@ -80,28 +81,36 @@ def _lit(cutout: Floats, generator: np.random.Generator) -> Floats:
     height, width = cutout.shape[:2]
     ramp = cv2.resize(np.exp(generator.normal(0.0, 0.25, (2, 2))).astype(np.float32), (width, height))
     light = np.float32(generator.uniform(0.65, 1.3)) * np.asarray(ramp, dtype=np.float32)
-    if generator.random() < 0.3:
+    if generator.random() < 0.2:
         angle = generator.uniform(0.0, 2.0 * np.pi)
         x, y = np.linspace(-1.0, 1.0, width) * np.cos(angle), np.linspace(-1.0, 1.0, height) * np.sin(angle)
         beyond = x + y[:, None] > generator.uniform(-0.8, 0.8)
         light = np.where(beyond, light * np.float32(generator.uniform(0.4, 0.9)), light)
-    tint = np.exp(generator.normal(0.0, 0.06, 3)).astype(np.float32)
+    tint = np.exp(generator.normal(0.0, 0.04, 3)).astype(np.float32)
     return np.asarray(cutout * light[..., None] * tint, dtype=np.float32)
 
 
-def _occlude(canvas: Floats, box: Array, generator: np.random.Generator) -> None:
-    """Cover up to a quarter of the box from one of its sides, in place."""
-    x_min, y_min, x_max, y_max = box.astype(int)
-    share = generator.uniform(0.05, LARGEST_OCCLUSION)
-    wide, high = int(share * (x_max - x_min)), int(share * (y_max - y_min))
-    strips = (np.s_[:, : x_min + wide], np.s_[:, x_max - wide :], np.s_[y_max - high :, :], np.s_[: y_min + high, :])
-    canvas[strips[generator.integers(4)]] = _colour(generator)
+def _hide_a_side(canvas: Floats, box: Array, generator: np.random.Generator) -> tuple[Floats, Array]:
+    """Part of the object behind something or beyond the image's border; the box then ends there, or is not told."""
+    axis, at_end = generator.integers(2), bool(generator.integers(2))
+    share = generator.uniform(0.05, LARGEST_HIDDEN_SHARE) * (box[axis + 2] - box[axis])
+    edge = round(box[axis + 2] - share if at_end else box[axis] + share)
+    hidden = slice(edge, None) if at_end else slice(0, edge)
+    visible_box = box.copy()
+    visible_box[axis + 2 if at_end else axis] = edge
+    if generator.random() < 0.5:
+        canvas[(slice(None), hidden) if axis == 0 else (hidden, slice(None))] = _colour(generator)
+        return canvas, visible_box if generator.random() < 0.5 else box
+    seen = slice(0, edge) if at_end else slice(edge, None)
+    if not at_end:
+        visible_box[[axis, axis + 2]] -= edge
+    return canvas[(slice(None), seen) if axis == 0 else (seen, slice(None))], visible_box
 
 
 def _camera(canvas: Floats, generator: np.random.Generator) -> Bytes:
     """Blur, contrast, sensor noise and 8 bits."""
     if generator.random() < 0.5:
-        canvas = np.asarray(cv2.GaussianBlur(canvas, (0, 0), generator.uniform(0.3, 1.2)), dtype=np.float32)
+        canvas = np.asarray(cv2.GaussianBlur(canvas, (0, 0), generator.uniform(0.3, 1.0)), dtype=np.float32)
     contrast, brightness = np.float32(generator.uniform(0.8, 1.2)), np.float32(generator.uniform(-20.0, 20.0))
     noise = generator.standard_normal(canvas.shape, dtype=np.float32) * np.float32(generator.uniform(0.0, 6.0))
     return np.clip((canvas - 128) * contrast + (128 + brightness) + noise, 0, 255).astype(np.uint8)

@@ -44,21 +44,42 @@ def posterior(fit: ClassFit, component: int, azimuth_rad: Array) -> tuple[Array,
     return fit.prior_mean[component] + cross @ weights, slope, np.maximum(variance, 0.0)
 
 
+@dataclass(frozen=True)
+class PosteriorTable:
+    """The posterior of one class at GRID azimuths: kept in the file, so that no machine has to invert anything."""
+
+    mean: Array  # (GRID, F)
+    slope: Array  # (GRID, F) of the mean, 1/rad
+    variance: Array  # (GRID, F) of the mean
+
+
+def tabulate(fit: ClassFit) -> PosteriorTable:
+    """The posterior of every component at all azimuths of the grid."""
+    parts = [posterior(fit, component, even_azimuths(GRID)) for component in range(fit.targets.shape[1])]
+    return PosteriorTable(*(np.stack([part[index] for part in parts], axis=-1) for index in range(3)))
+
+
 class GaussianProcessModel:
     """The class models, tabulated over azimuth: a prediction costs a look-up, whatever the number of views.
 
     The covariance is that of the noise of single views plus the posterior variance of the mean.
     """
 
-    def __init__(self, class_names: tuple[str, ...], feature_names: tuple[str, ...], fits: Sequence[ClassFit]) -> None:
-        """One ``ClassFit`` per class; ``feature_names`` are the classifier's components (F,)."""
+    def __init__(
+        self,
+        class_names: tuple[str, ...],
+        feature_names: tuple[str, ...],
+        fits: Sequence[ClassFit],
+        tables: Sequence[PosteriorTable] | None = None,
+    ) -> None:
+        """One ``ClassFit`` per class, with its table where it is known; ``feature_names`` (F,) are the classifier's."""
         self._class_names = class_names
         self.feature_names = feature_names
         self.fits = tuple(fits)
-        tables = [_table(fit) for fit in self.fits]
-        self._mean = np.stack([table[0] for table in tables])  # (C, GRID, 4, F) cubic coefficients
-        self._covariance = np.stack([table[1] for table in tables])  # (C, GRID, 2, F, F) value and step
-        self._distance = np.stack([_distance_to_training(fit) for fit in self.fits])  # (C, GRID)
+        self.tables = tuple(tables) if tables is not None else tuple(tabulate(fit) for fit in self.fits)
+        pairs = zip(self.fits, self.tables, strict=True)
+        self._cubics = np.concatenate([_cubics(fit, table) for fit, table in pairs])  # (C GRID, 2 F + F F, 4)
+        self._distance = np.concatenate([_distance_to_training(fit) for fit in self.fits])  # (C GRID,)
         self._coverage_rad = np.array([fit.coverage_rad for fit in self.fits])
 
     @property
@@ -73,51 +94,52 @@ class GaussianProcessModel:
 
     def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
         """Mean, covariance and slope for (B,) class indices; only the azimuth matters to these models."""
+        count, size = len(classes), len(self.feature_names)
         cell, t = _cell(viewpoints.azimuth_rad)
-        coefficients = self._mean[classes, cell]
-        basis = np.zeros((t.size, 2, 4))
-        square = t * t
-        basis[:, 0, 0] = 1.0
-        basis[:, 0, 1] = t
-        basis[:, 0, 2] = square
-        basis[:, 0, 3] = square * t
-        basis[:, 1, 1] = 1.0
-        basis[:, 1, 2] = 2.0 * t
-        basis[:, 1, 3] = 3.0 * square
-        values = basis @ coefficients
-        steps = self._covariance[classes, cell]
-        jacobian = np.zeros((t.size, self.num_features, 3))
-        jacobian[:, :, 0] = values[:, 1] * (GRID / (2.0 * np.pi))
-        return Prediction(values[:, 0], steps[:, 0] + t[:, None, None] * steps[:, 1], jacobian)
+        powers = np.empty((count, 4, 1))
+        powers[:, 0, 0] = 1.0
+        powers[:, 1, 0] = t
+        powers[:, 2, 0] = t * t
+        powers[:, 3, 0] = powers[:, 2, 0] * t
+        values = (self._cubics.take(cell + GRID * classes, axis=0) @ powers)[:, :, 0]
+        jacobian = np.zeros((count, size, 3))
+        jacobian[:, :, 0] = values[:, size : 2 * size]
+        return Prediction(values[:, :size], values[:, 2 * size :].reshape(count, size, size), jacobian)
 
     def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
         """(B,) whether a training view of the class lies near this azimuth."""
         cell, t = _cell(viewpoints.azimuth_rad)
         nearest = np.where(t < 0.5, cell, (cell + 1) % GRID)
-        return np.asarray(self._distance[classes, nearest] <= self._coverage_rad[classes])
+        return np.asarray(self._distance[nearest + GRID * classes] <= self._coverage_rad[classes])
 
 
 def _cell(azimuth_rad: Array) -> tuple[NDArray[np.int_], Array]:
     """(B,) grid cell of each azimuth and the position 0..1 in it."""
-    position = np.asarray(azimuth_rad) * (GRID / (2.0 * np.pi))
+    position = azimuth_rad * (GRID / (2.0 * np.pi))
     floor: Array = np.floor(position)
     return floor.astype(np.int64) % GRID, position - floor
 
 
-def _grid() -> Array:
-    return np.arange(GRID) * (2.0 * np.pi / GRID)
+def even_azimuths(count: int) -> Array:
+    """(count,) azimuths from 0 all around."""
+    return np.asarray(np.arange(count) * (2.0 * np.pi / count), dtype=np.float64)
 
 
-def _table(fit: ClassFit) -> tuple[Array, Array]:
-    """(GRID, 4, F) coefficients of the cubic Hermite mean, (GRID, 2, F, F) value and step of the covariance."""
-    parts = [posterior(fit, component, _grid()) for component in range(fit.targets.shape[1])]
-    mean, slope, variance = (np.stack([part[index] for part in parts], axis=-1) for index in range(3))
-    slope = slope * (2.0 * np.pi / GRID)
+def _cubics(fit: ClassFit, table: PosteriorTable) -> Array:
+    """(GRID, 2 F + F F, 4) polynomials of each cell: mean, its slope, and the covariance by rows.
+
+    The mean is the cubic Hermite interpolant, and the slope is its derivative: a Jacobian must be that of the mean.
+    """
+    mean, slope, size = table.mean, table.slope * (2.0 * np.pi / GRID), table.mean.shape[1]
     next_mean, next_slope = np.roll(mean, -1, axis=0), np.roll(slope, -1, axis=0)
     rise = next_mean - mean
-    coefficients = np.stack([mean, slope, 3 * rise - 2 * slope - next_slope, slope + next_slope - 2 * rise], axis=1)
-    covariance = _noise_on_grid(fit.noise_covariance) + variance[:, :, None] * np.eye(variance.shape[1])
-    return coefficients, np.stack([covariance, np.roll(covariance, -1, axis=0) - covariance], axis=1)
+    square, cube = 3 * rise - 2 * slope - next_slope, slope + next_slope - 2 * rise
+    covariance = (_noise_on_grid(fit.noise_covariance) + table.variance[:, :, None] * np.eye(size)).reshape(GRID, -1)
+    cubics = np.zeros((GRID, 2 * size + size * size, 4))
+    cubics[:, :size] = np.stack([mean, slope, square, cube], axis=-1)
+    cubics[:, size : 2 * size, :3] = np.stack([slope, 2 * square, 3 * cube], axis=-1) * (GRID / (2.0 * np.pi))
+    cubics[:, 2 * size :, :2] = np.stack([covariance, np.roll(covariance, -1, axis=0) - covariance], axis=-1)
+    return cubics
 
 
 def _noise_on_grid(noise: Array) -> Array:
@@ -130,5 +152,5 @@ def _noise_on_grid(noise: Array) -> Array:
 
 def _distance_to_training(fit: ClassFit) -> Array:
     """(GRID,) angle from each azimuth of the grid to the nearest training view."""
-    difference = _grid()[:, None] - fit.azimuth_rad[None, :]
+    difference = even_azimuths(GRID)[:, None] - fit.azimuth_rad[None, :]
     return np.asarray(np.abs((difference + np.pi) % (2.0 * np.pi) - np.pi).min(axis=1))

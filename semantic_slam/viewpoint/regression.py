@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from semantic_slam.viewpoint.gaussian_process import ClassFit, kernel, posterior
+from semantic_slam.viewpoint.gaussian_process import ClassFit, even_azimuths, kernel, posterior
 from semantic_slam.viewpoint.model import Array
 from semantic_slam.viewpoint.samples import ClassSamples
 
@@ -42,7 +42,7 @@ def with_noise(fit: ClassFit, samples: ClassSamples) -> ClassFit:
     residuals = samples.features - left_out_means(fit)[:, None, :]
     products = np.einsum("msi,msj->mij", residuals, residuals) / samples.features.shape[1]
     size = products.shape[-1]
-    directions = np.arange(NOISE_AZIMUTHS) * (2.0 * np.pi / NOISE_AZIMUTHS)
+    directions = even_azimuths(NOISE_AZIMUTHS)
     on_grid = _smoothed(samples.azimuth_rad, products.reshape(-1, size * size), directions).reshape(-1, size, size)
     at_views = _smoothed(samples.azimuth_rad, products.reshape(-1, size * size), samples.azimuth_rad)
     at_views = at_views.reshape(-1, 1, size, size)

@@ -10,7 +10,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
-from semantic_slam.viewpoint.gaussian_process import ClassFit, GaussianProcessModel
+from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, PosteriorTable
 
 SCHEMA_VERSION = 1
 KIND = "gp_independent"
@@ -20,9 +20,11 @@ METADATA_KEY = "semantic_slam"
 def save_model(model: GaussianProcessModel, path: Path, provenance: dict[str, Any]) -> None:
     """Write the model; ``provenance`` (command, seed, data, network, report) is kept with it as it is."""
     arrays = {}
-    for index, fit in enumerate(model.fits):
-        for item in fields(ClassFit):
-            arrays[f"{index}.{item.name}"] = np.ascontiguousarray(getattr(fit, item.name), dtype=np.float64)
+    for index, parts in enumerate(zip(model.fits, model.tables, strict=True)):
+        for part in parts:
+            for item in fields(part):
+                value = np.array(getattr(part, item.name), dtype=np.float64, order="C")
+                arrays[f"{index}.{item.name}"] = value
     description = {
         "schema_version": SCHEMA_VERSION,
         "kind": KIND,
@@ -46,8 +48,10 @@ def read_model(path: Path) -> GaussianProcessModel:
     try:
         class_names = tuple(str(name) for name in description["class_names"])
         feature_names = tuple(str(name) for name in description["feature_names"])
-        fits = [_class_fit(arrays, index, len(feature_names)) for index in range(len(class_names))]
-        return GaussianProcessModel(class_names, feature_names, fits)
+        parts = [_class_parts(arrays, index, len(feature_names)) for index in range(len(class_names))]
+        return GaussianProcessModel(
+            class_names, feature_names, [fit for fit, _ in parts], [table for _, table in parts]
+        )
     except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as fault:
         raise InputError(
             f"{path}: incomplete viewpoint model ({fault}); fit it anew with fit_viewpoint_models"
@@ -73,8 +77,10 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise InputError(f"{path}: not a viewpoint model; make one with fit_viewpoint_models") from None
 
 
-def _class_fit(arrays: dict[str, Any], index: int, num_features: int) -> ClassFit:
-    values = {item.name: arrays[f"{index}.{item.name}"] for item in fields(ClassFit)}
+def _class_parts(arrays: dict[str, Any], index: int, num_features: int) -> tuple[ClassFit, PosteriorTable]:
+    """The arrays of one class, their shapes checked; raises KeyError or ValueError."""
+    names = [item.name for part in (ClassFit, PosteriorTable) for item in fields(part)]
+    values = {name: arrays[f"{index}.{name}"] for name in names}
     views = len(values["azimuth_rad"])
     shapes = {
         "azimuth_rad": (views,),
@@ -85,8 +91,10 @@ def _class_fit(arrays: dict[str, Any], index: int, num_features: int) -> ClassFi
         "length_scale": (num_features,),
         "noise_covariance": (len(values["noise_covariance"]), num_features, num_features),
         "coverage_rad": (),
+        **{item.name: (GRID, num_features) for item in fields(PosteriorTable)},
     }
     for name, shape in shapes.items():
         if values[name].shape != shape or not np.all(np.isfinite(values[name])):
             raise ValueError(f"class {index}: '{name}' has a wrong shape or is not finite")
-    return ClassFit(**{**values, "coverage_rad": float(values["coverage_rad"])})
+    table = PosteriorTable(*(values.pop(item.name) for item in fields(PosteriorTable)))
+    return ClassFit(**{**values, "coverage_rad": float(values["coverage_rad"])}), table
