@@ -44,7 +44,7 @@ def command() -> None:
     from semantic_slam.report.make import make_report  # heavy, and not needed for --help
 
     if holds_beliefs(arguments.bag):
-        _refuse_run_options(arguments)
+        _announce_unused(arguments)
         print_files(make_report(arguments.bag, arguments.out))
         check_whole(arguments.bag)
         return
@@ -95,13 +95,12 @@ def print_files(files: list[Path]) -> None:
         print(path)
 
 
-def _refuse_run_options(arguments: Namespace) -> None:
-    """A recorded belief is not computed again, so what steers a run would be ignored."""
+def _announce_unused(arguments: Namespace) -> None:
+    """A recorded belief is not computed again, so what steers a run has no effect."""
     for name in ("config", "seed", "max_keyframes", "map_prior"):
         if getattr(arguments, name) is not None:
-            option = "--" + name.replace("_", "-")
-            raise InputError(
-                f"{option}: {arguments.bag} holds beliefs, which are not computed again; leave {option} out"
+            print(
+                f"--{name.replace('_', '-')} has no effect: {arguments.bag} holds beliefs, which are not computed again"
             )
 
 
