@@ -63,6 +63,11 @@ class FrameAssembler:
             return
         self._detections.add(detections.stamp_ns, detections)
 
+    @property
+    def num_waiting(self) -> int:
+        """Detections whose image or depth is not decided yet."""
+        return len(self._detections)
+
     def take(self) -> list[Frame]:
         """Frames that are complete by now, in the order of their stamps."""
         return self._frames(at_end=False)

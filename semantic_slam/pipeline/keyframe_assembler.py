@@ -67,6 +67,11 @@ class KeyframeAssembler:
         """Object ids of the detections of one frame, used with ``association: given``."""
         self._identities.add(identities.stamp_ns, identities.object_ids)
 
+    @property
+    def num_waiting(self) -> int:
+        """Measurements for which odometry or identities are still to come."""
+        return len(self._measurements)
+
     def take(self) -> list[Keyframe]:
         """Keyframes that are complete by now, in the order of their stamps. Raises InputError when ids are missing."""
         return self._keyframes(at_end=False)
