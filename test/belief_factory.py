@@ -48,7 +48,7 @@ def small_belief(
 ) -> HybridBelief:
     """A belief with everything but its associations at rest."""
     hypotheses, count, classes = len(ids), len(objects), len(class_names)
-    uniform = np.full((count, classes), 1.0 / classes)
+    uniform = np.full((count, classes), 1.0 / max(classes, 1))
     return HybridBelief(
         stamp_ns=START + keyframe * SECOND,
         keyframe=keyframe,
@@ -69,7 +69,7 @@ def small_belief(
         existence=np.ones(count),
         class_probabilities=uniform,
         object_poses=pose_vector_from_planar(np.zeros((count, 3))),
-        object_covariances=np.stack([covariance_from_planar(0.04 * np.eye(3))] * count),
+        object_covariances=covariance_from_planar(np.tile(0.04 * np.eye(3), (count, 1, 1))),
         mutual_information=np.full(count, np.nan),
         in_coverage=np.ones(count, dtype=bool),
         descriptors=np.zeros((count, 0)),

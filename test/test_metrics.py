@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from belief_factory import small_belief
 
 from semantic_slam.evaluation import classification, history, mixture, trajectory
 from semantic_slam.evaluation.association import pair_score
 from semantic_slam.evaluation.correspondence import match_objects
+from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.entropy import association_entropy, component_entropy
-
-from belief_factory import small_belief
 
 FIXTURE = json.loads((Path(__file__).parent / "fixtures" / "ch4_models_deterministic.json").read_text())["metrics"]
 
@@ -161,7 +161,7 @@ def test_moments_of_two_components() -> None:
     # Means at x = -1 and 1 with weight 1/2 and variance 0.1 each: mean 0, variance 0.1 + 1. Yaws of pi - 0.1 and
     # -pi + 0.1 average to pi, never to 0, with variance 0.1 + 0.01.
     poses = pose_vector_from_planar(np.array([[-1.0, 0.0, math.pi - 0.1], [1.0, 0.0, -math.pi + 0.1]]))
-    mean, covariance = mixture.moment_match(np.array([0.5, 0.5]), poses, np.stack([0.1 * np.eye(6)] * 2))
+    mean, covariance = matched_moments(np.array([0.5, 0.5]), poses, np.stack([0.1 * np.eye(6)] * 2))
     assert mean[:2] == pytest.approx([0.0, 0.0])
     assert abs(mixture.pose_error(pose_vector_from_planar(np.array([[0.0, 0.0, math.pi]])), mean)[0, 5]) < 1e-12
     assert covariance[0, 0] == pytest.approx(1.1)

@@ -19,6 +19,7 @@ from semantic_slam.evaluation.history import (
     true_association_probability,
 )
 from semantic_slam.evaluation.record import GroundTruth, Record
+from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import PLANAR_AXES
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.map_prior import parse_map_prior
@@ -211,7 +212,7 @@ def _trajectory_metrics(
 def _nees(belief: HybridBelief, true_pose: Array) -> float:
     if not np.isfinite(true_pose).all():
         return float("nan")
-    mean, covariance = mixture.moment_match(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
+    mean, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
     axes = list(PLANAR_AXES) if belief.planar else list(range(6))
     error = mixture.pose_error(true_pose[None], mean)[0]
     return mixture.normalised_error_squared(error[axes], covariance[np.ix_(axes, axes)])

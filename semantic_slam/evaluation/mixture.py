@@ -1,4 +1,4 @@
-"""A Gaussian mixture over poses: its moments, its errors, its consistency.
+"""A Gaussian mixture over poses: its errors and its consistency.
 
 Poses are (..., 7) vectors in map. Errors and covariances are x y z rx ry rz along the axes of map, as in
 geometry_msgs/PoseWithCovariance: rotations act on the left of the mean.
@@ -15,16 +15,6 @@ def pose_error(pose: Array, reference: Array) -> Array:
     """(H, 6) difference ``pose`` - ``reference``: positions [m] and rotation vectors [rad] in map; (H, 7) and (7,)."""
     turn = Rotation.from_quat(pose[:, 3:]) * Rotation.from_quat(reference[3:]).inv()
     return np.hstack([pose[:, :3] - reference[:3], turn.as_rotvec()])
-
-
-def moment_match(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
-    """Mean (7,) and covariance (6, 6) of H weighted Gaussians: sum w (P_h + d_h d_h^T), d_h from the common mean."""
-    weights = weights / weights.sum()
-    rotation = Rotation.from_quat(poses[:, 3:]).mean(weights=weights)
-    mean = np.concatenate([weights @ poses[:, :3], rotation.as_quat()])
-    spread = pose_error(poses, mean)
-    covariance = np.einsum("h,hij->ij", weights, covariances) + np.einsum("h,hi,hj->ij", weights, spread, spread)
-    return mean, covariance
 
 
 def normalised_error_squared(error: Array, covariance: Array) -> float:

@@ -81,7 +81,7 @@ def _weights(beliefs: tuple[HybridBelief, ...], chain: list[int]) -> Chart:
                 plot.column(belief.keyframe, top, top + weight, GREYS[rank % 2])
             top += weight
     keys = [Key("ink", "leads to the final answer", final), Key("grey", "all others", [1 - value for value in final])]
-    text = "One column per keyframe, one segment per hypothesis. Dark: the ancestor of the hypothesis that is best at the end."
+    text = "One column per keyframe, one segment per hypothesis. Dark: the ancestor of the finally best one."
     return Chart("Hypothesis weights", text, keys, plot.svg())
 
 
@@ -152,7 +152,7 @@ def _position_errors(evaluation: Evaluation, beliefs: tuple[HybridBelief, ...]) 
     for kind in courses:
         plot.line(keyframes(beliefs), errors[kind], f"line {kind}")
     keys = [Key(kind, courses[kind][0], list(errors[kind])) for kind in reversed(courses)]
-    text = "Metres from the true position, in map, unaligned; logarithmic. The path is that of the finally best hypothesis."
+    text = "Metres from the true position, in map, unaligned; logarithmic. Final path: of the finally best hypothesis."
     return Chart("Position error", text, keys, plot.svg())
 
 
@@ -166,7 +166,9 @@ def _consistency(evaluation: Evaluation, beliefs: tuple[HybridBelief, ...]) -> C
     plot.axes()
     plot.rule(degrees, "mark", "expected")
     plot.line(keyframes(beliefs), evaluation.nees, "line first")
-    text = f"Squared error of the robot's pose over its stated covariance; {degrees} on average when honest. Shaded: 95 % range."
+    text = (
+        f"Squared error of the pose over its stated covariance; {degrees} on average when honest. Shaded: 95 % range."
+    )
     return Chart("Consistency (NEES)", text, [Key("first", "NEES", list(evaluation.nees))], plot.svg())
 
 

@@ -117,7 +117,7 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
 
 
 def map_prior(last: HybridBelief) -> MapPrior:
-    """The objects of a belief as the map prior of a later run."""
+    """The objects of a belief as the map prior of a later run; those that no hypothesis has placed are left out."""
     return MapPrior(
         tuple(
             ObjectPrior(
@@ -129,6 +129,7 @@ def map_prior(last: HybridBelief) -> MapPrior:
                 existence=float(last.existence[row]),
             )
             for row, number in enumerate(last.object_ids)
+            if np.isfinite(last.object_poses[row]).all() and np.isfinite(last.object_covariances[row]).all()
         )
     )
 

@@ -1,18 +1,19 @@
 """Camera pictures with the boxes of their detections, and what they were taken for."""
 
 import base64
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import UNKNOWN, associated_objects, best_index
 from semantic_slam.messages import topics
+from semantic_slam.messages.images import decode_image
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.report.document import Analysis
@@ -20,7 +21,6 @@ from semantic_slam.report.document import Analysis
 SHOWN_FRAMES = 12
 WIDTH = 480
 JPEG_QUALITY = 78
-CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
 
 
 @dataclass(frozen=True)
@@ -74,40 +74,22 @@ def _chosen(analysis: Analysis) -> list[int]:
 
 
 def _pictures(bag: Path, stamps: set[int]) -> dict[int, NDArray[np.uint8]]:
-    """BGR pictures with these stamps; a damaged end of the bag costs only what it held."""
+    """RGB pictures with these stamps; a damaged end of the bag, or a picture, costs only what it held."""
     found: dict[int, NDArray[np.uint8]] = {}
-    with BagReader(bag) as reader:
-        try:
-            for message in reader.messages((topics.IMAGE_COMPRESSED, topics.IMAGE)):
-                image = deserialize(message.cdr, message.type_name)
-                if header_stamp_ns(image) in stamps and (picture := _decoded(image)) is not None:
-                    found[header_stamp_ns(image)] = picture
-        except InputError:
-            if not found:
-                raise
+    with BagReader(bag) as reader, suppress(TruncatedBagError):
+        for message in reader.messages((topics.IMAGE_COMPRESSED, topics.IMAGE)):
+            image = deserialize(message.cdr, message.type_name)
+            if header_stamp_ns(image) in stamps:
+                with suppress(InputError):
+                    found[header_stamp_ns(image)] = decode_image(image, message.topic)
     return found
-
-
-def _decoded(image: Any) -> NDArray[np.uint8] | None:
-    """BGR picture of a CompressedImage or Image; None where it does not decode."""
-    data = np.asarray(image.data, dtype=np.uint8)
-    if image.__msgtype__ == topics.TYPES[topics.IMAGE_COMPRESSED]:
-        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    channels = CHANNELS.get(image.encoding)
-    if channels is None or data.size != image.height * image.step or image.step < image.width * channels:
-        return None
-    rows = data.reshape(image.height, image.step)[:, : image.width * channels]
-    picture = rows.reshape(image.height, image.width, channels)
-    if channels == 1:
-        return np.repeat(picture, 3, axis=2)
-    return np.ascontiguousarray(picture[..., :3] if image.encoding.startswith("bgr") else picture[..., 2::-1])
 
 
 def _view(analysis: Analysis, row: int, picture: NDArray[np.uint8], colours: list[str]) -> FrameView:
     height, width = picture.shape[:2]
     scale = min(1.0, WIDTH / width)
     small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else picture
-    _, encoded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    _, encoded = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return FrameView(
         keyframe=analysis.record.beliefs[row].keyframe,
         data=base64.b64encode(encoded.tobytes()).decode("ascii"),

@@ -10,6 +10,7 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.charts import time_plot
 from semantic_slam.report.document import Analysis
+from semantic_slam.report.ellipse import ellipse
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
@@ -65,7 +66,7 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
         true_class=evaluation.true_classes.get(number, "") if evaluation else "",
         existence=float(last.existence[row]),
         position=(float(last.object_poses[row, 0]), float(last.object_poses[row, 1])),
-        sigma_m=float(np.sqrt(max(np.linalg.eigvalsh(last.object_covariances[row][:2, :2])[-1], 0.0))),
+        sigma_m=ellipse(last.object_covariances[row])[0],
         error_m=float(
             np.linalg.norm(last.object_poses[row, :2] - true_positions(analysis).get(number, np.full(2, np.nan)))
         ),
@@ -97,8 +98,10 @@ def true_object_poses(analysis: Analysis) -> dict[int, NDArray[np.float64]]:
 
 
 def _worth_a_picture(analysis: Analysis) -> list[int]:
-    """Ids of the objects that are least certain, or all when they are few."""
+    """Ids of the objects that are least certain, or all when they are few; none where classes are not estimated."""
     last = analysis.record.beliefs[-1]
+    if not last.class_names:
+        return []
     certainty = last.class_probabilities.max(axis=1, initial=0.0)
     order = np.argsort(certainty, kind="stable")[:SHOWN_COURSES]
     return [int(last.object_ids[row]) for row in order]
@@ -109,7 +112,7 @@ def courses_svg(analysis: Analysis, number: int, colours: list[str]) -> Markup:
     every = max(1, len(analysis.record.beliefs) // SHOWN_MOMENTS)
     moments = [belief for belief in analysis.record.beliefs[::-1][::every][::-1] if number in belief.object_ids]
     rows = np.array([belief.class_probabilities[list(belief.object_ids).index(number)] for belief in moments])
-    options = {"width": 300, "height": 120, "margins": (6, 8, 20, 34)}
+    options = {"width": 300, "height": 126, "margins": (12, 8, 20, 34)}
     plot = time_plot(analysis.record.beliefs, 0.0, 1.0, f"class probabilities of object {number}", **options)
     plot.axes(x_label="", y_ticks=(0, 0.5, 1), x_count=4)
     edges = np.hstack([np.zeros((len(rows), 1)), np.cumsum(rows, axis=1)])

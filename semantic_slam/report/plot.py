@@ -136,7 +136,8 @@ class Plot:
         """The finished picture, with the line that follows the chosen keyframe."""
         cursor = Markup('<line class="cursor" y1="{}" y2="{}" visibility="hidden"/>').format(self.top, self.bottom)
         opening = Markup(
-            '<svg class="plot" role="img" aria-label="{}" viewBox="0 0 {} {}" data-left="{}" data-right="{}" data-low="{}" data-high="{}">'
+            '<svg class="plot" role="img" aria-label="{}" viewBox="0 0 {} {}"'
+            ' data-left="{}" data-right="{}" data-low="{}" data-high="{}">'
         ).format(self.label, self.width, self.height, self.left, self.right, *self.x_range)
         return opening + Markup("").join(self._parts) + cursor + Markup("</svg>")
 

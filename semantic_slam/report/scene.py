@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from semantic_slam.evaluation.evaluate import dead_reckonings
 from semantic_slam.evaluation.history import best_index
-from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
+from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import Analysis
+from semantic_slam.report.ellipse import ellipse
 from semantic_slam.report.objects import object_label, true_object_poses
 
 Array = NDArray[np.float64]
@@ -118,7 +119,7 @@ def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dic
         sigma_yaw = np.sqrt(max(covariance[5, 5], 0.0))
         state = np.array([*poses[row], *ellipse(covariance), sigma_yaw, *belief.class_probabilities[row]])
         before = written.get(int(number))
-        if int(number) in numbers and (before is None or _differs(state, before)):
+        if int(number) in numbers and np.isfinite(state).all() and (before is None or _differs(state, before)):
             written[int(number)] = state
             changed.append([numbers[int(number)], *_rounded(state)])
     return changed
@@ -131,13 +132,6 @@ def _differs(state: Array, before: Array) -> bool:
         or np.abs(state[3:5] - before[3:5]).max() > MOVED_M
         or np.abs(state[7:] - before[7:]).max(initial=0) > CHANGED
     )
-
-
-def ellipse(covariance: Array) -> tuple[float, float, float]:
-    """Semi-axes [m] of one standard deviation in x-y and the direction [rad] of the first; (6, 6) in map."""
-    values, vectors = np.linalg.eigh(planar_from_covariance(covariance)[:2, :2])
-    major, minor = np.sqrt(np.maximum(values[::-1], 0.0))
-    return float(major), float(minor), float(np.arctan2(vectors[1, 1], vectors[0, 1]))
 
 
 def _points(poses: Array) -> list[list[float]]:

@@ -14,7 +14,7 @@ NAMED = 4
 
 def verdict(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     """Sentences for the head of the report: objects, data association, agreement with the truth."""
-    sentences = [_objects(objects), *_ambiguous(analysis, objects), _association(analysis), *_truth(analysis)]
+    sentences = [_objects(analysis, objects), *_ambiguous(analysis, objects), _association(analysis), *_truth(analysis)]
     return [sentence for sentence in sentences if sentence]
 
 
@@ -27,31 +27,36 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     outside = [view.label for view in objects if not view.in_coverage]
     if outside:
         found.append(
-            f"Some views of {listed(outside)} lay outside what the class models were fitted on; their probabilities deserve less trust."
+            f"Some views of {listed(outside)} lay outside what the class models were fitted on;"
+            " their probabilities deserve less trust."
         )
     mass = analysis.record.beliefs[-1].discarded_mass
     if mass > 0.05:
         found.append(
-            f"{percent(mass)} of the probability mass was discarded on the way; stated probabilities are no better than that."
+            f"{percent(mass)} of the probability mass was discarded on the way;"
+            " the stated probabilities are no better than that."
         )
     return found
 
 
-def _objects(objects: list[ObjectView]) -> str:
+def _objects(analysis: Analysis, objects: list[ObjectView]) -> str:
     count = len(objects)
     if not count:
         return "No object was found."
+    start = "One object is on the map" if count == 1 else f"{count} objects are on the map"
+    if not analysis.record.beliefs[-1].class_names:
+        return f"{start}; classes were not estimated."
     sure = sum(view.certain for view in objects)
-    noun = "object is" if count == 1 else "objects are"
     if sure == count:
-        return f"{count} {noun} on the map, {'its class' if count == 1 else 'the class of each'} known with at least {percent(CERTAIN)} certainty."
-    return (
-        f"{count} {noun} on the map; the class of {sure or 'none'} is known with at least {percent(CERTAIN)} certainty."
-    )
+        whose = "its class is" if count == 1 else "the class of each is"
+        return f"{start}; {whose} known with at least {percent(CERTAIN)} certainty."
+    return f"{start}; the class of {sure or 'none'} is known with at least {percent(CERTAIN)} certainty."
 
 
 def _ambiguous(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     names = analysis.record.beliefs[-1].class_names
+    if not names:
+        return []
     doubtful = sorted(
         (view for view in objects if not view.certain and view.detections), key=lambda view: view.probability
     )
@@ -94,7 +99,8 @@ def _truth(analysis: Analysis) -> list[str]:
     if right == right:
         when = f"from keyframe {settled} on" if settled is not None else "never for good"
         sentences.append(
-            f"Against the ground truth, {percent(right)} of the detections are assigned rightly; the true assignment was certain {when}."
+            f"Against the ground truth, {percent(right)} of the detections are assigned rightly;"
+            f" the true assignment was certain {when}."
         )
     if metrics["ate_m"] == metrics["ate_m"]:
         sentences.append(
