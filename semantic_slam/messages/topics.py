@@ -14,6 +14,7 @@ CLOCK = "/clock"
 DIAGNOSTICS = "/diagnostics"
 
 MEASUREMENTS = "/classifier/measurements"
+CLASSIFIER_PROGRESS = "/classifier/progress"
 BELIEF = "/hypothesis_manager/belief"
 POSE = "/hypothesis_manager/pose"
 PATH = "/hypothesis_manager/path"
@@ -54,6 +55,7 @@ TYPES = {
     CANDIDATES: "semantic_slam_msgs/msg/Candidates",
     COMPONENTS: "semantic_slam_msgs/msg/Components",
     PLAYER_PROGRESS: "semantic_slam_msgs/msg/ReplayProgress",
+    CLASSIFIER_PROGRESS: "semantic_slam_msgs/msg/ReplayProgress",
     MANAGER_PROGRESS: "semantic_slam_msgs/msg/ReplayProgress",
     GROUND_TRUTH_ODOMETRY: "nav_msgs/msg/Odometry",
     GROUND_TRUTH_OBJECTS: "semantic_slam_msgs/msg/GroundTruthObjects",

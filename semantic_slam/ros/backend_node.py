@@ -1,0 +1,71 @@
+"""Node ``backend_<n>``: the components of one backend behind topics."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.protocol import Candidates, RunConfiguration
+from semantic_slam.inference.run import problem_of
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode, encode, from_message
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.rounds import Answer, Rounds
+from semantic_slam.ros.transport import Outlet, relative_name
+
+MATCH_S = 20.0
+
+
+class BackendNode(PipelineNode):
+    """Answers keyframes with candidates and commits with components.
+
+    Parameter ``backend_id``: -1 takes it from the node's name, ``backend_1`` being backend 1.
+    """
+
+    def __init__(self, backend_class: Callable[..., Any] = Backend) -> None:
+        super().__init__("backend_0")
+        given = int(self.declare_parameter("backend_id", -1).value)
+        self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
+        self._backend_class = backend_class
+        self._rounds = Rounds(self._make_backend)
+        self._candidates = self._outlet(topics.CANDIDATES)
+        self._components = self._outlet(topics.COMPONENTS)
+        self.listen(topics.RUN_CONFIGURATION, self._start, qos.latched())
+        self.listen(topics.KEYFRAMES, self._keyframe, qos.everything_from_the_start())
+        self.listen(topics.COMMITS, self._commit, qos.everything_from_the_start())
+
+    def _outlet(self, topic: str) -> Outlet:
+        return Outlet(self, relative_name(topic), topics.TYPES[topic], qos.everything())
+
+    def _make_backend(self, run: RunConfiguration) -> Any:
+        # Backend 0 exists in every pool: it starts with the one hypothesis that there is before any measurement.
+        return self._backend_class(self.backend_id, problem_of(run), run.run_id, owner_of_root=self.backend_id == 0)
+
+    def _start(self, data: bytes) -> None:
+        self._send(self._rounds.start(decode(data, topics.TYPES[topics.RUN_CONFIGURATION])))
+
+    def _keyframe(self, data: bytes) -> None:
+        message = deserialize(data, topics.TYPES[topics.KEYFRAMES])
+        self._send(self._rounds.keyframe(message.run_id, from_message(message)))
+
+    def _commit(self, data: bytes) -> None:
+        self._send(self._rounds.commit(decode(data, topics.TYPES[topics.COMMITS])))
+
+    def _send(self, answers: list[Answer]) -> None:
+        for answer in answers:
+            outlet = self._candidates if isinstance(answer, Candidates) else self._components
+            outlet.wait_for_readers(1, MATCH_S)  # an answer to a manager that is not matched yet would be lost
+            outlet.send(encode(answer))
+
+
+def _id_in_name(name: str) -> int:
+    match = re.fullmatch(r".*_(\d+)", name)
+    if match is None:
+        raise InputError(f"node name {name} ends in no number; name it backend_0 or set the parameter backend_id")
+    return int(match.group(1))
+
+
+main = main_of(BackendNode)

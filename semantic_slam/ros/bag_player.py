@@ -1,0 +1,157 @@
+"""Node ``bag_player``: any rosbag2 onto the topics, in real time, faster, or losslessly in lock-step."""
+
+import sys
+import threading
+import time
+from pathlib import Path
+
+import rclpy
+from tqdm import tqdm
+
+from semantic_slam.bag.mcap_stream import RawMessage
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.errors import InputError
+from semantic_slam.messages.codec import decode, encode
+from semantic_slam.messages.ground_truth import ReplayProgress
+from semantic_slam.messages.standard import time_message
+from semantic_slam.messages.topics import CLASSIFIER_PROGRESS, CLOCK, MANAGER_PROGRESS, PLAYER_PROGRESS, TYPES
+from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.flow_control import Credit
+from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.playlist import Playlist, parse_remaps
+from semantic_slam.ros.transport import Outlet, is_installed, private_name, receive, relative_name
+
+STALL_S = 30.0
+SECOND = 1_000_000_000
+
+
+class BagPlayer(PipelineNode):
+    """Publishes a bag; ``rate`` 0 keeps at most ``window`` detection frames under way."""
+
+    def __init__(self) -> None:
+        super().__init__("bag_player")
+        self._bag = Path(str(self.declare_parameter("bag", "").value))
+        self._rate = float(self.declare_parameter("rate", 0.0).value)
+        self._wait_s = float(self.declare_parameter("wait_for_listeners_s", 20.0).value)
+        remaps = parse_remaps(self.declare_parameter("remap", [""]).value)
+        self._credit = Credit(int(self.declare_parameter("window", 4).value), STALL_S)
+        self._finished = threading.Event()
+        self._sent = 0
+        with BagReader(self._bag) as bag:
+            self._playlist = Playlist(bag.topics, remaps, is_installed)
+        for line in self._playlist.notes:
+            self.get_logger().warning(f"{self._bag}: {line}")
+        self._outlets = {
+            topic: Outlet(self, item.name, item.type_name, qos.replayed(item.name))
+            for topic, item in self._playlist.items.items()
+        }
+        self._clock = Outlet(self, CLOCK, TYPES[CLOCK], qos.newest())
+        self._progress = Outlet(self, private_name(PLAYER_PROGRESS), TYPES[PLAYER_PROGRESS], qos.latched())
+        self._classifier_progress = None
+        if self._playlist.has_measurements:
+            name = relative_name(CLASSIFIER_PROGRESS)
+            self._classifier_progress = Outlet(self, name, TYPES[CLASSIFIER_PROGRESS], qos.latched())
+        self._manager_topic = receive(self, MANAGER_PROGRESS, self._manager_progress, qos.latched())
+        self.worker.submit(self._play, None)
+
+    def _manager_progress(self, data: bytes) -> None:
+        progress: ReplayProgress = decode(data, TYPES[MANAGER_PROGRESS])
+        self._credit.done(progress.frames)
+        if progress.finished:
+            self._finished.set()
+
+    def _play(self, _: None) -> None:
+        self._wait_for_listeners()
+        damage = None
+        with BagReader(self._bag) as bag, self._progress_bar(bag) as bar:
+            self._send_latched(bag)
+            try:
+                self._send_rest(bag, bar)
+            except InputError as fault:  # the part before the damage is replayed to its end
+                damage = fault
+            self._end_of_bag(bar)
+        if damage is not None:
+            raise damage
+        self.end()
+
+    def _wait_for_listeners(self) -> None:
+        give_up = time.monotonic() + self._wait_s
+        inputs = [self._outlets[topic] for topic, item in self._playlist.items.items() if item.is_input]
+        while rclpy.ok() and (deaf := [outlet.name for outlet in inputs if not outlet.num_readers]):
+            if time.monotonic() > give_up:
+                text = f"{self._bag}: nobody listens to {', '.join(deaf)} after {self._wait_s:.0f} s; start the other nodes"
+                if self._rate == 0.0:
+                    raise InputError(text)
+                self.get_logger().warning(text)
+                return
+            time.sleep(0.02)
+
+    def _send_latched(self, bag: BagReader) -> None:
+        """What later messages are understood by (initial pose, static transforms) goes first and arrives first."""
+        latched = [topic for topic, item in self._playlist.items.items() if item.is_latched]
+        for message in bag.messages(latched) if latched else ():
+            self._outlets[message.topic].send(message.cdr)
+        for topic in latched:
+            self._outlets[topic].wait_for_acknowledgement()
+
+    def _send_rest(self, bag: BagReader, bar: tqdm) -> None:  # type: ignore[type-arg]
+        pace = Pace(self._rate)
+        for message in bag.messages([topic for topic, item in self._playlist.items.items() if not item.is_latched]):
+            if not rclpy.ok():
+                return
+            if self._playlist.items[message.topic].is_frame:
+                self._wait_for_credit(bar)
+                self._sent += 1
+            pace.wait(message.stamp_ns)
+            self._send(message)
+
+    def _send(self, message: RawMessage) -> None:
+        clock = message_class(TYPES[CLOCK])(clock=time_message(message.stamp_ns))
+        self._clock.send(serialize(clock))
+        self._outlets[message.topic].send(message.cdr)
+
+    def _wait_for_credit(self, bar: tqdm) -> None:  # type: ignore[type-arg]
+        if (
+            self._rate == 0.0
+            and self.count_publishers(self._manager_topic)
+            and not self._credit.wait(self._sent, rclpy.ok)
+        ):
+            self.get_logger().warning(
+                f"no progress for {STALL_S:.0f} s at frame {self._credit.frames_done}; sending on"
+            )
+        bar.update(self._credit.frames_done - bar.n)
+
+    def _end_of_bag(self, bar: tqdm) -> None:  # type: ignore[type-arg]
+        for outlet in self._outlets.values():
+            outlet.wait_for_acknowledgement()
+        if self._classifier_progress is not None:
+            self._classifier_progress.send(encode(ReplayProgress(stamp_ns=0, frames=0, finished=True)))
+        self._progress.send(encode(ReplayProgress(stamp_ns=0, frames=self._sent, finished=True)))
+        while rclpy.ok() and self.count_publishers(self._manager_topic) and not self._finished.wait(0.1):
+            bar.update(self._credit.frames_done - bar.n)
+        bar.update(self._credit.frames_done - bar.n)
+
+    def _progress_bar(self, bag: BagReader) -> tqdm:  # type: ignore[type-arg]
+        frames = sum(bag.counts[topic] for topic, item in self._playlist.items.items() if item.is_frame)
+        return tqdm(total=frames, unit="frame", desc=self._bag.name, file=sys.stderr, dynamic_ncols=True)
+
+
+class Pace:
+    """Real time times ``rate``; 0 never waits."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._start: tuple[int, float] | None = None
+
+    def wait(self, stamp_ns: int) -> None:
+        """Sleep until the message of this log time is due."""
+        if self._rate <= 0.0:
+            return
+        if self._start is None:
+            self._start = (stamp_ns, time.monotonic())
+        due = self._start[1] + (stamp_ns - self._start[0]) / SECOND / self._rate
+        time.sleep(max(0.0, due - time.monotonic()))
+
+
+main = main_of(BagPlayer)

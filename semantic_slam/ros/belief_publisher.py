@@ -1,0 +1,63 @@
+"""The belief and its plain views on their topics."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.transform import compose
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import encode
+from semantic_slam.messages.sensor import odometry_sample
+from semantic_slam.messages.typestore import serialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.transport import Outlet, is_installed, private_name
+from semantic_slam.ros.views import PathView, map_to_odom_view, markers_view, pose_view
+
+Array = NDArray[np.float64]
+
+
+class BeliefPublisher:
+    """Publishes one belief per keyframe, and what follows from it."""
+
+    def __init__(self, node: Node, lossless: bool) -> None:
+        self._belief = _outlet(node, topics.BELIEF, qos.result(lossless))
+        self._pose = _outlet(node, topics.POSE, qos.result(lossless))
+        self._path = _outlet(node, topics.PATH, qos.latched())
+        self._markers = _outlet(node, topics.MARKERS, qos.latched())
+        self._tf = None
+        if is_installed(topics.TYPES[topics.TF]):
+            self._tf = Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.everything())
+        self._path_view = PathView()
+        self._T_odom_body: Array | None = None
+
+    def note_odometry(self, message: Any) -> None:
+        """Odometry before the first keyframe: the first usable pose is where keyframe 0's motion starts."""
+        if self._T_odom_body is None:
+            try:
+                self._T_odom_body = odometry_sample(message, topics.ODOMETRY).pose
+            except InputError:
+                return  # counted where keyframes are assembled
+
+    def publish(self, belief: HybridBelief, T_previous_current: Array) -> None:
+        """``T_previous_current`` is the odometry of the belief's keyframe."""
+        self._belief.send(encode(belief))
+        estimate = pose_view(belief)
+        self._pose.send(encode(estimate))
+        self._path.send(serialize(self._path_view.extended(estimate)))
+        self._markers.send(serialize(markers_view(belief)))
+        if self._T_odom_body is not None:
+            self._T_odom_body = compose(self._T_odom_body, T_previous_current)
+            if self._tf is not None:
+                self._tf.send(serialize(map_to_odom_view(estimate, self._T_odom_body)))
+
+    def wait_for_acknowledgement(self) -> None:
+        for outlet in (self._belief, self._pose, self._path, self._markers):
+            outlet.wait_for_acknowledgement()
+
+
+def _outlet(node: Node, topic: str, profile: Any) -> Outlet:
+    return Outlet(node, private_name(topic), topics.TYPES[topic], profile)

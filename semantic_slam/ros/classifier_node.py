@@ -1,0 +1,141 @@
+"""Node ``classifier``: images and detections in, semantic measurements out."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from rclpy.serialization import deserialize_message
+
+from semantic_slam.datasets.detection_formats import READERS
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode, encode, to_message
+from semantic_slam.messages.ground_truth import ReplayProgress
+from semantic_slam.messages.sensor import TransformTree, sensor_pose
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.perception.classifier import Classifier
+from semantic_slam.perception.frame import Frame
+from semantic_slam.pipeline.frame_assembler import FrameAssembler
+from semantic_slam.ros import qos
+from semantic_slam.ros.health import dropped_status
+from semantic_slam.ros.parameters import declare_configuration
+from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.transport import Outlet, is_installed, private_name, ros_type
+
+OURS = topics.TYPES[topics.DETECTIONS]
+
+
+class ClassifierNode(PipelineNode):
+    """Frame assembler and classifier behind topics."""
+
+    def __init__(self) -> None:
+        super().__init__("classifier")
+        configuration = declare_configuration(self)
+        self._perception = configuration.perception
+        self._classifier = Classifier(configuration)
+        self._assembler = FrameAssembler(configuration, bool(self.declare_parameter("has_depth", True).value))
+        self._transforms = TransformTree()
+        self._dropped: Counter[str] = Counter()
+        self._received = 0  # detection messages
+        self._measured = 0
+        self._announced = 0
+        self._measurements = self._outlet(topics.MEASUREMENTS, qos.result(self.lossless))
+        self._progress = self._outlet(topics.CLASSIFIER_PROGRESS, qos.latched())
+        self._listen(
+            compressed=bool(self.declare_parameter("compressed", True).value),
+            has_depth=bool(self.get_parameter("has_depth").value),
+            detections_type=str(self.declare_parameter("detections_type", OURS).value),
+        )
+        self._status = dropped_status(self._dropped)  # replaced by the worker, published by the executor
+        self.health.add_source(lambda: [self._status])
+
+    def _outlet(self, topic: str, profile: Any) -> Outlet:
+        return Outlet(self, private_name(topic), topics.TYPES[topic], profile)
+
+    def _listen(self, *, compressed: bool, has_depth: bool, detections_type: str) -> None:
+        image, depth = (
+            (topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED) if compressed else (topics.IMAGE, topics.DEPTH)
+        )
+        handlers = {topics.CAMERA_INFO: self._assembler.add_camera_info, image: self._assembler.add_image}
+        if has_depth:
+            handlers[depth] = self._assembler.add_depth
+        for topic, handler in handlers.items():
+            handle = self._decoded(topic, handler)
+            self.listen(topic, handle, qos.sensor_input(topic, self.lossless), required=True)
+        self.listen(
+            topics.DETECTIONS,
+            self._detections_handler(detections_type),
+            qos.sensor_input(topics.DETECTIONS, self.lossless),
+            type_name=detections_type,
+            required=True,
+        )
+        if is_installed(topics.TYPES[topics.TF_STATIC]):
+            handle = self._decoded(topics.TF_STATIC, self._transforms.add)
+            self.listen(topics.TF_STATIC, handle, qos.sensor_input(topics.TF_STATIC, self.lossless))
+        self.listen(topics.PLAYER_PROGRESS, self._player_progress, qos.latched())
+
+    def _decoded(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
+        def handle(data: bytes) -> None:
+            add(deserialize(data, topics.TYPES[topic]))
+            self._measure(self._assembler.take())
+
+        return handle
+
+    def _detections_handler(self, type_name: str) -> Callable[[bytes], None]:
+        """For our own detections, or for those of another package that is installed here."""
+        if type_name not in READERS:
+            raise InputError(f"parameter detections_type: {type_name} is not one of {', '.join(READERS)}")
+        foreign = None if type_name == OURS else ros_type(type_name)
+
+        def add(data: bytes) -> None:
+            self._received += 1
+            if foreign is None:
+                message = deserialize(data, OURS)
+            else:
+                message = to_message(READERS[type_name](deserialize_message(data, foreign)))
+            self._assembler.add_detections(message)
+            self._measure(self._assembler.take())
+
+        return add
+
+    def _measure(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            try:
+                T_base_camera = sensor_pose(
+                    self._perception.extrinsics, self._perception.base_frame, self._transforms, frame.camera.frame_id
+                )
+            except InputError as fault:  # the transform may still come
+                self._dropped[str(fault)] += 1
+                continue
+            measured = self._classifier.measure(frame, self._measured, T_base_camera)
+            self._measured += 1
+            self._measurements.send(encode(replace(measured, dropped=self._all_dropped().total())))
+        self._status = dropped_status(self._all_dropped())
+        if self._num_lost() != self._announced:
+            self._announce(finished=False)
+
+    def _num_lost(self) -> int:
+        """Detection messages that became no measurement."""
+        return self._received - self._measured - self._assembler.num_waiting
+
+    def _announce(self, *, finished: bool) -> None:
+        """Tell how many were lost: a lossless replay must not wait for them."""
+        self._announced = self._num_lost()
+        self._progress.send(encode(ReplayProgress(stamp_ns=0, frames=self._announced, finished=finished)))
+
+    def _player_progress(self, data: bytes) -> None:
+        if decode(data, topics.TYPES[topics.PLAYER_PROGRESS]).finished:
+            self.when_drained(self._end_of_replay, None)
+
+    def _end_of_replay(self, _: None) -> None:
+        self._measure(self._assembler.flush())
+        self._measurements.wait_for_acknowledgement()
+        self._announce(finished=True)
+        self.health.finished = True
+
+    def _all_dropped(self) -> Counter[str]:
+        return self._assembler.dropped + self._classifier.dropped + self._dropped
+
+
+main = main_of(ClassifierNode)

@@ -1,0 +1,72 @@
+"""A node's health on /diagnostics, once a second."""
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from semantic_slam.messages.standard import header_message
+from semantic_slam.messages.topics import DIAGNOSTICS, TYPES
+from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.ros.health import InputMonitor, Level, Status, incompatible_status
+from semantic_slam.ros.qos import everything
+from semantic_slam.ros.transport import Outlet
+
+PERIOD_S = 1.0
+
+
+class Diagnostics:
+    """Collects and publishes the statuses of one node. Belongs to the executor's thread."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._outlet = Outlet(node, DIAGNOSTICS, TYPES[DIAGNOSTICS], everything())
+        self._monitors: list[InputMonitor] = []
+        self._incompatible: dict[str, Status] = {}
+        self._sources: list[Callable[[], Iterable[Status]]] = []
+        self.finished = False  # a replay has ended: silence is in order
+        # The steady clock: diagnostics go on when simulated time stands still.
+        node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def monitor(self, topic: str) -> InputMonitor:
+        """Watch an input that must speak; its callback calls ``arrived``."""
+        self._monitors.append(InputMonitor(topic, time.monotonic()))
+        return self._monitors[-1]
+
+    def add_source(self, source: Callable[[], Iterable[Status]]) -> None:
+        self._sources.append(source)
+
+    def incompatible(self, topic: str, policy: str) -> None:
+        """Note a publisher whose QoS cannot match."""
+        self._incompatible[topic] = incompatible_status(topic, policy)
+
+    def publish(self) -> None:
+        statuses = list(self._incompatible.values())
+        if not self.finished:
+            statuses += [self._input_status(monitor) for monitor in self._monitors]
+        for source in self._sources:
+            statuses += source()
+        if not statuses:
+            statuses = [Status("node", Level.OK, "running")]
+        self._outlet.send(serialize(self._message(statuses)))
+
+    def _input_status(self, monitor: InputMonitor) -> Status:
+        return monitor.status(time.monotonic(), self._node.count_publishers(monitor.topic))
+
+    def _message(self, statuses: list[Status]) -> Any:
+        return message_class(TYPES[DIAGNOSTICS])(
+            header=header_message(self._node.get_clock().now().nanoseconds, ""),
+            status=[self._status_message(status) for status in statuses],
+        )
+
+    def _status_message(self, status: Status) -> Any:
+        key_value = message_class("diagnostic_msgs/msg/KeyValue")
+        return message_class("diagnostic_msgs/msg/DiagnosticStatus")(
+            level=int(status.level),
+            name=f"{self._node.get_name()}: {status.name}",
+            message=status.message,
+            hardware_id="semantic_slam",
+            values=[key_value(key=key, value=value) for key, value in status.values.items()],
+        )

@@ -1,0 +1,68 @@
+"""What is wrong with a node, in words that name the topic, the label or the backend."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+SILENT_AFTER_S = 3.0
+
+
+class Level(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True)
+class Status:
+    """One line of a node's health."""
+
+    name: str
+    level: Level
+    message: str
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+class InputMonitor:
+    """Watches one input topic; times are seconds of a steady clock."""
+
+    def __init__(self, topic: str, now_s: float) -> None:
+        self.topic = topic
+        self.count = 0
+        self._last_s = now_s
+
+    def arrived(self, now_s: float) -> None:
+        self.count += 1
+        self._last_s = now_s
+
+    def status(self, now_s: float, num_publishers: int) -> Status:
+        """Whether the topic speaks, and what to do when it does not."""
+        name = f"input {self.topic}"
+        values = {"messages": str(self.count), "publishers": str(num_publishers)}
+        silent_s = now_s - self._last_s
+        if silent_s < SILENT_AFTER_S:
+            return Status(name, Level.OK, "receiving" if self.count else "waiting", values)
+        if self.count:
+            return Status(name, Level.WARN, f"{self.topic} has been silent for {silent_s:.0f} s", values)
+        remedy = "it has a publisher that sends nothing" if num_publishers else "start its publisher or remap the topic"
+        return Status(name, Level.ERROR, f"{self.topic} is silent: no message so far; {remedy}", values)
+
+
+def dropped_status(dropped: Counter[str]) -> Status:
+    """Inputs that were not used, by reason."""
+    if not dropped:
+        return Status("dropped", Level.OK, "nothing dropped")
+    text = "; ".join(f"{number} x {reason}" for reason, number in sorted(dropped.items()))
+    return Status("dropped", Level.WARN, text, {reason: str(number) for reason, number in sorted(dropped.items())})
+
+
+def incompatible_status(topic: str, policy: str) -> Status:
+    """A publisher whose QoS can never match our subscription."""
+    return Status(
+        f"QoS {topic}",
+        Level.ERROR,
+        f"{topic} has a publisher with an incompatible {policy}; publish it RELIABLE, or set lossless to false",
+    )

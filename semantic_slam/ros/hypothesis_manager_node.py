@@ -1,0 +1,158 @@
+"""Node ``hypothesis_manager``: measurements and odometry in, the hybrid belief and its plain views out."""
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.errors import InputError
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.manager import HypothesisManager
+from semantic_slam.inference.map_prior import MapPrior, read_map_prior
+from semantic_slam.inference.run import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode, encode, from_message
+from semantic_slam.messages.ground_truth import ReplayProgress
+from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.preamble import checked_initial_pose
+from semantic_slam.pipeline.provenance import revision, source_text
+from semantic_slam.ros import qos
+from semantic_slam.ros.belief_publisher import BeliefPublisher
+from semantic_slam.ros.health import Level, Status, dropped_status
+from semantic_slam.ros.parameters import declare_configuration
+from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.ros_pool import RosPool
+from semantic_slam.ros.transport import Outlet, private_name
+
+
+class HypothesisManagerNode(PipelineNode):
+    """Keyframe assembler and hypothesis manager behind topics."""
+
+    def __init__(self) -> None:
+        super().__init__("hypothesis_manager")
+        self._configuration = declare_configuration(self)
+        num_backends = int(self.declare_parameter("backends", 1).value)
+        if num_backends < 1:
+            raise InputError(f"parameter backends is {num_backends}; at least one backend is needed")
+        timeout_s = float(self.declare_parameter("backend_timeout_s", 60.0).value)
+        self._pool = RosPool(self, range(num_backends), timeout_s)
+        self._map_prior = _map_prior(str(self.declare_parameter("map_prior", "").value))
+        self._source = _source(str(self.declare_parameter("source_bag", "").value))
+        self._assembler = KeyframeAssembler(self._configuration, has_identities=self._wants_identities)
+        self._initial_pose: PoseEstimate | None = None
+        self._manager: HypothesisManager | None = None
+        self._undecodable: Counter[str] = Counter()
+        self._frames_measured = self._frames_lost = self._num_keyframes = 0
+        self._status = dropped_status(self._undecodable)  # replaced by the worker, published by the executor
+        self._publisher = BeliefPublisher(self, self.lossless)
+        self._progress = Outlet(
+            self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
+        )
+        self._listen()
+        self.health.add_source(lambda: [*self._pool.statuses(), self._status, self._keyframe_status()])
+
+    @property
+    def _wants_identities(self) -> bool:
+        return self._configuration.association == "given"
+
+    def _listen(self) -> None:
+        # In this order: of messages that are there at once, the executor takes those of the earlier subscription first.
+        self._input(topics.INITIAL_POSE, lambda message: self._set_initial_pose(from_message(message)), required=False)
+        self._input(topics.ODOMETRY, self._add_odometry)
+        if self._wants_identities:
+            identities = topics.GROUND_TRUTH_ASSOCIATIONS
+            self._input(identities, lambda m: self._assembler.add_identities(from_message(m)), required=False)
+        self.listen(
+            topics.MEASUREMENTS,
+            self._decoded(topics.MEASUREMENTS, self._add_measurements),
+            qos.result(self.lossless),
+            required=True,
+        )
+        self.listen(topics.CLASSIFIER_PROGRESS, self._classifier_progress, qos.latched())
+
+    def _input(self, topic: str, add: Callable[[Any], None], *, required: bool = True) -> None:
+        self.listen(topic, self._decoded(topic, add), qos.sensor_input(topic, self.lossless), required=required)
+
+    def _decoded(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
+        def handle(data: bytes) -> None:
+            try:
+                add(deserialize(data, topics.TYPES[topic]))
+            except InputError as fault:
+                self._undecodable[str(fault)] += 1
+            self._infer(self._assembler.take())
+
+        return handle
+
+    def _set_initial_pose(self, estimate: PoseEstimate) -> None:
+        if self._initial_pose is None and self._manager is None:
+            self._initial_pose = checked_initial_pose(estimate)
+
+    def _add_odometry(self, message: Any) -> None:
+        self._publisher.note_odometry(message)
+        self._assembler.add_odometry(message)
+
+    def _add_measurements(self, message: Any) -> None:
+        self._frames_measured += 1
+        self._assembler.add_measurements(from_message(message))
+
+    def _infer(self, keyframes: list[Keyframe]) -> None:
+        for keyframe in keyframes:
+            if self._manager is None:
+                self._manager = self._start(keyframe.stamp_ns)
+            self._publisher.publish(self._manager.process(keyframe), keyframe.odometry)
+            self._num_keyframes += 1
+        self._status = dropped_status(self._assembler.dropped + self._undecodable)
+        self._announce(finished=False)
+
+    def _start(self, stamp_ns: int) -> HypothesisManager:
+        pose, covariance = initial_pose_of(self._configuration)
+        if self._initial_pose is not None:
+            pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
+        run = make_run_configuration(
+            self._configuration,
+            self._map_prior,
+            pose,
+            covariance,
+            stamp_ns=stamp_ns,
+            source=self._source,
+            revision=revision(),
+        )
+        self._pool.start(run)
+        return HypothesisManager(problem_of(run), self._pool, run.run_id)
+
+    def _classifier_progress(self, data: bytes) -> None:
+        progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])
+        self._frames_lost = progress.frames
+        self._announce(finished=False)
+        if progress.finished:
+            self.when_drained(self._end_of_replay, None)
+
+    def _end_of_replay(self, _: None) -> None:
+        self._infer(self._assembler.flush())
+        self._publisher.wait_for_acknowledgement()
+        self._announce(finished=True)
+        self.health.finished = True
+
+    def _announce(self, *, finished: bool) -> None:
+        """Tell the player how many detection frames are done with."""
+        frames = self._frames_measured - self._assembler.num_waiting + self._frames_lost
+        self._progress.send(encode(ReplayProgress(stamp_ns=0, frames=frames, finished=finished)))
+
+    def _keyframe_status(self) -> Status:
+        return Status(
+            "keyframes", Level.OK, f"{self._num_keyframes} keyframes", {"keyframes": str(self._num_keyframes)}
+        )
+
+
+def _map_prior(path: str) -> MapPrior | None:
+    return read_map_prior(Path(path)) if path else None
+
+
+def _source(bag: str) -> str:
+    return source_text(Path(bag), BagReader(Path(bag)).sha256()) if bag else ""
+
+
+main = main_of(HypothesisManagerNode)

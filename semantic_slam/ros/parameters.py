@@ -1,0 +1,73 @@
+"""The fields of :class:`Configuration` as ROS parameters, and back."""
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.node import Node
+
+from semantic_slam.configuration import Configuration, from_dict
+from semantic_slam.errors import InputError
+
+
+def leaves(cls: Any = Configuration, prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """(dotted name, dataclass field, default) of every parameter."""
+    for item in dataclasses.fields(cls):
+        default = item.default if item.default is not dataclasses.MISSING else item.default_factory()
+        if dataclasses.is_dataclass(default):
+            yield from leaves(type(default), f"{prefix}{item.name}.")
+        else:
+            yield prefix + item.name, item, default
+
+
+def declare_configuration(node: Node) -> Configuration:
+    """Declare every parameter and return the effective configuration. Raises InputError."""
+    values: dict[str, Any] = {}
+    known = dict.fromkeys(name for name, _, _ in leaves())
+    for name, item, default in leaves():
+        value = _declared(node, name, item, default)
+        if value is not None:  # an empty list in a YAML file has no type and arrives as "not set"
+            _insert(values, name.split("."), value)
+    _refuse_unknown(node, {name.split(".")[0] for name in known if "." in name}, set(known))
+    return from_dict(values, f"parameters of {node.get_name()}")
+
+
+def descriptor(item: Any, default: Any) -> ParameterDescriptor:
+    """Description and limits of a field. Typing is dynamic so that ``1`` may stand for ``1.0``."""
+    limits = item.metadata
+    result = ParameterDescriptor(description=limits["description"], read_only=True, dynamic_typing=True)
+    if "choices" in limits:
+        result.additional_constraints = "one of " + ", ".join(limits["choices"])
+    if "minimum" in limits or "maximum" in limits:
+        low, high = limits.get("minimum", -math.inf), limits.get("maximum", math.inf)
+        if isinstance(default, float):
+            result.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+        else:
+            top = 2**63 - 1
+            result.integer_range = [IntegerRange(from_value=int(low), to_value=top if high == math.inf else int(high))]
+    return result
+
+
+def _declared(node: Node, name: str, item: Any, default: Any) -> Any:
+    start = list(default) if isinstance(default, tuple) else default
+    try:
+        value = node.declare_parameter(name, start, descriptor(item, default)).value
+    except InvalidParameterValueException as fault:
+        raise InputError(f"parameters of {node.get_name()}: {' '.join(str(fault).split())}") from None
+    return list(value) if isinstance(default, tuple) and value is not None else value
+
+
+def _refuse_unknown(node: Node, groups: set[str], known: set[str]) -> None:
+    """A mistyped ``pruning.ration`` must not silently leave the default in place."""
+    for name in node._parameter_overrides:  # rclpy offers no public view of parameters given but not declared
+        if name.split(".")[0] in groups and name not in known:
+            raise InputError(f"parameters of {node.get_name()}: unknown parameter '{name}'; see config/default.yaml")
+
+
+def _insert(values: dict[str, Any], path: list[str], value: Any) -> None:
+    for key in path[:-1]:
+        values = values.setdefault(key, {})
+    values[path[-1]] = value

@@ -1,0 +1,117 @@
+"""What every node has in common: callbacks queue, one worker works, diagnostics go out, main is written once."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.errors import InputError
+from semantic_slam.ros.diagnostics import Diagnostics
+from semantic_slam.ros.transport import receive
+from semantic_slam.ros.worker import Worker
+
+QUIET_TICK_S = 0.1
+QUIET_TICKS = 3
+
+
+class PipelineNode(Node):
+    """A node whose subscriptions hand serialised messages to a worker thread."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.lossless = bool(self.declare_parameter("lossless", False).value)
+        self.health = Diagnostics(self)
+        self.worker = Worker(self._failed)
+        self.fault: Exception | None = None
+        self._received = 0
+
+    def listen(
+        self,
+        topic: str,
+        handle: Callable[[bytes], None],
+        qos: QoSProfile,
+        *,
+        type_name: str = "",
+        required: bool = False,
+    ) -> None:
+        """Have ``handle`` called on the worker's thread with each message; a ``required`` topic must not be silent."""
+        monitors: list[Any] = []
+
+        def queue_message(data: bytes) -> None:
+            self._received += 1
+            for monitor in monitors:
+                monitor.arrived(time.monotonic())
+            self.worker.submit(handle, data)
+
+        name = receive(self, topic, queue_message, qos, type_name, self.health.incompatible)
+        if required:
+            monitors.append(self.health.monitor(name))
+
+    def when_drained(self, handle: Callable[[Any], None], item: Any) -> None:
+        """Call ``handle(item)`` on the worker's thread once nothing arrives any more and all that did is done.
+
+        For the end of a replay, when every message has been acknowledged and at most waits to be taken: messages of
+        different topics have no order, so that the end marker may overtake the last ones.
+        """
+        state = {"quiet": 0, "received": -1}
+
+        def tick() -> None:
+            state["quiet"] = state["quiet"] + 1 if state["received"] == self._received else 0
+            state["received"] = self._received
+            if state["quiet"] == QUIET_TICKS:
+                timer.cancel()
+                self.worker.submit(handle, item)
+
+        timer = self.create_timer(QUIET_TICK_S, tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def end(self) -> None:
+        """End the node, from any thread."""
+        rclpy.try_shutdown()
+
+    def close(self) -> None:
+        """Called once the node has ended and its worker rests."""
+
+    def _failed(self, fault: Exception) -> None:
+        if rclpy.ok():  # after an interrupt, whatever still wants to publish fails
+            self.fault = fault
+            self.end()
+
+
+def run_node(make_node: Callable[[], PipelineNode]) -> None:
+    """Run a node until it ends or is interrupted. Raises InputError and whatever stopped its worker."""
+    node = None
+    try:
+        _start_ros()
+        node = make_node()
+        node.worker.start()
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except ParameterException as fault:
+        raise InputError(f"{' '.join(str(fault).split())}; see config/default.yaml") from None
+    finally:
+        if node is not None:
+            node.worker.stop()
+            node.close()
+        rclpy.try_shutdown()
+    if node is not None and node.fault is not None:
+        raise node.fault
+
+
+def main_of(make_node: Callable[[], PipelineNode]) -> Callable[[], None]:
+    """The ``main`` of a node's executable."""
+    return lambda: run_main(lambda: run_node(make_node))
+
+
+def _start_ros() -> None:
+    try:
+        rclpy.init()
+    except RuntimeError as fault:  # command line or parameter file
+        raise InputError(f"{' '.join(str(fault).split())[:300]}; see config/default.yaml") from None

@@ -1,0 +1,110 @@
+"""The manager's backends behind topics."""
+
+import queue
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode, encode
+from semantic_slam.ros import qos
+from semantic_slam.ros.health import SILENT_AFTER_S, Level, Status
+from semantic_slam.ros.transport import Outlet, private_name, receive
+
+CHECK_S = 0.2
+
+
+class RosPool:
+    """A ``BackendPool`` over topics. Its rounds run on the worker's thread, the answers arrive on the executor's.
+
+    A backend that does not answer within ``timeout_s`` is given up: the manager rebuilds its hypotheses elsewhere.
+    """
+
+    def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
+        self.backend_ids = tuple(backend_ids)
+        self._timeout_s = timeout_s
+        self._run_id = ""
+        self._given_up: tuple[int, ...] = ()
+        self._awaited: tuple[int, ...] = ()
+        self._since_s = time.monotonic()
+        self._what = ""
+        self._run = self._outlet(node, topics.RUN_CONFIGURATION, qos.latched())
+        self._keyframes = self._outlet(node, topics.KEYFRAMES, qos.everything_from_the_start())
+        self._commits = self._outlet(node, topics.COMMITS, qos.everything_from_the_start())
+        self._candidates = self._inlet(node, topics.CANDIDATES)
+        self._components = self._inlet(node, topics.COMPONENTS)
+
+    def start(self, run: RunConfiguration) -> None:
+        """Announce the run; backends that start later receive it, too."""
+        self._run_id = run.run_id
+        self._run.send(encode(run))
+
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
+        """Round one."""
+        self._keyframes.send(encode(keyframe, run_id=self._run_id))
+        return self._collect(self._candidates, topics.CANDIDATES, keyframe.index)
+
+    def commit(self, commit: Commit) -> list[Components]:
+        """Round two."""
+        self._commits.send(encode(commit))
+        return self._collect(self._components, topics.COMPONENTS, commit.keyframe)
+
+    def statuses(self) -> list[Status]:
+        """Which backends are silent or given up."""
+        waiting_s, awaited = time.monotonic() - self._since_s, self._awaited
+        silent = awaited if waiting_s > SILENT_AFTER_S else ()
+        return [
+            *(Status(f"backend_{n}", Level.OK, "answering") for n in self.backend_ids if n not in silent),
+            *(
+                Status(
+                    f"backend_{n}",
+                    Level.WARN,
+                    f"backend_{n} is silent: no {self._what} for {waiting_s:.0f} s; start it",
+                )
+                for n in silent
+            ),
+            *(
+                Status(f"backend_{n}", Level.ERROR, f"backend_{n} was given up; its hypotheses moved to other backends")
+                for n in self._given_up
+            ),
+        ]
+
+    def _collect(self, answers: "queue.SimpleQueue[bytes]", topic: str, index: int) -> list[Any]:
+        """One answer of every backend, in the order of their ids; what belongs to another round is ignored."""
+        collected: dict[int, Any] = {}
+        self._what, self._since_s = f"{topic.rsplit('/', 1)[-1]} of keyframe {index}", time.monotonic()
+        self._awaited = self.backend_ids
+        while self._awaited:
+            try:
+                answer = decode(answers.get(timeout=CHECK_S), topics.TYPES[topic])
+            except queue.Empty:
+                self._check()
+                continue
+            if (answer.run_id, answer.keyframe) == (self._run_id, index) and answer.backend_id in self._awaited:
+                collected[answer.backend_id] = answer
+                self._awaited = tuple(n for n in self._awaited if n != answer.backend_id)
+        return [collected[n] for n in sorted(collected)]
+
+    def _check(self) -> None:
+        if not rclpy.ok():
+            raise SemanticSlamError("interrupted while waiting for backends")
+        if time.monotonic() - self._since_s > self._timeout_s:
+            self._given_up += self._awaited
+            self.backend_ids = tuple(n for n in self.backend_ids if n not in self._awaited)
+            self._awaited = ()
+
+    @staticmethod
+    def _outlet(node: Node, topic: str, profile: Any) -> Outlet:
+        return Outlet(node, private_name(topic), topics.TYPES[topic], profile)
+
+    @staticmethod
+    def _inlet(node: Node, topic: str) -> "queue.SimpleQueue[bytes]":
+        answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        receive(node, topic, answers.put, qos.everything())
+        return answers

@@ -1,0 +1,137 @@
+"""Plain views of a hybrid belief, for subscribers that know nothing of hypotheses; all in the frame ``map``."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from semantic_slam.geometry.moments import matched_moments
+from semantic_slam.geometry.transform import compose, inverse
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.messages.standard import PoseEstimate, header_message, pose_message
+from semantic_slam.messages.typestore import message_class
+
+Array = NDArray[np.float64]
+
+MAP, ODOM = "map", "odom"
+SPHERE, TEXT, ADD = 2, 9, 0
+SIGMAS = 2.0
+LEAST_DIAMETER_M = 0.1
+TEXT_HEIGHT_M = 0.25
+PALETTE = (
+    (0.90, 0.62, 0.0),
+    (0.34, 0.71, 0.91),
+    (0.0, 0.62, 0.45),
+    (0.80, 0.47, 0.65),
+    (0.84, 0.37, 0.0),
+    (0.0, 0.45, 0.70),
+)
+"""Okabe and Ito's colours, distinct for colour-blind eyes; by class index."""
+UNKNOWN_COLOUR = (0.6, 0.6, 0.6)
+
+
+def pose_view(belief: HybridBelief) -> PoseEstimate:
+    """The Gaussian with the mixture's mean and covariance."""
+    pose, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
+    return PoseEstimate(belief.stamp_ns, MAP, pose, covariance)
+
+
+class PathView:
+    """nav_msgs/Path of the pose views so far."""
+
+    def __init__(self) -> None:
+        self._poses: list[Any] = []
+
+    def extended(self, estimate: PoseEstimate) -> Any:
+        header = header_message(estimate.stamp_ns, MAP)
+        pose = message_class("geometry_msgs/msg/PoseStamped")(header=header, pose=pose_message(estimate.pose))
+        self._poses.append(pose)
+        return message_class("nav_msgs/msg/Path")(header=header, poses=list(self._poses))
+
+
+def markers_view(belief: HybridBelief) -> Any:
+    """visualization_msgs/MarkerArray: per object an ellipsoid of two standard deviations and the likeliest class."""
+    markers = []
+    for row, object_id in enumerate(belief.object_ids.tolist()):
+        pose, covariance = belief.object_poses[row], belief.object_covariances[row]
+        if np.isfinite(pose).all() and np.isfinite(covariance).all():
+            markers += [_ellipsoid(belief, row, object_id), _label(belief, row, object_id)]
+    return message_class("visualization_msgs/msg/MarkerArray")(markers=markers)
+
+
+def map_to_odom_view(estimate: PoseEstimate, T_odom_body: Array) -> Any:
+    """tf2_msgs/TFMessage with map -> odom (REP-105)."""
+    x, y, z, qx, qy, qz, qw = (float(v) for v in compose(estimate.pose, inverse(T_odom_body)))
+    transform = message_class("geometry_msgs/msg/Transform")(
+        translation=message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z),
+        rotation=message_class("geometry_msgs/msg/Quaternion")(x=qx, y=qy, z=qz, w=qw),
+    )
+    stamped = message_class("geometry_msgs/msg/TransformStamped")(
+        header=header_message(estimate.stamp_ns, MAP), child_frame_id=ODOM, transform=transform
+    )
+    return message_class("tf2_msgs/msg/TFMessage")(transforms=[stamped])
+
+
+def likeliest_class(belief: HybridBelief, row: int) -> tuple[int, str]:
+    """Index of an object's likeliest class and its text ``chair 0.97``; -1 and the object's name without classes."""
+    name = belief.object_names[row] if row < len(belief.object_names) else str(belief.object_ids[row])
+    if not belief.class_names:
+        return -1, name
+    best = int(np.argmax(belief.class_probabilities[row]))
+    return best, f"{belief.class_names[best]} {belief.class_probabilities[row, best]:.2f}"
+
+
+def _ellipsoid(belief: HybridBelief, row: int, object_id: int) -> Any:
+    covariance = belief.object_covariances[row][:3, :3]
+    variances, axes = np.linalg.eigh(covariance)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))  # a rotation, not a reflection
+    marker = _marker(belief, "objects", object_id, SPHERE, likeliest_class(belief, row)[0])
+    marker.pose = pose_message(np.concatenate([belief.object_poses[row][:3], _quaternion(axes)]))
+    x, y, z = np.maximum(2.0 * SIGMAS * np.sqrt(np.maximum(variances, 0.0)), LEAST_DIAMETER_M).tolist()
+    marker.scale = message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
+    return marker
+
+
+def _label(belief: HybridBelief, row: int, object_id: int) -> Any:
+    best, text = likeliest_class(belief, row)
+    marker = _marker(belief, "classes", object_id, TEXT, best)
+    position = belief.object_poses[row][:3] + np.array([0.0, 0.0, 2.0 * TEXT_HEIGHT_M])
+    marker.pose = pose_message(np.concatenate([position, [0.0, 0.0, 0.0, 1.0]]))
+    marker.scale = message_class("geometry_msgs/msg/Vector3")(x=0.0, y=0.0, z=TEXT_HEIGHT_M)
+    marker.text = text
+    return marker
+
+
+def _marker(belief: HybridBelief, namespace: str, number: int, kind: int, best: int) -> Any:
+    red, green, blue = PALETTE[best % len(PALETTE)] if best >= 0 else UNKNOWN_COLOUR
+    vector = message_class("geometry_msgs/msg/Vector3")
+    duration = message_class("builtin_interfaces/msg/Duration")(sec=0, nanosec=0)
+    empty_image = message_class("sensor_msgs/msg/CompressedImage")(
+        header=header_message(0, ""), format="", data=np.zeros(0, np.uint8)
+    )
+    return message_class("visualization_msgs/msg/Marker")(
+        header=header_message(belief.stamp_ns, MAP),
+        ns=namespace,
+        id=number,
+        type=kind,
+        action=ADD,
+        pose=pose_message(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])),
+        scale=vector(x=1.0, y=1.0, z=1.0),
+        color=message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=0.7),
+        lifetime=duration,
+        frame_locked=False,
+        points=[],
+        colors=[],
+        texture_resource="",
+        texture=empty_image,
+        uv_coordinates=[],
+        text="",
+        mesh_resource="",
+        mesh_file=message_class("visualization_msgs/msg/MeshFile")(filename="", data=np.zeros(0, np.uint8)),
+        mesh_use_embedded_materials=False,
+    )
+
+
+def _quaternion(axes: Array) -> Array:
+    return np.asarray(Rotation.from_matrix(axes).as_quat())

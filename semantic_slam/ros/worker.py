@@ -1,0 +1,38 @@
+"""The thread that does a node's work, so that its callbacks only have to queue."""
+
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any
+
+STOP = object()
+
+
+class Worker:
+    """Calls queued functions one after the other; ends at the first exception, which it hands to ``on_fault``."""
+
+    def __init__(self, on_fault: Callable[[Exception], None]) -> None:
+        self._on_fault = on_fault
+        self._items: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def submit(self, function: Callable[[Any], None], item: Any) -> None:
+        """Have ``function(item)`` called after all that was submitted before."""
+        self._items.put((function, item))
+
+    def stop(self, timeout_s: float = 2.0) -> None:
+        """Let what was submitted before be done, for at most ``timeout_s``."""
+        self._items.put(STOP)
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        try:
+            while (item := self._items.get()) is not STOP:
+                function, argument = item
+                function(argument)
+        except Exception as fault:
+            self._on_fault(fault)
