@@ -5,7 +5,7 @@ import importlib
 import sys
 from types import ModuleType
 
-from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
 FORMATS = {
@@ -21,8 +21,8 @@ FORMATS = {
 
 
 def parse(words: list[str]) -> tuple[ModuleType, argparse.Namespace]:
-    """The module of the format that ``words`` name, and its arguments; exits with code 2 on bad usage."""
-    parser = argparse.ArgumentParser(prog="import_dataset", description="Write a data set as an input bag.")
+    """The module of the format that ``words`` name, and its arguments; raises InputError on bad usage."""
+    parser = CommandParser(prog="import_dataset", description="Write a data set as an input bag.")
     formats = parser.add_subparsers(dest="format", required=True, metavar="{" + ",".join(FORMATS) + "}")
     module = None
     for name, (module_name, text) in FORMATS.items():

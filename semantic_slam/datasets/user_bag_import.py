@@ -12,7 +12,7 @@ from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.image_formats import is_depth
 from semantic_slam.datasets.label_map import LabelMap, read_label_map
 from semantic_slam.datasets.user_bag import Converter
-from semantic_slam.datasets.user_bag_topics import IMAGE_TYPES, NONE, Selection, Topic, Wanted, select_topics
+from semantic_slam.datasets.user_bag_topics import NONE, Selection, Topic, Wanted, select_topics
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 
@@ -40,6 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(f"--out {arguments.out}: holds the source bag; name another folder")
     wanted = Wanted(arguments.detections, arguments.image, arguments.depth, arguments.camera_info, arguments.odom)
     with BagReader(arguments.source) as reader:
+        reader.check_definitions()
         selection = find_topics(reader, wanted)
         print(describe(selection))
         with BagWriter(arguments.out) as writer:
@@ -52,18 +53,15 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def find_topics(reader: BagReader, wanted: Wanted) -> Selection:
-    """Look at the first message of every topic and choose; raises InputError."""
-    firsts = {}
-    for name in sorted(reader.topics):
-        with suppress(TruncatedBagError):  # damage further on; it is reported when the messages are read
-            firsts[name] = next(reader.messages([name]), None)
-    available = [Topic(name, first.type_name) for name, first in firsts.items() if first is not None]
+    """Choose among the topics that have messages; raises InputError."""
 
     def shows_depth(topic: Topic) -> bool:
-        first = firsts[topic.name]
-        assert first is not None and topic.type_name in IMAGE_TYPES
-        return is_depth(reader.decode(first.cdr, first.type_name))
+        with suppress(TruncatedBagError):  # damage before the first image; it is reported when the bag is converted
+            first = next(reader.messages([topic.name]))
+            return is_depth(reader.decode(first.cdr, first.type_name))
+        return False
 
+    available = [Topic(name, kind) for name, kind in sorted(reader.topics.items()) if reader.counts[name]]
     return select_topics(str(reader.path), available, wanted, shows_depth)
 
 
