@@ -151,7 +151,8 @@ def _plain(value: Any) -> Any:
 
 def from_dict(values: dict[str, Any], origin: str = "configuration") -> Configuration:
     """Configuration from a nested dictionary; keys left out keep their default. Raises InputError."""
-    return _build(Configuration, values, origin, "")
+    configuration: Configuration = _build(Configuration, values, origin, "")
+    return configuration
 
 
 def load_configuration(path: Path) -> Configuration:

@@ -15,6 +15,7 @@ from semantic_slam.inference.planar_observation import PlanarDetection, PlanarOb
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.problem import ObjectEntry, Problem, Step
+from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 NO_PRUNING = PruningConfiguration(ratio=np.inf, max_hypotheses=10**9)
@@ -39,7 +40,8 @@ class Outcome:
 def run(data: dict, *, semantics: bool = True, method: str = "laplace") -> Outcome:
     """Run a ``ch4_lg`` or ``ch4_se2`` fixture with pruning off."""
     problem, steps = _problem(data, semantics, method)
-    manager = HypothesisManager(problem, InProcessPool(1, problem, "fixture"), "fixture")
+    run = RunConfiguration("fixture", 0, "", "", np.zeros(7), np.zeros((6, 6)), problem.class_names)
+    manager = HypothesisManager(run, InProcessPool(1, problem), problem)
     for step in steps:
         belief = manager.process(step)
     return _outcome(manager, belief, data["input"]["M"] if semantics else 0)
@@ -114,8 +116,6 @@ def _outcome(manager: HypothesisManager, belief: HybridBelief, num_classes: int)
         for assignment in itertools.product(range(num_classes), repeat=num_objects):
             share = float(np.prod(probabilities[np.arange(num_objects), assignment]))
             if share > 0.0:
-                log_evidence = (
-                    live.log_weight + manager.log_evidence + np.log(share) + num_objects * np.log(num_classes)
-                )
+                log_evidence = live.log_weight + manager.log_evidence + np.log(share * num_classes**num_objects)
                 hypotheses[beta, assignment] = (weight * share, float(log_evidence))
     return Outcome(belief, hypotheses, associations)

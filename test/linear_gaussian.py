@@ -68,7 +68,8 @@ def _whitened(residual, jacobian_x, jacobian_o, covariance):
 
 def _factor(part, keys):
     def error(this: Any, values: gtsam.Values, jacobians):
-        x, o = (values.atPoint2(key)[None] for key in this.keys())
+        keys = list(this.keys())
+        x, o = (values.atPoint2(key)[None] for key in keys)
         linear = part(x, o)
         if jacobians is not None:
             jacobians[0] = np.asfortranarray(linear.jacobian_robot[0])

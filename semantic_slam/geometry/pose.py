@@ -41,13 +41,15 @@ def covariance_from_planar(planar: Array) -> Array:
     """(..., 3, 3) over x, y, yaw to (..., 6, 6); the axes that are not estimated are zero."""
     planar = np.asarray(planar, dtype=np.float64)
     covariance = np.zeros((*planar.shape[:-2], 6, 6))
-    covariance[(..., *np.ix_(PLANAR_AXES, PLANAR_AXES))] = planar
+    for row, axis in enumerate(PLANAR_AXES):
+        covariance[..., axis, list(PLANAR_AXES)] = planar[..., row, :]
     return covariance
 
 
 def planar_from_covariance(covariance: Array) -> Array:
     """(..., 6, 6) to its (..., 3, 3) block over x, y, yaw."""
-    return np.asarray(np.asarray(covariance, dtype=np.float64)[(..., *np.ix_(PLANAR_AXES, PLANAR_AXES))])
+    axes = list(PLANAR_AXES)
+    return np.asarray(np.asarray(covariance, dtype=np.float64)[..., axes, :][..., axes])
 
 
 def rotation_matrix(quaternion: Array) -> Array:

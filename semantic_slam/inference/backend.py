@@ -13,7 +13,8 @@ from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.problem import Problem, Step
-from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep
+from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep, RunConfiguration
+from semantic_slam.inference.run import problem_of
 
 Array = NDArray[np.float64]
 
@@ -29,14 +30,20 @@ class Held:
 class Backend:
     """Answers keyframes with candidates and commits with components; every answer is a pure function of both.
 
-    ``owner_of_root`` says whether this backend holds the hypothesis before any measurement.
+    ``problem`` replaces the planar problem that a run announces. Call :meth:`start` before anything else.
     """
 
-    def __init__(self, backend_id: int, problem: Problem, run_id: str, *, owner_of_root: bool):
-        self.backend_id, self.problem, self.run_id = backend_id, problem, run_id
-        self.registry = ObjectRegistry(problem.objects, len(problem.class_names))
-        self.expander = Expander(problem, self.registry)
-        self.held: dict[int, Held] = {ROOT_ID: Held(problem.root(), 0.0)} if owner_of_root else {}
+    def __init__(self, backend_id: int, problem: Problem | None = None):
+        self.backend_id = backend_id
+        self._given_problem = problem
+
+    def start(self, run: RunConfiguration) -> None:
+        """Begin a run: hold the hypothesis before any measurement."""
+        self.run_id = run.run_id
+        self.problem = self._given_problem or problem_of(run)
+        self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
+        self.expander = Expander(self.problem, self.registry)
+        self.held: dict[int, Held] = {ROOT_ID: Held(self.problem.root(), 0.0)}
         self.steps: list[Step] = []
         self.committed = -1
         self._expanded: tuple[Continuations, list[int]] | None = None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.laplace import Mode, find_modes, search_start
+from semantic_slam.inference.laplace import MAX_ITERATIONS, RANKING_ITERATIONS, Mode, find_modes, search_start
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.stack import Predicted, Rows, Stack
@@ -58,7 +58,9 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
         allowed = None if setting.path is None else int(setting.path[0][number])
         rows, origin = _with_next_object(rows, predicted.mean.shape[1] - 1, setting.distinct, allowed)
         stack = _stack(setting, predicted, rows)
-        mode = find_modes(stack, _better_start(stack, mode.y[origin]))
+        last = number == len(setting.detections) - 1
+        iterations = MAX_ITERATIONS if last and setting.model.num_classes == 0 else RANKING_ITERATIONS
+        mode = find_modes(stack, _better_start(stack, mode.y[origin]), iterations)
         keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents))
         left_out = np.logaddexp(left_out, dropped)
         rows, mode = rows.take(keep), Mode(mode.y[keep], mode.hessian[keep], mode.log_evidence[keep])
@@ -172,7 +174,7 @@ def _class_options(setting: Setting, stack: Stack, index: Index, chosen: Index, 
     options[fixed] = np.where(classes == known[fixed, None], 0.0, -np.inf)
     if setting.path is not None:
         options[:, classes != max(int(setting.path[1][number]), 0)] = -np.inf
-    return options
+    return np.asarray(options)
 
 
 def _is_new(setting: Setting, stack: Stack, index: Index, number: int) -> NDArray[np.bool_]:

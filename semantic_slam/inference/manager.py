@@ -17,8 +17,16 @@ from semantic_slam.inference.marginals import Mixture, state_belief
 from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.problem import Problem
-from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Components, LineageStep
+from semantic_slam.inference.protocol import (
+    BackendPool,
+    Candidates,
+    Commit,
+    Components,
+    LineageStep,
+    RunConfiguration,
+)
 from semantic_slam.inference.pruning import Pruned, prune
+from semantic_slam.inference.run import problem_of
 
 Array = NDArray[np.float64]
 
@@ -34,11 +42,15 @@ class Live:
 
 
 class HypothesisManager:
-    """Drives the backends of ``pool`` through the two rounds of each keyframe."""
+    """Drives the backends of ``pool`` through the two rounds of each keyframe.
 
-    def __init__(self, problem: Problem, pool: BackendPool, run_id: str):
-        self.problem, self.pool, self.run_id = problem, pool, run_id
-        self.registry = ObjectRegistry(problem.objects, len(problem.class_names))
+    ``problem`` replaces the planar problem that the run announces.
+    """
+
+    def __init__(self, run: RunConfiguration, pool: BackendPool, problem: Problem | None = None):
+        self.problem, self.pool, self.run_id = problem or problem_of(run), pool, run.run_id
+        pool.start(run)
+        self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
         self.live = {ROOT_ID: Live(pool.backend_ids[0], 0.0, ROOT_ID, ())}
         self.log_kept_mass = 0.0  # log prod_k (1 - d_k)
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
@@ -159,19 +171,18 @@ class _Row:
 
 
 def _merged(answers: list[Candidates]) -> _Merged:
-    """Candidates of all backends, in an order that does not depend on who answered."""
-    ids = np.concatenate([answer.ids for answer in answers])
-    order = np.argsort(ids, kind="stable")
+    """Candidates of all backends in the order of their ids, whoever answered; the same hypothesis counts once."""
+    ids, order = np.unique(np.concatenate([answer.ids for answer in answers]), return_index=True)
     parents = np.concatenate([answer.expanded_parent_ids for answer in answers])
     missing = np.concatenate([answer.log_mass_not_enumerated for answer in answers])
     return _Merged(
-        ids[order],
+        ids,
         np.concatenate([answer.parent_ids for answer in answers])[order],
         np.concatenate([answer.associations for answer in answers])[order],
         np.concatenate([answer.class_assignments for answer in answers])[order],
         np.concatenate([answer.modes for answer in answers])[order],
         np.concatenate([answer.log_weights for answer in answers])[order],
-        missing[np.argsort(parents, kind="stable")],
+        missing[np.unique(parents, return_index=True)[1]],
     )
 
 

@@ -32,7 +32,7 @@ def geometry_factor(model: "PlanarObservation", detection: "PlanarDetection", ke
         if jacobians is not None:
             jacobians[0] = np.asfortranarray(part.jacobian_robot[0])
             jacobians[1] = np.asfortranarray(part.jacobian_object[0])
-        return part.residual[0]
+        return np.asarray(part.residual[0])
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(1), list(keys), error)
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class PlanarReader:
-    """The planar engine takes x, y and yaw of everything; ``num_features`` is what the class models need (0: none)."""
+    """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none."""
 
     def __init__(self, num_features: int):
         self.num_features = num_features

@@ -4,15 +4,20 @@ from typing import Any
 
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.problem import Problem
-from semantic_slam.inference.protocol import Candidates, Commit, Components
+from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 
 
 class InProcessPool:
     """``number`` backends that are called one after the other."""
 
-    def __init__(self, number: int, problem: Problem, run_id: str):
+    def __init__(self, number: int, problem: Problem | None = None):
         self.backend_ids = tuple(range(number))
-        self._backends = [Backend(n, problem, run_id, owner_of_root=n == 0) for n in self.backend_ids]
+        self._backends = [Backend(n, problem) for n in self.backend_ids]
+
+    def start(self, run: RunConfiguration) -> None:
+        """Begin a run."""
+        for backend in self._backends:
+            backend.start(run)
 
     def expand(self, keyframe: Any) -> list[Candidates]:
         """Round one."""

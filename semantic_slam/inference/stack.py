@@ -30,11 +30,11 @@ class Predicted:
 
 @dataclass(frozen=True)
 class Rows:
-    """B candidates: ``parents`` (B,) into Predicted, ``objects`` (B, n) into its objects (-1 clutter), ``classes`` (B, n)."""
+    """B candidates."""
 
-    parents: Index
-    objects: Index
-    classes: Index | None = None  # -1: no semantics for this detection
+    parents: Index  # (B,) into Predicted
+    objects: Index  # (B, n) into its objects, -1 clutter
+    classes: Index | None = None  # (B, n); None: geometry alone
 
     def take(self, selection: Any) -> "Rows":
         """The rows of a selection."""
@@ -65,7 +65,7 @@ class Stack:
         covariance = predicted.covariance[self.rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
         free = np.repeat(~used, self.dimension, axis=1)
         covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
-        return mean, np.linalg.cholesky(covariance)
+        return mean, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
     def select(self, selection: Index) -> "Stack":
         """Some of the candidates, without gathering their priors again."""
