@@ -6,7 +6,7 @@ from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.run import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.run import initial_pose_of, make_run_configuration
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.preamble import Preamble
 from semantic_slam.pipeline.provenance import revision
@@ -42,5 +42,4 @@ class InferenceStage:
             revision=revision(),
         )
         writer.write(topics.RUN_CONFIGURATION, run, stamp_ns)
-        problem = problem_of(run)
-        return HypothesisManager(problem, InProcessPool(self._num_backends, problem, run.run_id), run.run_id)
+        return HypothesisManager(run, InProcessPool(self._num_backends))
