@@ -35,6 +35,7 @@ class Outcome:
     belief: HybridBelief
     hypotheses: dict[tuple, tuple[float, float]]  # (beta, C) -> (weight, log evidence)
     associations: dict[tuple, float]  # beta -> probability
+    betas: list[tuple]  # of the belief's hypotheses, in its order
 
 
 def run(data: dict, *, semantics: bool = True, method: str = "laplace") -> Outcome:
@@ -105,9 +106,11 @@ def _step(index: int, motion: Motion, frame: list[dict], given: dict, linear: bo
 def _outcome(manager: HypothesisManager, belief: HybridBelief, num_classes: int) -> Outcome:
     hypotheses: dict[tuple, tuple[float, float]] = {}
     associations: dict[tuple, float] = {}
+    betas: list[tuple] = []
     num_objects = len(belief.object_ids)
     for row, live in enumerate(manager.live.values()):
         beta = tuple(step.association for step in live.lineage)
+        betas.append(beta)
         weight = float(np.exp(live.log_weight))
         associations[beta] = associations.get(beta, 0.0) + weight
         if not num_classes:
@@ -118,4 +121,4 @@ def _outcome(manager: HypothesisManager, belief: HybridBelief, num_classes: int)
             if share > 0.0:
                 log_evidence = live.log_weight + manager.log_evidence + np.log(share * num_classes**num_objects)
                 hypotheses[beta, assignment] = (weight * share, float(log_evidence))
-    return Outcome(belief, hypotheses, associations)
+    return Outcome(belief, hypotheses, associations, betas)
