@@ -38,6 +38,7 @@ class BagPlayer(PipelineNode):
         self._credit = Credit(int(self.declare_parameter("window", 4).value), STALL_S)
         self._finished = threading.Event()
         self._sent = 0
+        self._stamp_ns = 0
         with BagReader(self._bag) as bag:
             self._playlist = Playlist(bag.topics, remaps, is_installed)
         for line in self._playlist.notes:
@@ -78,9 +79,10 @@ class BagPlayer(PipelineNode):
     def _wait_for_listeners(self) -> None:
         give_up = time.monotonic() + self._wait_s
         inputs = [self._outlets[topic] for topic, item in self._playlist.items.items() if item.is_input]
-        while rclpy.ok() and (deaf := [outlet.name for outlet in inputs if not outlet.num_readers]):
+        while rclpy.ok() and (unheard := [outlet.name for outlet in inputs if not outlet.num_readers]):
             if time.monotonic() > give_up:
-                text = f"{self._bag}: nobody listens to {', '.join(deaf)} after {self._wait_s:.0f} s; start the other nodes"
+                names = ", ".join(unheard)
+                text = f"{self._bag}: nobody listens to {names} after {self._wait_s:.0f} s; start the other nodes"
                 if self._rate == 0.0:
                     raise InputError(text)
                 self.get_logger().warning(text)
@@ -104,6 +106,7 @@ class BagPlayer(PipelineNode):
                 self._wait_for_credit(bar)
                 self._sent += 1
             pace.wait(message.stamp_ns)
+            self._stamp_ns = message.stamp_ns
             self._send(message)
 
     def _send(self, message: RawMessage) -> None:
@@ -112,23 +115,21 @@ class BagPlayer(PipelineNode):
         self._outlets[message.topic].send(message.cdr)
 
     def _wait_for_credit(self, bar: tqdm) -> None:  # type: ignore[type-arg]
-        if (
-            self._rate == 0.0
-            and self.count_publishers(self._manager_topic)
-            and not self._credit.wait(self._sent, rclpy.ok)
-        ):
-            self.get_logger().warning(
-                f"no progress for {STALL_S:.0f} s at frame {self._credit.frames_done}; sending on"
-            )
+        if self._rate == 0.0 and self._has_manager() and not self._credit.wait(self._sent, rclpy.ok):
+            done = self._credit.frames_done
+            self.get_logger().warning(f"no progress for {STALL_S:.0f} s at frame {done}; sending on")
         bar.update(self._credit.frames_done - bar.n)
+
+    def _has_manager(self) -> bool:
+        return self.count_publishers(self._manager_topic) > 0
 
     def _end_of_bag(self, bar: tqdm) -> None:  # type: ignore[type-arg]
         for outlet in self._outlets.values():
             outlet.wait_for_acknowledgement()
         if self._classifier_progress is not None:
-            self._classifier_progress.send(encode(ReplayProgress(stamp_ns=0, frames=0, finished=True)))
-        self._progress.send(encode(ReplayProgress(stamp_ns=0, frames=self._sent, finished=True)))
-        while rclpy.ok() and self.count_publishers(self._manager_topic) and not self._finished.wait(0.1):
+            self._classifier_progress.send(encode(ReplayProgress(self._stamp_ns, frames=0, finished=True)))
+        self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=self._sent, finished=True)))
+        while rclpy.ok() and self._has_manager() and not self._finished.wait(0.1):
             bar.update(self._credit.frames_done - bar.n)
         bar.update(self._credit.frames_done - bar.n)
 

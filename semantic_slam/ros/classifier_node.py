@@ -40,6 +40,7 @@ class ClassifierNode(PipelineNode):
         self._received = 0  # detection messages
         self._measured = 0
         self._announced = 0
+        self._stamp_ns = 0
         self._measurements = self._outlet(topics.MEASUREMENTS, qos.result(self.lossless))
         self._progress = self._outlet(topics.CLASSIFIER_PROGRESS, qos.latched())
         self._listen(
@@ -54,9 +55,8 @@ class ClassifierNode(PipelineNode):
         return Outlet(self, private_name(topic), topics.TYPES[topic], profile)
 
     def _listen(self, *, compressed: bool, has_depth: bool, detections_type: str) -> None:
-        image, depth = (
-            (topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED) if compressed else (topics.IMAGE, topics.DEPTH)
-        )
+        image = topics.IMAGE_COMPRESSED if compressed else topics.IMAGE
+        depth = topics.DEPTH_COMPRESSED if compressed else topics.DEPTH
         handlers = {topics.CAMERA_INFO: self._assembler.add_camera_info, image: self._assembler.add_image}
         if has_depth:
             handlers[depth] = self._assembler.add_depth
@@ -110,6 +110,7 @@ class ClassifierNode(PipelineNode):
                 continue
             measured = self._classifier.measure(frame, self._measured, T_base_camera)
             self._measured += 1
+            self._stamp_ns = frame.stamp_ns
             self._measurements.send(encode(replace(measured, dropped=self._all_dropped().total())))
         self._status = dropped_status(self._all_dropped())
         if self._num_lost() != self._announced:
@@ -122,7 +123,7 @@ class ClassifierNode(PipelineNode):
     def _announce(self, *, finished: bool) -> None:
         """Tell how many were lost: a lossless replay must not wait for them."""
         self._announced = self._num_lost()
-        self._progress.send(encode(ReplayProgress(stamp_ns=0, frames=self._announced, finished=finished)))
+        self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=self._announced, finished=finished)))
 
     def _player_progress(self, data: bytes) -> None:
         if decode(data, topics.TYPES[topics.PLAYER_PROGRESS]).finished:

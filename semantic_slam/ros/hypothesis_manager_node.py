@@ -45,7 +45,7 @@ class HypothesisManagerNode(PipelineNode):
         self._initial_pose: PoseEstimate | None = None
         self._manager: HypothesisManager | None = None
         self._undecodable: Counter[str] = Counter()
-        self._frames_measured = self._frames_lost = self._num_keyframes = 0
+        self._frames_measured = self._frames_lost = self._num_keyframes = self._announced = self._stamp_ns = 0
         self._status = dropped_status(self._undecodable)  # replaced by the worker, published by the executor
         self._publisher = BeliefPublisher(self, self.lossless)
         self._progress = Outlet(
@@ -95,8 +95,10 @@ class HypothesisManagerNode(PipelineNode):
         self._assembler.add_odometry(message)
 
     def _add_measurements(self, message: Any) -> None:
+        measurements = from_message(message)
         self._frames_measured += 1
-        self._assembler.add_measurements(from_message(message))
+        self._stamp_ns = measurements.stamp_ns
+        self._assembler.add_measurements(measurements)
 
     def _infer(self, keyframes: list[Keyframe]) -> None:
         for keyframe in keyframes:
@@ -139,12 +141,14 @@ class HypothesisManagerNode(PipelineNode):
     def _announce(self, *, finished: bool) -> None:
         """Tell the player how many detection frames are done with."""
         frames = self._frames_measured - self._assembler.num_waiting + self._frames_lost
-        self._progress.send(encode(ReplayProgress(stamp_ns=0, frames=frames, finished=finished)))
+        if frames == self._announced and not finished:
+            return
+        self._announced = frames
+        self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=frames, finished=finished)))
 
     def _keyframe_status(self) -> Status:
-        return Status(
-            "keyframes", Level.OK, f"{self._num_keyframes} keyframes", {"keyframes": str(self._num_keyframes)}
-        )
+        number = str(self._num_keyframes)
+        return Status("keyframes", Level.OK, f"{number} keyframes", {"keyframes": number})
 
 
 def _map_prior(path: str) -> MapPrior | None:

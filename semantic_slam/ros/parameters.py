@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Iterator
+from functools import reduce
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -21,6 +22,16 @@ def leaves(cls: Any = Configuration, prefix: str = "") -> Iterator[tuple[str, An
             yield from leaves(type(default), f"{prefix}{item.name}.")
         else:
             yield prefix + item.name, item, default
+
+
+def changed_parameters(configuration: Configuration) -> dict[str, Any]:
+    """Dotted names and values of the parameters that are not at their defaults."""
+    values = {name: reduce(getattr, name.split("."), configuration) for name, _, _ in leaves()}
+    return {
+        name: list(values[name]) if isinstance(default, tuple) else values[name]
+        for name, _, default in leaves()
+        if values[name] != default
+    }
 
 
 def declare_configuration(node: Node) -> Configuration:

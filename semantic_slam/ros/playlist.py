@@ -49,7 +49,8 @@ class PlayItem:
 class Playlist:
     """``items`` by the bag's absolute topic names; ``notes`` say what is left out and why.
 
-    ``has_measurements``: the bag has recorded measurements and nothing to measure; the player stands in for the classifier.
+    ``has_measurements``: the bag has recorded measurements and nothing to measure; its player stands in for the
+    classifier.
     """
 
     def __init__(

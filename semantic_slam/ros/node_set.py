@@ -1,0 +1,78 @@
+"""Which nodes a replay consists of, with which parameters: the launch file and the demo both start these."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from semantic_slam.bag.names import absolute
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.configuration import Configuration, load_configuration
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.sensor import sensor_pose
+from semantic_slam.pipeline.input_topics import InputTopics, find_topics
+from semantic_slam.pipeline.preamble import MAP_PRIOR_FILE, read_preamble
+from semantic_slam.ros.parameters import changed_parameters
+
+LOSSLESS = 0.0
+"""The rate that stands for lock-step: as fast as the nodes can follow, and nothing is lost."""
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One process: an executable of this package, the node's name, and its parameters where they are not the defaults."""
+
+    executable: str
+    name: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+def node_set(
+    bag: Path, configuration_file: Path, backends: int, rate: float, record: str, *, has_tf2: bool
+) -> list[NodeSpec]:
+    """Nodes that replay ``bag``; those that listen come first. Raises InputError.
+
+    ``record`` names the belief bag to write, "" for none. Without tf2_msgs (``has_tf2``) nobody can publish
+    /tf_static here, and the classifier is given the extrinsics that the bag's transforms say.
+    """
+    if backends < 1 or rate < LOSSLESS:
+        raise InputError(f"backends {backends}, rate {rate:g}: give at least one backend and a rate of 0 or more")
+    configuration = load_configuration(configuration_file)
+    with BagReader(bag) as reader:
+        found = find_topics(bag, reader.topics)
+        extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
+    prior = (bag if bag.is_dir() else bag.parent) / MAP_PRIOR_FILE
+    common = {"lossless": rate == LOSSLESS, "use_sim_time": True}
+    configured = common | changed_parameters(configuration)
+    manager = configured | {
+        "backends": backends,
+        "map_prior": str(prior) if prior.is_file() else "",
+        "source_bag": str(bag),
+    }
+    nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager)]
+    nodes += [NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)]
+    if found.has_images:
+        nodes.append(NodeSpec("classifier_node", "classifier", configured | _classifier_parameters(found, extrinsics)))
+    if record:
+        nodes.append(NodeSpec("bag_recorder", "bag_recorder", common | {"bag": record}))
+    return [*nodes, NodeSpec("bag_player", "bag_player", {"bag": str(bag), "rate": rate})]
+
+
+def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[str, Any]:
+    parameters: dict[str, Any] = {
+        "has_depth": bool(found.depth),
+        "compressed": found.image == absolute(topics.IMAGE_COMPRESSED),
+    }
+    return parameters | ({"perception.extrinsics": extrinsics} if extrinsics else {})
+
+
+def _extrinsics(reader: BagReader, found: InputTopics, configuration: Configuration) -> list[float]:
+    """T_base_camera of the bag's camera; [] where the configuration gives it or nothing is to be classified."""
+    perception = configuration.perception
+    camera_info = next(iter(reader.messages([found.camera_info])), None) if found.has_images else None
+    if perception.extrinsics or camera_info is None:
+        return []
+    camera = reader.decode(camera_info.cdr, camera_info.type_name)
+    tree = read_preamble(reader).transforms
+    pose = sensor_pose((), perception.base_frame, tree, camera.header.frame_id)
+    return [float(value) for value in pose]
