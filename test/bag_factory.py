@@ -181,3 +181,12 @@ def _static_transform() -> Any:
         header=header_message(START, "base_link"), child_frame_id=OPTICAL, transform=transform
     )
     return message_class("tf2_msgs/msg/TFMessage")(transforms=[stamped])
+
+
+def noisy(entries: list[Entry]) -> list[Entry]:
+    """The same with images that do not compress, as real ones: about 25 kB each."""
+    chance = np.random.default_rng(0)
+    for entry in of_topic(entries, topics.IMAGE_COMPRESSED):
+        pixels = chance.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        entry.message.data = cv2.imencode(".jpg", pixels)[1]
+    return entries
