@@ -1,6 +1,7 @@
 """Small bags as a user records them: types of packages that are not installed, raw images, TF."""
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,13 @@ YOLO = {
 }
 
 
-def store_with(package: str, definitions: dict[str, str]) -> Any:
-    """Jazzy's types and those of one more package."""
+DETECTORS = {"vision_4": ("vision_msgs", VISION_4), "vision_2": ("vision_msgs", VISION_2), "yolo": ("yolo_msgs", YOLO)}
+
+
+@cache
+def store_of(detector: str) -> Any:
+    """Jazzy's types and those of the detector's package."""
+    package, definitions = DETECTORS[detector]
     store = get_typestore(Stores.ROS2_JAZZY)
     types: dict[str, Any] = {}
     for name, text in definitions.items():
@@ -71,8 +77,8 @@ class Seen:
 class UserBag:
     """Writes messages of one store into a bag and remembers the connections."""
 
-    def __init__(self, path: Path, package: str = "vision_msgs", definitions: dict[str, str] = VISION_4) -> None:
-        self.store = store_with(package, definitions)
+    def __init__(self, path: Path, detector: str = "vision_4") -> None:
+        self.store = store_of(detector)
         self.writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
         self.connections: dict[str, Any] = {}
 
@@ -244,10 +250,8 @@ def picture(seed: int) -> np.ndarray:
 
 def write_drive(path: Path, *, detector: str = "vision_4", frames: int = 6, depth: str = "16UC1", **more: Any) -> Path:
     """A robot that drives 0.1 m per frame towards two objects; ``depth`` is an encoding, or "" for none."""
-    package, definitions = {"vision_4": ("vision_msgs", VISION_4), "vision_2": ("vision_msgs", VISION_2),
-                            "yolo": ("yolo_msgs", YOLO)}[detector]  # fmt: skip
     ids = more.get("track_ids", ("a", "b"))
-    with UserBag(path, package, definitions) as bag:
+    with UserBag(path, detector) as bag:
         if more.get("static", True):
             bag.write("/tf_static", bag.camera_mount(), SECOND)
         for index in range(frames):
