@@ -172,16 +172,17 @@ class _Row:
 
 def _merged(answers: list[Candidates]) -> _Merged:
     """Candidates of all backends in the order of their ids, whoever answered; the same hypothesis counts once."""
-    ids, order = np.unique(np.concatenate([answer.ids for answer in answers]), return_index=True)
+    filled = [answer for answer in answers if len(answer.ids)] or answers[:1]  # no row, no width: D is unknown there
+    ids, order = np.unique(np.concatenate([answer.ids for answer in filled]), return_index=True)
     parents = np.concatenate([answer.expanded_parent_ids for answer in answers])
     missing = np.concatenate([answer.log_mass_not_enumerated for answer in answers])
     return _Merged(
         ids,
-        np.concatenate([answer.parent_ids for answer in answers])[order],
-        np.concatenate([answer.associations for answer in answers])[order],
-        np.concatenate([answer.class_assignments for answer in answers])[order],
-        np.concatenate([answer.modes for answer in answers])[order],
-        np.concatenate([answer.log_weights for answer in answers])[order],
+        np.concatenate([answer.parent_ids for answer in filled])[order],
+        np.concatenate([answer.associations for answer in filled])[order],
+        np.concatenate([answer.class_assignments for answer in filled])[order],
+        np.concatenate([answer.modes for answer in filled])[order],
+        np.concatenate([answer.log_weights for answer in filled])[order],
         missing[np.unique(parents, return_index=True)[1]],
     )
 
