@@ -1,0 +1,126 @@
+"""Evidence of a candidate: Laplace and samples against closed forms, quadrature and each other."""
+
+import numpy as np
+import pytest
+from linear_gaussian import LinearDetection, LinearModel
+
+from semantic_slam.configuration import PruningConfiguration
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.identity import generator, hypothesis_id
+from semantic_slam.inference.laplace import find_modes, search_start
+from semantic_slam.inference.manifold import PlanarPoses, PlanarPositions
+from semantic_slam.inference.planar_observation import PlanarDetection, PlanarObservation, PlanarVisibility
+from semantic_slam.inference.pruning import prune
+from semantic_slam.inference.sampled import sample_evidence
+from semantic_slam.inference.stack import Predicted, Rows, Stack
+from semantic_slam.viewpoint.parametric import ParametricModel
+
+
+def linear_stack(objects: list[int]) -> tuple[Stack, float]:
+    """One robot and two objects on a plane, two detections; and the exact log evidence of their association."""
+    random = np.random.default_rng(0)
+    root = random.normal(size=(6, 6))
+    covariance = root @ root.T + np.eye(6)
+    mean = random.normal(size=(3, 2))
+    detections = [LinearDetection(random.normal(size=2), np.zeros(2)) for _ in objects]
+    noise = np.array([[0.3, 0.1], [0.1, 0.2]])
+    model = LinearModel(noise, np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
+    stack = Stack(
+        PlanarPositions(),
+        model,
+        Predicted(mean[None], covariance[None]),
+        detections,
+        Rows(np.zeros(1, int), np.array([objects])),
+    )
+    # z = H s + v with H the rows o_beta - x, so that log p(z) = N(z; H m, H P H^T + R).
+    H = np.zeros((4, 6))
+    for i, n in enumerate(objects):
+        H[2 * i : 2 * i + 2, :2] = -np.eye(2)
+        H[2 * i : 2 * i + 2, 2 + 2 * n : 4 + 2 * n] = np.eye(2)
+    residual = np.concatenate([z.geo for z in detections]) - H @ mean.ravel()
+    total = H @ covariance @ H.T + np.kron(np.eye(2), noise)
+    exact = -0.5 * (residual @ np.linalg.solve(total, residual) + np.linalg.slogdet(2 * np.pi * total)[1])
+    return stack, float(exact)
+
+
+@pytest.mark.parametrize("objects", [[0, 1], [1, 0], [1, 1]])
+def test_laplace_is_exact_for_linear_models(objects: list[int]) -> None:
+    """Also when both detections are of one object."""
+    stack, exact = linear_stack(objects)
+    mode = find_modes(stack, search_start(stack))
+    assert mode.log_evidence[0] == pytest.approx(exact, abs=1e-9)
+
+
+def test_samples_approach_the_closed_form() -> None:
+    stack, exact = linear_stack([0, 1])
+    log_evidence, effective = sample_evidence(stack, 200_000, [generator(0, "weights", 1, 2)])
+    assert log_evidence[0] == pytest.approx(exact, abs=0.05)
+    assert 0.0 < effective[0] < 200_000
+
+
+def planar_stack(covariance: np.ndarray, visibility: PlanarVisibility, semantics: bool = True) -> Stack:
+    detection = PlanarDetection(2.0, 0.1, np.diag([0.01, 0.0025]), np.zeros(2), np.array([0.9, 0.1]), np.zeros((2, 2)))
+    model = PlanarObservation(ParametricModel(0.5, 15.0) if semantics else None, visibility)
+    mean = np.array([[[0.0, 0.0, 0.1], [2.2, 0.1, 1.0]]])
+    rows = Rows(np.zeros(1, int), np.zeros((1, 1), int), np.zeros((1, 1), int) if semantics else None)
+    return Stack(PlanarPoses(), model, Predicted(mean, covariance[None]), [detection], rows)
+
+
+def test_laplace_agrees_with_many_samples_where_the_posterior_is_narrow() -> None:
+    stack = planar_stack(np.diag([0.02, 0.02, 0.01, 0.01, 0.01, 0.01]), PlanarVisibility())
+    mode = find_modes(stack, search_start(stack))
+    log_evidence, _ = sample_evidence(stack, 300_000, [generator(0, "weights", 1, 2)])
+    assert mode.log_evidence[0] == pytest.approx(log_evidence[0], abs=0.02)
+
+
+def test_a_lost_robot_is_found() -> None:
+    """Prior samples hardly meet the mode of a robot lost by 10 m; the damped search starts there."""
+    stack = planar_stack(np.diag([100.0, 100.0, 0.04, 0.05, 0.05, 0.0005]), PlanarVisibility(), semantics=False)
+    mode = find_modes(stack, search_start(stack))
+    assert np.abs(stack.normal_equations(mode.y)[1]).max() < 1e-4
+    log_evidence, effective = sample_evidence(stack, 300_000, [generator(0, "weights", 1, 2)])
+    assert mode.log_evidence[0] == pytest.approx(log_evidence[0], abs=0.25)  # the heading bends the posterior
+    assert effective[0] < 3_000
+
+
+def test_samples_that_see_nothing_have_no_weight() -> None:
+    stack = planar_stack(np.diag([0.02, 0.02, 0.01, 0.01, 0.01, 0.01]), PlanarVisibility(max_range_m=0.1))
+    log_evidence, effective = sample_evidence(stack, 1000, [generator(0, "weights", 1, 2)])
+    assert log_evidence[0] == -np.inf and effective[0] == 0.0
+
+
+def test_draws_depend_on_their_key_alone() -> None:
+    first = generator(3, "weights", 10, 42).standard_normal(4)
+    assert np.array_equal(first, generator(3, "weights", 10, 42).standard_normal(4))
+    for other in (generator(4, "weights", 10, 42), generator(3, "x", 10, 42), generator(3, "weights", 11, 42)):
+        assert not np.array_equal(first, other.standard_normal(4))
+
+
+def test_hypothesis_ids_tell_every_part_apart() -> None:
+    ids = {
+        hypothesis_id(*parts)
+        for parts in (
+            (1, 2, (3, 4), (0, 1), 0),
+            (2, 2, (3, 4), (0, 1), 0),
+            (1, 3, (3, 4), (0, 1), 0),
+            (1, 2, (4, 3), (0, 1), 0),
+            (1, 2, (3, 4), (1, 0), 0),
+            (1, 2, (3, 4), (0, 1), 1),
+            (1, 2, (3,), (0,), 0),
+        )
+    }
+    assert len(ids) == 7
+    assert hypothesis_id(1, 2, (3, 4), (0, 1), 0) == 16494618663731335709
+
+
+def test_pruning_accounts_for_mass_that_was_never_enumerated() -> None:
+    # Masses 6, 3, 1 and 2 never enumerated: keeping the first two of them discards 3 / 12.
+    pruned = prune(np.log([6.0, 3.0, 1.0]), np.arange(3, dtype=np.uint64), np.log([2.0]), PruningConfiguration(4.0, 10))
+    assert list(pruned.kept) == [0, 1]
+    np.testing.assert_allclose(np.exp(pruned.log_weights), [2 / 3, 1 / 3])
+    assert pruned.discarded == pytest.approx(0.25)
+
+
+def test_nothing_to_keep_is_an_error() -> None:
+    with pytest.raises(SemanticSlamError, match="no candidate explains"):
+        prune(np.array([-np.inf]), np.zeros(1, dtype=np.uint64), np.zeros(0), PruningConfiguration())

@@ -1,0 +1,166 @@
+"""Manager and backends: the same belief however the work is divided, and rounds that can be repeated."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from planar_world import OBJECTS, World, make_world
+
+from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.manager import HypothesisManager
+from semantic_slam.inference.ownership import assign_owners
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import Candidates, Commit, Components
+
+SUBSTANCE = [field.name for field in dataclasses.fields(HybridBelief) if field.name != "dropped"]
+
+
+def beliefs(world: World, num_backends: int) -> list[HybridBelief]:
+    manager = HypothesisManager(world.run, InProcessPool(num_backends))
+    return [manager.process(keyframe) for keyframe in world.keyframes]
+
+
+def assert_same(first: HybridBelief, second: HybridBelief) -> None:
+    for name in SUBSTANCE:
+        a, b = getattr(first, name), getattr(second, name)
+        if isinstance(a, np.ndarray) and a.dtype.kind == "f":
+            np.testing.assert_allclose(a, b, atol=1e-9, rtol=1e-9, err_msg=name)
+        else:
+            np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+def test_a_lost_robot_finds_itself_and_the_classes() -> None:
+    world = make_world(16)
+    belief = beliefs(world, 1)[-1]
+    assert np.hypot(*(belief.poses[0, :2] - world.truth[-1, :2])) < 0.5
+    assert belief.association_entropy < 0.1
+    seen = sorted({n for frame in world.associations for n in frame})
+    assert (belief.class_probabilities[seen, 0] > 0.9).all()
+    assert np.exp(belief.log_weights).sum() == pytest.approx(1.0)
+    assert 0.0 < belief.discarded_mass < 0.2
+
+
+@pytest.mark.parametrize("num_backends", [2, 3])
+def test_the_number_of_backends_changes_nothing(num_backends: int) -> None:
+    world = make_world(8)
+    for single, divided in zip(beliefs(world, 1), beliefs(world, num_backends), strict=True):
+        assert_same(single, divided)
+
+
+def test_sampled_weights_are_reproducible_too() -> None:
+    world = make_world(3, sigma_start_m=1.0, weights={"method": "sampled", "num_samples": 500})
+    for single, divided in zip(beliefs(world, 1), beliefs(world, 2), strict=True):
+        assert_same(single, divided)
+
+
+class ForgetfulPool(InProcessPool):
+    """Loses its first backend before a given keyframe."""
+
+    def __init__(self, number: int, dies_at: int):
+        super().__init__(number)
+        self._dies_at = dies_at
+
+    def expand(self, keyframe) -> list[Candidates]:
+        if keyframe.index == self._dies_at and 0 in self.backend_ids:
+            self.backend_ids = self.backend_ids[1:]
+            self._backends = self._backends[1:]
+        return super().expand(keyframe)
+
+
+@pytest.mark.parametrize("dies_at", [0, 1, 5])
+def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> None:
+    world = make_world(8)
+    manager = HypothesisManager(world.run, ForgetfulPool(2, dies_at))
+    for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
+        assert_same(manager.process(keyframe), expected)
+
+
+class RepeatingPool(InProcessPool):
+    """Says everything twice, and repeats an old commit."""
+
+    def __init__(self) -> None:
+        super().__init__(2)
+        self._old: Commit | None = None
+        self.stale_answers: list[Components] = []
+
+    def expand(self, keyframe) -> list[Candidates]:
+        super().expand(keyframe)
+        answers = super().expand(keyframe)
+        if self._old is not None:
+            super().commit(self._old)
+        return answers
+
+    def commit(self, commit: Commit) -> list[Components]:
+        super().commit(commit)
+        answers = super().commit(commit)
+        if self._old is not None:
+            self.stale_answers += super().commit(self._old)
+        self._old = commit
+        return answers
+
+
+def test_rounds_are_idempotent_and_stale_commits_are_ignored() -> None:
+    world = make_world(6)
+    pool = RepeatingPool()
+    manager = HypothesisManager(world.run, pool)
+    for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
+        assert_same(manager.process(keyframe), expected)
+    assert pool.stale_answers == []
+
+
+def test_a_gap_between_keyframes_is_an_error() -> None:
+    world = make_world(3)
+    backend = Backend(0)
+    backend.start(world.run)
+    backend.expand(world.keyframes[0])
+    with pytest.raises(SemanticSlamError, match="keyframe 1 is missing"):
+        backend.expand(world.keyframes[2])
+
+
+def test_owners_keep_their_children_until_they_are_full() -> None:
+    assert assign_owners([0, 0, 1, 0], [0, 1]) == [0, 0, 1, 0]
+    assert assign_owners([0] * 4, [0, 1]) == [0, 0, 0, 1]
+    assert assign_owners([7, 7], [0, 1]) == [0, 1]
+
+
+def test_given_identities_create_objects_without_a_map() -> None:
+    """Without a map prior the heading of the objects rests on the semantics and a broad prior; positions are found."""
+    world = make_world(10, association="given", sigma_start_m=0.01, semantic_model={"kind": "none"})
+    belief = beliefs(world, 1)[-1]
+    order = [int(name.removeprefix("tree_")) for name in belief.object_names]
+    estimated = belief.object_poses[:, :2] - belief.poses[0, :2]
+    offset = np.array([4.0, -3.0, 0.1])  # of the prior mean: the map is relative to the start
+    turn = np.array([[np.cos(offset[2]), -np.sin(offset[2])], [np.sin(offset[2]), np.cos(offset[2])]])
+    expected = (OBJECTS[order, :2] - world.truth[-1, :2]) @ turn.T
+    assert np.abs(estimated - expected).max() < 0.6
+    assert (belief.object_covariances[:, 5, 5] > 1.0).all()
+    assert len(belief.log_weights) == 1
+
+
+def test_a_detection_without_identity_is_left_out_when_identities_are_given() -> None:
+    world = make_world(2, association="given", semantic_model={"kind": "none"})
+    anonymous = dataclasses.replace(
+        world.keyframes[0].measurements, track_ids=("",) * len(world.keyframes[0].measurements)
+    )
+    manager = HypothesisManager(world.run, InProcessPool(1))
+    belief = manager.process(dataclasses.replace(world.keyframes[0], measurements=anonymous))
+    assert (belief.associations == -1).all()
+
+
+def test_enumeration_needs_a_map() -> None:
+    from semantic_slam.configuration import Configuration
+    from semantic_slam.inference.run import make_run_configuration
+
+    with pytest.raises(InputError, match="no map prior"):
+        make_run_configuration(Configuration(), None, np.zeros(7), np.zeros((6, 6)), stamp_ns=0)
+
+
+def test_features_of_another_classifier_are_refused() -> None:
+    world = make_world(1)
+    measurements = world.keyframes[0].measurements
+    wrong = dataclasses.replace(measurements, features=np.zeros((len(measurements), 3)))
+    manager = HypothesisManager(world.run, InProcessPool(1))
+    with pytest.raises(InputError, match="3 feature components"):
+        manager.process(dataclasses.replace(world.keyframes[0], measurements=wrong))

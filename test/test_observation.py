@@ -1,0 +1,93 @@
+"""Planar observation model: Jacobians, factors and visibility."""
+
+import gtsam
+import numpy as np
+import pytest
+
+from semantic_slam.geometry import se2
+from semantic_slam.inference.planar_observation import PlanarDetection, PlanarObservation, PlanarVisibility
+from semantic_slam.viewpoint.parametric import ParametricModel
+
+RANDOM = np.random.default_rng(1)
+X = RANDOM.normal(size=(6, 3))
+O = RANDOM.normal(loc=[2.0, 0.0, 0.0], size=(6, 3))  # noqa: E741
+CLASSES = np.array([0, 1, 0, 1, 0, 1])
+MODEL = PlanarObservation(ParametricModel(0.5, 15.0), PlanarVisibility())
+
+
+def detection(with_range: bool) -> PlanarDetection:
+    covariance = np.array([[0.1, 0.01], [0.01, 0.05]])
+    return PlanarDetection(
+        2.0 if with_range else float("nan"),
+        0.3,
+        covariance,
+        np.array([0.2, -0.1]),
+        np.array([0.6, 0.4]),
+        0.01 * np.eye(2),
+    )
+
+
+@pytest.mark.parametrize("with_range", [True, False])
+@pytest.mark.parametrize("part", ["geometry", "semantics"])
+@pytest.mark.parametrize("axis", range(3))
+def test_jacobians_against_differences(with_range: bool, part: str, axis: int) -> None:
+    z = detection(with_range)
+
+    def evaluate(x: np.ndarray, o: np.ndarray):
+        return MODEL.geometry(z, x, o) if part == "geometry" else MODEL.semantics(z, x, o, CLASSES)
+
+    step = np.zeros(3)
+    step[axis] = 1e-6
+    at, exp = evaluate(X, O), se2.exp
+    by_x = evaluate(se2.compose(X, exp(step)), O).residual - evaluate(se2.compose(X, exp(-step)), O).residual
+    by_o = evaluate(X, se2.compose(O, exp(step))).residual - evaluate(X, se2.compose(O, exp(-step))).residual
+    np.testing.assert_allclose(at.jacobian_robot[:, :, axis], by_x / 2e-6, atol=1e-7)
+    np.testing.assert_allclose(at.jacobian_object[:, :, axis], by_o / 2e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("with_range", [True, False])
+def test_factors_are_the_likelihood(with_range: bool) -> None:
+    """-log p = factor error + constant, with the same gradient that the graph sees."""
+    z, x, o = detection(with_range), X[0], O[0]
+    factors = MODEL.factors(z, (0, 1), 1, x, o)
+    values = gtsam.Values()
+    values.insert(0, gtsam.Pose2(*x))
+    values.insert(1, gtsam.Pose2(*o))
+    geometry, semantics = MODEL.geometry(z, X[:1], O[:1]), MODEL.semantics(z, X[:1], O[:1], np.array([1]))
+    assert factors[0].error(values) == pytest.approx(0.5 * (geometry.residual[0] ** 2).sum())
+    assert factors[1].error(values) == pytest.approx(0.5 * (semantics.residual[0] ** 2).sum())
+    for factor, part in zip(factors, (geometry, semantics), strict=True):
+        jacobian = factor.linearize(values).jacobian()[0]
+        expected = np.hstack([part.jacobian_robot[0], part.jacobian_object[0]])
+        np.testing.assert_allclose(jacobian.T @ jacobian, expected.T @ expected, atol=1e-8)
+
+
+def test_a_bearing_alone_leaves_the_range_free() -> None:
+    """Moving the object along the ray from the camera changes nothing."""
+    z = detection(False)
+    robot = np.zeros((2, 3))
+    ray = np.array([np.cos(0.3), np.sin(0.3)])
+    objects = np.array([[*(z.sensor + 1.0 * ray), 0.0], [*(z.sensor + 7.0 * ray), 0.0]])
+    assert np.abs(MODEL.geometry(z, robot, objects).residual).max() < 1e-12
+
+
+def test_semantic_bound_is_no_less_than_the_density_in_its_window() -> None:
+    z = detection(True)
+    part = MODEL.semantics(z, X, O, CLASSES)
+    density = part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
+    assert (MODEL.semantic_bound(z, X, O, CLASSES) >= density - 1e-12).all()
+
+
+def test_visibility_is_hard_for_samples_and_soft_for_modes() -> None:
+    visibility = PlanarVisibility(max_range_m=5.0, field_of_view_rad=2.0)
+    distance, bearing = np.array([1.0, 5.5, 1.0]), np.array([0.0, 0.0, 1.2])
+    assert np.array_equal(visibility.log_probability(distance, bearing, soft=False), [0.0, -np.inf, -np.inf])
+    soft = visibility.log_probability(distance, bearing, soft=True)
+    assert soft[0] > -1e-6 and -10.0 < soft[1] < -1.0 and -10.0 < soft[2] < -1.0
+
+
+def test_robot_start_explains_the_detection() -> None:
+    z = detection(True)
+    start = MODEL.robot_start(z, X, O)
+    assert np.abs(MODEL.geometry(z, start, O).residual).max() < 1e-9
+    assert np.array_equal(start[:, 2], X[:, 2])
