@@ -13,11 +13,13 @@ def percent(value: float) -> str:
     """Per cent that never round to 0 or 100 what is neither."""
     if value != value:
         return "–"
+    if value <= 0.0:
+        return "0 %"
     if 0.9995 <= value < 1.0 - 1e-9:
         return "> 99.9 %"
-    if 0.0 < value < 0.0005:
+    if value < 0.0005:
         return "< 0.1 %"
-    return f"{100 * value:.1f} %" if 0.995 < value < 1.0 - 1e-9 or 0.0 < value < 0.01 else f"{100 * value:.0f} %"
+    return f"{100 * value:.1f} %" if 0.995 < value < 1.0 - 1e-9 or value < 0.01 else f"{100 * value:.0f} %"
 
 
 def listed(items: list[str], word: str = "and") -> str:

@@ -61,6 +61,7 @@ class MapView {
   draw(i) {
     const u = this.u = this.width / (this.svg.clientWidth || this.width); // one CSS pixel
     this.svg.replaceChildren();
+    this.labels = [];
     this.grid();
     const line = (points, stroke, width, more) =>
       make(this.svg, "polyline", { points: this.path(points), fill: "none", stroke, "stroke-width": width * u, "stroke-linejoin": "round", "stroke-linecap": "round", ...more });
@@ -76,6 +77,7 @@ class MapView {
     }
     objectsAt[i].forEach((o, place) => o && this.object(o, scene.objects[place]));
     for (const j of order) this.robot(frame.h[j], j === best);
+    if (!this.small) objectsAt[i].forEach((o, place) => o && this.label(this.x(o[0]) + 12 * u, this.y(o[1]) - 8 * u, scene.objects[place].label));
   }
 
   grid() {
@@ -103,13 +105,19 @@ class MapView {
     if (sigmaYaw < .8 && !this.small)
       make(this.svg, "line", { x1: px, y1: py, x2: px + 2.1 * r * Math.cos(yaw), y2: py - 2.1 * r * Math.sin(yaw), stroke: colour, "stroke-width": 3 * u, "stroke-linecap": "round" });
     make(this.svg, "circle", { cx: px, cy: py, r: r + 1.5 * u, fill: "#fff" });
-    this.pie(px, py, r, p);
+    if (p.length) this.pie(px, py, r, p);
+    else make(this.svg, "circle", { cx: px, cy: py, r: r * .7, fill: colour });
     if (about.true) {
       const [tx, ty] = [this.x(about.true[0]), this.y(about.true[1])], c = (this.small ? 2.5 : 3.5) * u;
       make(this.svg, "path", { d: `M${tx - c} ${ty - c}L${tx + c} ${ty + c}M${tx - c} ${ty + c}L${tx + c} ${ty - c}`, stroke: INK, "stroke-width": 1.6 * u });
     }
-    if (this.small) return;
-    make(this.svg, "text", { class: "name", x: px + r + 5 * u, y: py - r - 1 * u, "font-size": 13 * u, "stroke-width": 3 * u }, about.label);
+  }
+
+  label(x, y, text) { // where no other label stands
+    const u = this.u, box = [x, y - 11 * u, x + 8 * u * text.length, y + 3 * u];
+    if (this.labels.some(b => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) return;
+    this.labels.push(box);
+    make(this.svg, "text", { class: "name", x, y, "font-size": 13 * u, "stroke-width": 3 * u }, text);
   }
 
   pie(x, y, r, p) {
