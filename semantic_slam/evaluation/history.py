@@ -38,8 +38,8 @@ def lineage(beliefs: Sequence[HybridBelief]) -> list[int]:
     chain = [best_index(beliefs[-1])]
     for belief, child in zip(reversed(beliefs[:-1]), reversed(beliefs[1:]), strict=True):
         parent = child.parent_ids[chain[-1]] if chain[-1] >= 0 else None
-        found = np.flatnonzero(belief.hypothesis_ids == parent) if parent is not None else []
-        chain.append(int(found[0]) if len(found) else -1)
+        found = [] if parent is None else np.flatnonzero(belief.hypothesis_ids == parent).tolist()
+        chain.append(found[0] if found else -1)
     return chain[::-1]
 
 

@@ -12,6 +12,7 @@ from semantic_slam.evaluation.evaluate import Evaluation, class_rows
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.plot import Plot
+from semantic_slam.report.wording import known
 
 SHOWN_COLUMNS = 10
 """Hypotheses drawn one by one in a column of weights; lighter ones share the rest."""
@@ -122,7 +123,7 @@ def _discarded(beliefs: tuple[HybridBelief, ...]) -> Chart:
 
 
 def _true_association(evaluation: Evaluation, beliefs: tuple[HybridBelief, ...]) -> Chart:
-    judged = bool(evaluation.metrics["association_f1"] == evaluation.metrics["association_f1"])
+    judged = known(evaluation.metrics["association_right"])
     values = evaluation.true_association_probability if judged else np.full(len(beliefs), np.nan)
     plot = time_plot(beliefs, 0.0, 1.0, "probability of the true association history")
     plot.axes(y_ticks=(0, 0.25, 0.5, 0.75, 1))

@@ -69,8 +69,8 @@ def _stamped(analysis: Analysis, rows: list[int]) -> list[tuple[int, int]]:
 def _chosen(analysis: Analysis) -> list[int]:
     beliefs, measured = analysis.record.beliefs, analysis.record.measurements
     rows = [row for row, belief in enumerate(beliefs) if len(belief.detection_ids) and belief.stamp_ns in measured]
-    places = np.unique(np.linspace(0, len(rows) - 1, SHOWN_FRAMES).round().astype(int)) if rows else []
-    return [rows[place] for place in places]
+    places = {round(place) for place in np.linspace(0, len(rows) - 1, SHOWN_FRAMES)} if rows else set()
+    return [rows[place] for place in sorted(places)]
 
 
 def _pictures(bag: Path, stamps: set[int]) -> dict[int, NDArray[np.uint8]]:
@@ -111,10 +111,8 @@ def _boxes(analysis: Analysis, row: int, width: int, height: int, colours: list[
             box = np.clip(measured.boxes[places[int(number)]], 0, [width, height, width, height])
             text, colour = _text(analysis, row, int(belief.associations[best, detection]), colours)
             verdict, note = _verdict(analysis, row, detection, int(objects[detection]))
-            edges = 100.0 * np.array(
-                [box[0] / width, box[1] / height, (box[2] - box[0]) / width, (box[3] - box[1]) / height]
-            )
-            views.append(BoxView(*(round(float(value), 2) for value in edges), text + note, colour, verdict))
+            left, top, right, bottom = (100.0 * box / np.array([width, height, width, height])).round(2).tolist()
+            views.append(BoxView(left, top, right - left, bottom - top, text + note, colour, verdict))
     return views
 
 

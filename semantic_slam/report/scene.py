@@ -155,7 +155,7 @@ def _extent(data: dict[str, Any]) -> list[float]:
     inside = stray[((stray > low - room) & (stray < high + room)).all(axis=1)]
     every = np.vstack([core, inside])
     margin = 0.04 * float(np.max(every.max(axis=0) - every.min(axis=0))) + 0.4
-    return _rounded([*(every.min(axis=0) - margin), *(every.max(axis=0) + margin)])
+    return [round(float(value), 3) for value in (*(every.min(axis=0) - margin), *(every.max(axis=0) + margin))]
 
 
 def _last_states(frames: list[dict[str, Any]]) -> list[list[float]]:

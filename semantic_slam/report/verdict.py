@@ -6,7 +6,7 @@ import numpy as np
 
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.objects import CERTAIN, ObjectView
-from semantic_slam.report.wording import listed, percent
+from semantic_slam.report.wording import known, listed, number, percent
 
 NAMED = 4
 """Ambiguous objects that are named one by one."""
@@ -98,19 +98,14 @@ def _truth(analysis: Analysis) -> list[str]:
     metrics = analysis.evaluation.metrics
     sentences = []
     settled, right = metrics["keyframe_disambiguated"], metrics["association_right"]
-    if right == right and analysis.configuration.get("association") != "given":
+    if known(right) and analysis.configuration.get("association") != "given":
         when = f"from keyframe {settled} on" if settled is not None else "never for good"
         sentences.append(
             f"Against the ground truth, {percent(right)} of the detections are assigned rightly;"
             f" the true assignment was certain {when}."
         )
-    if metrics["ate_m"] == metrics["ate_m"]:
-        sentences.append(
-            f"The path is {metrics['ate_m']:.2f} m from the true one"
-            + (
-                f" (dead reckoning: {metrics['dead_reckoning_ate_m']:.2f} m)."
-                if metrics["dead_reckoning_ate_m"] == metrics["dead_reckoning_ate_m"]
-                else "."
-            )
-        )
+    error, dead = metrics["ate_m"], metrics["dead_reckoning_ate_m"]
+    if known(error):
+        beside = f" (dead reckoning from the prior mean: {number(dead)} m)" if known(dead) else ""
+        sentences.append(f"The path of the final hypothesis is {number(error)} m (RMS) from the true one{beside}.")
     return sentences

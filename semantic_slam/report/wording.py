@@ -1,9 +1,16 @@
 """Numbers and lists as a reader expects them."""
 
+from typing import TypeGuard
+
+
+def known(value: float | None) -> TypeGuard[float]:
+    """Whether there is a number."""
+    return value is not None and value == value
+
 
 def number(value: float | None, digits: int = 2) -> str:
     """Fixed digits, a dash for what is not known, a real minus sign."""
-    if value is None or value != value:
+    if not known(value):
         return "–"
     text = f"{value:.{digits}f}"
     return text.replace("-", "−") if float(text) else text.lstrip("-")
@@ -11,7 +18,7 @@ def number(value: float | None, digits: int = 2) -> str:
 
 def percent(value: float) -> str:
     """Per cent that never round to 0 or 100 what is neither."""
-    if value != value:
+    if not known(value):
         return "–"
     if value <= 0.0:
         return "0 %"
