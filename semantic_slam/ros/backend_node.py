@@ -1,13 +1,10 @@
 """Node ``backend_<n>``: the components of one backend behind topics."""
 
 import re
-from collections.abc import Callable
-from typing import Any
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.protocol import Candidates, RunConfiguration
-from semantic_slam.inference.run import problem_of
+from semantic_slam.inference.protocol import Candidates
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.typestore import deserialize
@@ -25,12 +22,11 @@ class BackendNode(PipelineNode):
     Parameter ``backend_id``: -1 takes it from the node's name, ``backend_1`` being backend 1.
     """
 
-    def __init__(self, backend_class: Callable[..., Any] = Backend) -> None:
+    def __init__(self, backend_class: type[Backend] = Backend) -> None:
         super().__init__("backend_0")
         given = int(self.declare_parameter("backend_id", -1).value)
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
-        self._backend_class = backend_class
-        self._rounds = Rounds(self._make_backend)
+        self._rounds = Rounds(backend_class(self.backend_id))
         self._candidates = self._outlet(topics.CANDIDATES)
         self._components = self._outlet(topics.COMPONENTS)
         self.listen(topics.RUN_CONFIGURATION, self._start, qos.latched())
@@ -39,10 +35,6 @@ class BackendNode(PipelineNode):
 
     def _outlet(self, topic: str) -> Outlet:
         return Outlet(self, relative_name(topic), topics.TYPES[topic], qos.everything())
-
-    def _make_backend(self, run: RunConfiguration) -> Any:
-        # Backend 0 exists in every pool: it starts with the one hypothesis that there is before any measurement.
-        return self._backend_class(self.backend_id, problem_of(run), run.run_id, owner_of_root=self.backend_id == 0)
 
     def _start(self, data: bytes) -> None:
         self._send(self._rounds.start(decode(data, topics.TYPES[topics.RUN_CONFIGURATION])))

@@ -47,7 +47,7 @@ class BagPlayer(PipelineNode):
             topic: Outlet(self, item.name, item.type_name, qos.replayed(item.name))
             for topic, item in self._playlist.items.items()
         }
-        self._clock = Outlet(self, CLOCK, TYPES[CLOCK], qos.newest())
+        self._clock_outlet = Outlet(self, CLOCK, TYPES[CLOCK], qos.newest())
         self._progress = Outlet(self, private_name(PLAYER_PROGRESS), TYPES[PLAYER_PROGRESS], qos.latched())
         self._classifier_progress = None
         if self._playlist.has_measurements:
@@ -111,7 +111,7 @@ class BagPlayer(PipelineNode):
 
     def _send(self, message: RawMessage) -> None:
         clock = message_class(TYPES[CLOCK])(clock=time_message(message.stamp_ns))
-        self._clock.send(serialize(clock))
+        self._clock_outlet.send(serialize(clock))
         self._outlets[message.topic].send(message.cdr)
 
     def _wait_for_credit(self, bar: tqdm) -> None:  # type: ignore[type-arg]

@@ -18,12 +18,8 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="input bag (default: %(default)s)")
     parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="default: %(default)s")
     parser.add_argument("--backends", type=int, default=2, help="number of backends (default: %(default)s)")
-    parser.add_argument(
-        "--rate", type=float, default=0.0, help="0 lossless lock-step, 1 real time (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("out/demo"), help="folder of the results (default: %(default)s)"
-    )
+    parser.add_argument("--rate", type=float, default=0.0, help="0 (default): lossless, 1: real time")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="default: %(default)s")
     return parser.parse_args(words)
 
 

@@ -10,7 +10,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.map_prior import MapPrior, read_map_prior
-from semantic_slam.inference.run import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.run import initial_pose_of, make_run_configuration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
@@ -122,8 +122,7 @@ class HypothesisManagerNode(PipelineNode):
             source=self._source,
             revision=revision(),
         )
-        self._pool.start(run)
-        return HypothesisManager(problem_of(run), self._pool, run.run_id)
+        return HypothesisManager(run, self._pool)
 
     def _classifier_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])

@@ -20,7 +20,7 @@ LOSSLESS = 0.0
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One process: an executable of this package, the node's name, and its parameters where they are not the defaults."""
+    """One process: an executable of this package, the node's name, and the parameters that are not at their default."""
 
     executable: str
     name: str

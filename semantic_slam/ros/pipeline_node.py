@@ -30,7 +30,7 @@ class PipelineNode(Node):
         self.health = Diagnostics(self)
         self.worker = Worker(self._failed)
         self.fault: Exception | None = None
-        self._received = 0
+        self._arrivals = 0
 
     def listen(
         self,
@@ -45,7 +45,7 @@ class PipelineNode(Node):
         monitors: list[Any] = []
 
         def queue_message(data: bytes) -> None:
-            self._received += 1
+            self._arrivals += 1
             for monitor in monitors:
                 monitor.arrived(time.monotonic())
             self.worker.submit(handle, data)
@@ -63,8 +63,8 @@ class PipelineNode(Node):
         state = {"quiet": 0, "received": -1}
 
         def tick() -> None:
-            state["quiet"] = state["quiet"] + 1 if state["received"] == self._received else 0
-            state["received"] = self._received
+            state["quiet"] = state["quiet"] + 1 if state["received"] == self._arrivals else 0
+            state["received"] = self._arrivals
             if state["quiet"] == QUIET_TICKS:
                 timer.cancel()
                 self.worker.submit(handle, item)

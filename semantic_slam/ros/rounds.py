@@ -4,9 +4,7 @@ Each topic keeps its own order, different topics have none: a commit may arrive 
 after a restart all of them arrive at once. Nothing here knows ROS.
 """
 
-from collections.abc import Callable
-from typing import Any
-
+from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 
@@ -16,10 +14,8 @@ Answer = Candidates | Components
 class Rounds:
     """Feeds one backend and returns its answers."""
 
-    def __init__(self, make_backend: Callable[[RunConfiguration], Any]) -> None:
-        """``make_backend`` makes an inference ``Backend`` for a run."""
-        self._make_backend = make_backend
-        self._backend: Any = None
+    def __init__(self, backend: Backend) -> None:
+        self._backend = backend
         self._run_id = ""
         self._num_expanded = 0  # keyframes expanded
         self._num_committed = 0
@@ -28,7 +24,7 @@ class Rounds:
 
     def start(self, run: RunConfiguration) -> list[Answer]:
         """A run is announced; a second announcement comes from a manager that was started anew."""
-        self._backend = self._make_backend(run)
+        self._backend.start(run)
         self._run_id = run.run_id
         self._num_expanded = self._num_committed = 0
         return self._advance()
@@ -63,5 +59,6 @@ class Rounds:
                 commit = self._commits.pop((self._run_id, self._num_committed), None)
                 if commit is None:
                     return answers
-                answers.append(self._backend.commit(commit))
+                answer = self._backend.commit(commit)
+                answers += [answer] if answer is not None else []
                 self._num_committed += 1
