@@ -17,6 +17,7 @@ from semantic_slam.bag.definitions import extended_typestore
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.errors import InputError
+from semantic_slam.messages.typestore import typestore
 
 REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
 
@@ -123,10 +124,12 @@ class BagReader:
 
     def decode(self, cdr: bytes, type_name: str) -> Any:
         """Message from its bytes, by our definition or by the one embedded in the bag; raises InputError."""
-        if type_name not in self._store.types:
+        self.check_definitions()
+        store = typestore() if type_name in typestore().types else self._store  # ours has its decoders compiled already
+        if type_name not in store.types:
             raise InputError(f"{self.path}: type {type_name} is unknown and not embedded in the bag; record it as mcap")
         try:
-            return self._store.deserialize_cdr(cdr, type_name)
+            return store.deserialize_cdr(cdr, type_name)
         except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
             raise InputError(
                 f"{self.path}: a message of type {type_name} does not decode ({_one_line(fault)}); record the bag again"

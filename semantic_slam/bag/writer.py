@@ -21,6 +21,7 @@ from semantic_slam.bag.names import absolute
 from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import CODECS, to_message
 from semantic_slam.messages.topics import LATCHED
+from semantic_slam.messages.typestore import serialize
 
 UNLIMITED = QosTime(9223372036, 854775807)
 """What ROS 2 writes for a deadline, lifespan or lease that does not exist."""
@@ -69,8 +70,7 @@ class BagWriter:
         """Write a message, or one of our dataclasses that has a codec, at log time ``stamp_ns``."""
         if type(message) in CODECS:
             message = to_message(message)
-        cdr = self._store.serialize_cdr(message, message.__msgtype__)
-        self.write_raw(topic, message.__msgtype__, bytes(cdr), stamp_ns)
+        self.write_raw(topic, message.__msgtype__, serialize(message), stamp_ns)
 
     def write_raw(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int, definition: str = "") -> None:
         """Write CDR bytes; a type that we do not know needs its ``definition``, with nested ones behind it."""
