@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 NAME = "semantic_slam"
 NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node", "demo")
-COMMANDS = ("make_scene", "import_dataset", "bag_to_report", "train_classifier", "fit_viewpoint_models")
+COMMANDS = ("make_scene", "import_dataset", "bag_to_report", "train_classifier", "fit_viewpoint_models", "run_study")
 
 setup(
     name=NAME,
@@ -15,6 +15,7 @@ setup(
     package_data={
         f"{NAME}.messages": ["definitions/*.msg"],
         f"{NAME}.report": ["templates/*"],
+        f"{NAME}.studies": ["templates/*"],
         f"{NAME}.perception": ["weights/*"],
         f"{NAME}.viewpoint": ["weights/*"],
         NAME: ["weights/*"],

@@ -1,0 +1,50 @@
+"""``run_study NAME --out DIR``: an experiment, its result.json and its page."""
+
+import importlib
+from argparse import Namespace
+from pathlib import Path
+
+from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.errors import InputError
+
+STUDIES = {"aliased_scenes": "semantic_slam.studies.aliased_scenes"}
+"""Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
+
+
+def parse(words: list[str] | None = None) -> Namespace:
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
+        prog="run_study", description="Run an experiment and set its claims beside what it measured."
+    )
+    parser.add_argument("name", nargs="?", metavar="NAME", help="study (--list names them)")
+    parser.add_argument("--list", action="store_true", help="print the names of the studies, one per line")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for result.json and result.html")
+    parser.add_argument("--quick", action="store_true", help="a small part of it, in minutes")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: 1)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of every random draw (default: 0)")
+    return parser.parse_args(words)
+
+
+def command() -> None:
+    """Run the study that the command line names; raises InputError."""
+    arguments = parse()
+    if arguments.list:
+        print("\n".join(STUDIES))
+        return
+    if arguments.name not in STUDIES:
+        raise InputError(f"run_study: no study {arguments.name!r}; there are: {', '.join(STUDIES)}")
+    if arguments.out is None:
+        raise InputError("run_study: --out is missing; name a folder for the results")
+    if arguments.jobs < 1 or arguments.seed < 0:
+        raise InputError("run_study: --jobs must be at least 1 and --seed at least 0; correct the number")
+    study = importlib.import_module(STUDIES[arguments.name])
+    for path in study.run(arguments.out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed):
+        print(path)
+
+
+def main() -> None:
+    run_main(command)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""What a study leaves behind: result.json and one page that sets each claim beside what was measured."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement, who made it, and whether it was seen to hold."""
+
+    text: str
+    source: str
+    thesis: str  # what the source reports, "" where it reports no number
+    measured: str
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows for the page."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def write_result(out: Path, result: dict[str, Any], claims: Sequence[Claim], tables: Sequence[Table]) -> list[Path]:
+    """Write ``result`` with its claims to ``out``/result.json and a page beside it; returns both paths."""
+    out.mkdir(parents=True, exist_ok=True)
+    full = {"schema_version": 1, **result, "claims": [asdict(claim) for claim in claims]}
+    data, page = out / "result.json", out / "result.html"
+    data.write_text(json.dumps(full, indent=1, allow_nan=False), encoding="utf-8")
+    environment = Environment(loader=PackageLoader("semantic_slam.studies"), autoescape=True)
+    template = environment.get_template("study.html.jinja")
+    page.write_text(template.render(result=full, claims=claims, tables=tables), encoding="utf-8")
+    return [data, page]
