@@ -35,6 +35,12 @@ class BoxView:
     colour: str
     verdict: str  # right, wrong or unknown
 
+    @property
+    def places(self) -> str:
+        """CSS classes that keep the text inside the picture."""
+        inside = "inside " if self.top + self.height > 93.0 else ""
+        return inside + ("leftwards" if self.left > 72.0 else "")
+
 
 @dataclass(frozen=True)
 class FrameView:

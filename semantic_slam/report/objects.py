@@ -80,7 +80,7 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
 def object_label(belief: HybridBelief, row: int) -> str:
     """The object's name where it says more than its number."""
     name, number = belief.object_names[row], str(belief.object_ids[row])
-    return f"{number} · {name}" if name and name != number else number
+    return number if name in ("", number, f"object_{number}") else f"{number} · {name}"
 
 
 def true_positions(analysis: Analysis) -> dict[int, NDArray[np.float64]]:
