@@ -10,13 +10,16 @@ from semantic_slam.errors import InputError
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="make_scene",
-        description="Render furniture that looks alike from some sides: a room in the format of the Active Vision Dataset"
-        " (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every class on a"
-        " turntable in BigBIRD's format (DIR/<class>). Needs EGL or OSMesa, not a screen.",
+        description="Render furniture that looks alike from some sides: a room in the format of the Active Vision"
+        " Dataset (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every"
+        " class on a turntable in BigBIRD's format (DIR/<class>). Needs EGL or OSMesa, not a screen.",
     )
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="data set folder to write into")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="layout of the room, 0 to 999 (default: 0)")
     parser.add_argument("--turntable", action="store_true", help="write turntable views instead of a room")
+    parser.add_argument(
+        "--tour-only", action="store_true", help="render only the images of tour.txt and between, a tenth of the time"
+    )
     parser.add_argument(
         "--step-deg", type=int, default=3, metavar="A", help="angle between turntable views, divides 360 (default: 3)"
     )
@@ -42,9 +45,10 @@ def _turntables(arguments: argparse.Namespace) -> None:
 
 
 def _room(arguments: argparse.Namespace) -> None:
-    from semantic_slam.simulation.scene import make_scene
+    from semantic_slam.simulation.scene import SceneSettings, make_scene
 
-    print(f"{make_scene(arguments.out, arguments.seed)}: import it with import_dataset avd")
+    folder = make_scene(arguments.out, arguments.seed, SceneSettings(tour_only=arguments.tour_only))
+    print(f"{folder}: import it with import_dataset avd")
 
 
 def main() -> None:

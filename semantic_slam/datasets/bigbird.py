@@ -1,8 +1,8 @@
 """BigBIRD's turntable views (and YCB's, and those of ``make_scene --turntable``), read from their on-disk format.
 
-``<object>/NP{k}_{a}.jpg`` with k = 1..5 cameras (1 the lowest) and the table's angle a in degrees, beside it ``.h5`` depth,
-``masks/NP{k}_{a}_mask.pbm`` (object 0), ``poses/NP5_{a}_pose.h5`` and one ``calibration.h5``. In the table frame the
-object stands still and the cameras orbit: T_table_camera = H_table_from_reference_camera @ inv(H_NPk_from_NP5).
+``<object>/NP{k}_{a}.jpg`` with k = 1..5 cameras (1 the lowest) and the table's angle a in degrees, beside it ``.h5``
+depth, ``masks/NP{k}_{a}_mask.pbm`` (object 0), ``poses/NP5_{a}_pose.h5`` and one ``calibration.h5``. In the table frame
+the object stands still and the cameras orbit: T_table_camera = H_table_from_reference_camera @ inv(H_NPk_from_NP5).
 """
 
 import re
@@ -84,7 +84,7 @@ class TurntableView:
 
 
 def object_folders(root: Path) -> tuple[Path, ...]:
-    """Folders of objects in ``root``, by name, or ``root`` itself when it is one; raises InputError when there is none."""
+    """Folders of objects in ``root``, by name, or ``root`` itself when it is one; raises InputError without any."""
     if (root / "calibration.h5").is_file():
         return (root,)
     folders = tuple(sorted(path.parent for path in root.glob("*/calibration.h5")))

@@ -1,7 +1,7 @@
 """AVD's on-disk format, written: names, images, depth, annotations with the move graph, poses, cameras.
 
-The world of the files is that of a structure-from-motion system: its floor is x-z, y points down, its origin is the first
-camera and its unit is arbitrary (``scale`` millimetres).
+The world of the files is that of a structure-from-motion system: its floor is x-z, y points down, its origin is
+the first camera and its unit is arbitrary (``scale`` millimetres).
 """
 
 import json
@@ -50,6 +50,9 @@ class SceneImage:
 
     name: str  # 15 digits and .jpg
     T_map_camera: Array  # (4, 4)
+    T_map_interpolated: (
+        Array  # (4, 4) the mean of its neighbours' poses: all that is told when it was not reconstructed
+    )
     position: int  # images of one position share it
     reconstructed: bool
     moves: Mapping[str, str]  # move -> name or ""
@@ -72,13 +75,12 @@ def depth_name(name: str) -> str:
 
 
 def write_pixels(folder: Path, name: str, image: NDArray[np.uint8], depth_m: NDArray[np.float32]) -> None:
-    """``jpg_rgb`` and ``high_res_depth`` of one image; depth beyond 65 m becomes invalid."""
+    """``jpg_rgb`` and ``high_res_depth`` of one image, whose depth ends below 65 m."""
     (folder / "jpg_rgb").mkdir(parents=True, exist_ok=True)
     (folder / "high_res_depth").mkdir(exist_ok=True)
     colours = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     cv2.imwrite(str(folder / "jpg_rgb" / name), colours, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    millimetres = np.round(depth_m * 1000.0)
-    millimetres[millimetres > np.iinfo(np.uint16).max] = 0
+    millimetres = np.nan_to_num(np.round(depth_m * 1000.0), nan=0.0)
     cv2.imwrite(str(folder / "high_res_depth" / depth_name(name)), millimetres.astype(np.uint16))
 
 
@@ -110,20 +112,21 @@ def write_camera(folder: Path, camera: CameraModel, number_of_images: int) -> No
     )
 
 
-def world_from_map(first: Array, scale_mm: float) -> tuple[Array, Array]:
-    """(3, 3) times (3,) plus (3,): a point of map in the files' world, whose origin is the camera at ``first`` (3,)."""
+def world_from_map(origin: Array, scale_mm: float) -> tuple[Array, Array]:
+    """(3, 3) times (3,) plus (3,): a point of map in the files' world, whose origin is at (3,) in map."""
     linear = WORLD_FROM_MAP_ROTATION * (1000.0 / scale_mm)
-    return linear, -linear @ first
+    return linear, -linear @ origin
 
 
-def write_image_structs(folder: Path, images: Sequence[SceneImage], scale_mm: float) -> None:
-    """``image_structs.mat``; R and t stay empty where an image was not reconstructed."""
-    linear, offset = world_from_map(images[0].T_map_camera[:3, 3], scale_mm)
+def write_image_structs(folder: Path, images: Sequence[SceneImage], origin: Array, scale_mm: float) -> None:
+    """``image_structs.mat`` with the world's origin at (3,) in map; R and t are empty where nothing was reconstructed."""
+    linear, offset = world_from_map(origin, scale_mm)
     records = np.zeros((1, len(images)), dtype=[(field, object) for field in STRUCT_FIELDS])
     by_name = {image.name: number for number, image in enumerate(images, start=1)}
     for index, image in enumerate(images):
         rotation = (WORLD_FROM_MAP_ROTATION @ image.T_map_camera[:3, :3]).T  # X_cam = R X_world + t
-        position = linear @ image.T_map_camera[:3, 3] + offset
+        known = image.T_map_camera if image.reconstructed else image.T_map_interpolated
+        position, direction = linear @ known[:3, 3] + offset, WORLD_FROM_MAP_ROTATION @ known[:3, 2]
         record = records[0, index]
         empty = np.zeros((0, 0))
         record["image_name"] = image.name
@@ -131,7 +134,7 @@ def write_image_structs(folder: Path, images: Sequence[SceneImage], scale_mm: fl
         record["t"] = (-rotation @ position)[:, None] if image.reconstructed else empty
         record["quat"] = Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2], None] if image.reconstructed else empty
         record["world_pos"] = position[:, None]
-        record["direction"] = rotation[2][:, None]
+        record["direction"] = direction[:, None] / np.linalg.norm(direction)
         record["scaled_world_pos"] = position[:, None] * scale_mm
         record["image_id"], record["camera_id"], record["cluster_id"] = by_name[image.name], 1, image.position
         for field, move in MOVE_OF_FIELD.items():

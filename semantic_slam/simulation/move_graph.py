@@ -16,12 +16,14 @@ DIRECTION_TOLERANCE_RAD = float(np.deg2rad(31.0))
 
 
 def moves(names: Sequence[str], positions: Array) -> list[dict[str, str]]:
-    """Links of every image; image ``p * VIEWS_PER_POSITION + v`` is view v (counter-clockwise) at ``positions[p]`` (P, 2)."""
+    """Links of every image; ``names[p * VIEWS_PER_POSITION + v]`` is view v (counter-clockwise) at ``positions[p]``."""
     neighbours = [_neighbours(index, positions) for index in range(len(positions))]
     return [_links(image, names, positions, neighbours) for image in range(len(names))]
 
 
-def _links(image: int, names: Sequence[str], positions: Array, neighbours: Sequence[Array]) -> dict[str, str]:
+def _links(
+    image: int, names: Sequence[str], positions: Array, neighbours: Sequence[NDArray[np.int_]]
+) -> dict[str, str]:
     position, view = divmod(image, VIEWS_PER_POSITION)
     links = {
         "rotate_ccw": names[position * VIEWS_PER_POSITION + (view + 1) % VIEWS_PER_POSITION],
@@ -40,7 +42,7 @@ def _neighbours(index: int, positions: Array) -> NDArray[np.int_]:
     return np.flatnonzero((distances > 0.0) & (distances < LONGEST_STEP_M))
 
 
-def _nearest_in_direction(positions: Array, index: int, neighbours: Array, direction: float) -> int | None:
+def _nearest_in_direction(positions: Array, index: int, neighbours: NDArray[np.int_], direction: float) -> int | None:
     """The neighbour that deviates least from the direction [rad], None when all deviate too much."""
     offsets = positions[neighbours] - positions[index]
     deviations = np.abs(np.angle(np.exp(1j * (np.arctan2(offsets[:, 1], offsets[:, 0]) - direction))))

@@ -70,7 +70,7 @@ def scene_xml(objects: Sequence[PlacedObject], room: Room | None) -> tuple[str, 
     {"".join(assets)}
   </asset>
   <worldbody>
-    <light pos="0 0 6" dir="0.15 0.1 -1" directional="true" diffuse="0.28 0.28 0.28" specular="0 0 0" castshadow="true"/>
+    <light pos="0 0 6" dir="0.15 0.1 -1" directional="true" diffuse="0.28 0.28 0.28" specular="0 0 0"/>
     <camera name="camera" pos="0 0 1"/>
     {"".join(world)}
   </worldbody>
@@ -88,7 +88,8 @@ def _picture_xml(name: str, room: Room | None) -> str:
         repeat = _repeat(room.x_max - room.x_min, room.y_max - room.y_min)
     if room and name == "wall":
         repeat = 'texrepeat="6 1"'
-    return f'<texture type="2d" name="{name}" file="{name}.png"/><material name="{name}" texture="{name}" specular="0" {repeat}/>'
+    texture = f'<texture type="2d" name="{name}" file="{name}.png"/>'
+    return texture + f'<material name="{name}" texture="{name}" specular="0" {repeat}/>'
 
 
 def _repeat(width_m: float, height_m: float) -> str:
@@ -102,7 +103,8 @@ def _mesh_xml(model: ObjectModel, face: Face) -> str:
 def _quad_xml(name: str, corners: NDArray[np.float64]) -> str:
     """A rectangle with its picture upright; MuJoCo counts v downwards, and a mesh without volume is a shell."""
     vertices = " ".join(f"{value:.6f}" for value in corners.ravel())
-    return f'<mesh name={quoteattr(name)} inertia="shell" vertex="{vertices}" texcoord="0 1 1 1 1 0 0 0" face="0 1 2 0 2 3"/>'
+    shape = f'vertex="{vertices}" texcoord="0 1 1 1 1 0 0 0" face="0 1 2 0 2 3"'
+    return f'<mesh name={quoteattr(name)} inertia="shell" {shape}/>'
 
 
 def _body_xml(placed: PlacedObject) -> str:

@@ -28,7 +28,7 @@ class Rendering:
     """One view of a scene."""
 
     image: NDArray[np.uint8]  # (height, width, 3) RGB
-    depth_m: NDArray[np.float32]  # (height, width) along the optical axis
+    depth_m: NDArray[np.float32]  # (height, width) along the optical axis, NaN in the sky
     body_ids: NDArray[np.int32]  # (height, width) MuJoCo body, 0 for the room and the background
 
 
@@ -90,9 +90,10 @@ class Renderer:
     def render(self, T_world_camera: Array) -> Rendering:
         """The view of an optical frame at the (4, 4) pose ``T_world_camera``."""
         self._place_camera(T_world_camera)
-        image, _ = self._draw(segment=False)
-        codes, depth = self._draw(segment=True)  # drawn without smoothed edges: its depth belongs to its ids
-        return Rendering(image, self._metric(depth), self._bodies(codes))
+        image = self._draw(segment=False)
+        depth = np.empty(image.shape[:2], dtype=np.float32)
+        codes = self._draw(segment=True, depth=depth)  # without smoothed edges: this depth belongs to these ids
+        return Rendering(image, self._metric(depth[::-1]), self._bodies(codes))
 
     def _place_camera(self, T_world_camera: Array) -> None:
         mujoco = self._mujoco
@@ -106,22 +107,23 @@ class Renderer:
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(self._model, self._data, self._option, None, camera, every, self._scene)
 
-    def _draw(self, segment: bool) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def _draw(self, segment: bool, depth: NDArray[np.float32] | None = None) -> NDArray[np.uint8]:
+        """The picture, upright, or the codes of a segmentation; ``depth`` is filled upside down."""
         flags = self._mujoco.mjtRndFlag
         self._scene.flags[flags.mjRND_SEGMENT] = segment
         self._scene.flags[flags.mjRND_IDCOLOR] = segment
         self._scene.flags[flags.mjRND_SHADOW] = not segment
         image = np.empty((self._camera.height, self._camera.width, 3), dtype=np.uint8)
-        depth = np.empty((self._camera.height, self._camera.width), dtype=np.float32)
         self._mujoco.mjr_render(self._rectangle, self._scene, self._context)
         self._mujoco.mjr_readPixels(image, depth, self._rectangle, self._context)
-        return image[::-1], depth[::-1]
+        return image[::-1]
 
     def _metric(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Metres from the depth buffer, which holds near / far at 1 / 0 (reversed perspective)."""
+        """Metres from the depth buffer (reversed perspective: near is 1, far 0), NaN where nothing was drawn."""
         near = self._model.vis.map.znear * self._model.stat.extent
         far = self._model.vis.map.zfar * self._model.stat.extent
-        return (near * far / (near + depth.astype(np.float64) * (far - near))).astype(np.float32)
+        metres = near * far / (near + depth.astype(np.float64) * (far - near))
+        return np.where(depth > 0.0, metres, np.nan).astype(np.float32)
 
     def _bodies(self, codes: NDArray[np.uint8]) -> NDArray[np.int32]:
         """Bodies from the colours of a segmentation image: the number of a drawn geom plus one, 0 for nothing."""
@@ -129,5 +131,5 @@ class Renderer:
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.segid >= 0 and geom.objtype == self._mujoco.mjtObj.mjOBJ_GEOM:
                 body_of_code[geom.segid + 1] = self._model.geom_bodyid[geom.objid]
-        code = codes.astype(np.int64) @ np.array([1, 1 << 8, 1 << 16])
-        return body_of_code[code]
+        code = codes[..., 0] + 256 * codes[..., 1].astype(np.uint16)  # a scene has far fewer than 65536 geoms
+        return np.asarray(body_of_code[code], dtype=np.int32)

@@ -17,7 +17,7 @@ from semantic_slam.simulation.layout import draw_layout, room
 from semantic_slam.simulation.move_graph import moves
 from semantic_slam.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam.simulation.renderer import Renderer, camera_model
-from semantic_slam.simulation.tour import CAMERA_HEIGHT_M, HORIZONTAL_FOV_RAD, VIEWS_PER_POSITION, ring, tour
+from semantic_slam.simulation.tour import CAMERA_HEIGHT_M, HORIZONTAL_FOV_RAD, VIEWS_PER_POSITION, drive, ring, tour
 
 Array = NDArray[np.float64]
 
@@ -29,11 +29,11 @@ LARGEST_SCENE_NUMBER = 999
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """Size of the pictures, and a limit for tests."""
+    """Size of the pictures, and whether all views of all positions are rendered or those of the tour alone."""
 
     width: int = 720
     height: int = 540
-    max_positions: int | None = None
+    tour_only: bool = False
 
 
 def make_scene(root: Path, seed: int, settings: SceneSettings | None = None) -> Path:
@@ -45,16 +45,15 @@ def make_scene(root: Path, seed: int, settings: SceneSettings | None = None) -> 
     if folder.exists():
         raise InputError(f"{folder}: exists already; remove it or choose another --out")
     folder.mkdir(parents=True)
-    positions = ring()[: settings.max_positions]
-    names = [avd_writer.image_name(seed, index) for index in range(len(positions) * VIEWS_PER_POSITION)]
     objects = draw_layout(seed)
-    images = _render(folder, names, positions, objects, seed, settings)
+    images = _render(folder, _planned(seed, settings.tour_only), objects, settings)
     scale_mm = float(np.random.default_rng([seed, 4]).uniform(300.0, 900.0))
     avd_writer.write_annotations(folder, images)
-    avd_writer.write_image_structs(folder, images, scale_mm)
+    origin = camera_poses(ring(), seed)[0, :3, 3]
+    avd_writer.write_image_structs(folder, images, origin, scale_mm)
     avd_writer.write_instances(root, folder, objects)
-    _write_tour(folder, names, seed)
-    _write_ground_truth(folder, objects, images[0].T_map_camera, scale_mm)
+    _write_tour(folder, seed)
+    _write_ground_truth(folder, objects, origin, scale_mm)
     return folder
 
 
@@ -75,47 +74,68 @@ def camera_poses(positions: Array, seed: int) -> Array:
     return poses
 
 
+@dataclass(frozen=True)
+class _Planned:
+    """An image before it is rendered."""
+
+    name: str
+    T_map_camera: Array
+    T_map_interpolated: Array
+    position: int
+    reconstructed: bool
+    moves: dict[str, str]
+
+
+def _planned(seed: int, tour_only: bool) -> list[_Planned]:
+    """The images to render; every one is the same whether the others are rendered or not."""
+    positions = ring()
+    names = [avd_writer.image_name(seed, index) for index in range(len(positions) * VIEWS_PER_POSITION)]
+    poses, kept, links = camera_poses(positions, seed), _reconstructed(len(names), seed), moves(names, positions)
+    chosen = sorted({frame.image for frame in drive(seed)}) if tour_only else list(range(len(names)))
+    rank = {name: index for index, name in enumerate(names)}
+    there = {names[index] for index in chosen} | {""}
+    return [
+        _Planned(
+            name=names[index],
+            T_map_camera=poses[index],
+            T_map_interpolated=(poses[rank[links[index]["rotate_cw"]]] + poses[rank[links[index]["rotate_ccw"]]]) / 2.0,
+            position=index // VIEWS_PER_POSITION,
+            reconstructed=bool(kept[index]),
+            moves={move: target if target in there else "" for move, target in links[index].items()},
+        )
+        for index in chosen
+    ]
+
+
 def _render(
-    folder: Path,
-    names: Sequence[str],
-    positions: Array,
-    objects: Sequence[PlacedObject],
-    seed: int,
-    settings: SceneSettings,
+    folder: Path, planned: Sequence[_Planned], objects: Sequence[PlacedObject], settings: SceneSettings
 ) -> list[SceneImage]:
     camera = camera_model(settings.width, settings.height, HORIZONTAL_FOV_RAD)
-    avd_writer.write_camera(folder, camera, len(names))
-    links = moves(names, positions)
-    kept = _reconstructed(len(names), seed)
-    poses = camera_poses(positions, seed)
+    avd_writer.write_camera(folder, camera, len(planned))
     images = []
     with Renderer(*scene_xml(objects, room()), camera) as renderer:
-        for index, name in enumerate(tqdm(names, desc=folder.name, unit="image")):
-            view = renderer.render(poses[index])
-            avd_writer.write_pixels(folder, name, view.image, view.depth_m)
-            found = tuple(annotate(view.body_ids, objects, poses[index], camera))
-            position = index // VIEWS_PER_POSITION
-            images.append(SceneImage(name, poses[index], position, bool(kept[index]), links[index], found))
+        for image in tqdm(planned, desc=folder.name, unit="image"):
+            view = renderer.render(image.T_map_camera)
+            avd_writer.write_pixels(folder, image.name, view.image, view.depth_m)
+            found = tuple(annotate(view.body_ids, objects, image.T_map_camera, camera))
+            images.append(SceneImage(**vars(image), annotations=found))
     return images
 
 
 def _reconstructed(count: int, seed: int) -> NDArray[np.bool_]:
-    """(count,) false for the images whose pose structure from motion did not find; the first image always has one."""
-    kept = np.random.default_rng([seed, 5]).random(count) >= UNRECONSTRUCTED_FRACTION
-    kept[0] = True
-    return kept
+    """(count,) false for the images whose pose structure from motion did not find."""
+    return np.asarray(np.random.default_rng([seed, 5]).random(count) >= UNRECONSTRUCTED_FRACTION)
 
 
-def _write_tour(folder: Path, names: Sequence[str], seed: int) -> None:
+def _write_tour(folder: Path, seed: int) -> None:
     """``tour.txt``: the images of a drive past all objects, one name per line."""
-    indices = [frame.position * VIEWS_PER_POSITION + frame.view for frame in tour(seed)]
-    lines = [names[index] for index in indices if index < len(names)]
-    (folder / "tour.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    lines = [avd_writer.image_name(seed, frame.image) + "\n" for frame in tour(seed)]
+    (folder / "tour.txt").write_text("".join(lines), encoding="utf-8")
 
 
-def _write_ground_truth(folder: Path, objects: Sequence[PlacedObject], first: Array, scale_mm: float) -> None:
-    """``ground_truth.json``: what AVD lacks. A point of map is map_from_world.linear @ world + map_from_world.offset."""
-    linear, offset = avd_writer.world_from_map(first[:3, 3], scale_mm)
+def _write_ground_truth(folder: Path, objects: Sequence[PlacedObject], origin: Array, scale_mm: float) -> None:
+    """``ground_truth.json``: what AVD lacks. p_map = map_from_world.linear @ p_world + map_from_world.offset."""
+    linear, offset = avd_writer.world_from_map(origin, scale_mm)
     inverse = np.linalg.inv(linear)
     rows = [
         {

@@ -6,6 +6,7 @@ upper left corner first, as somebody standing in front of the face sees them.
 
 import hashlib
 from collections.abc import Callable
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -37,7 +38,7 @@ def planks(rng: np.random.Generator, colour: Colour, count: int, upright: bool) 
     """Boards with grain and dark joints, upright or lying."""
     picture = np.empty((SIZE, SIZE, 3))
     edges = np.linspace(0, SIZE, count + 1).astype(int)
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         shade = rng.uniform(0.82, 1.12)
         grain = cv2.GaussianBlur(rng.normal(0.0, 1.0, (end - start, SIZE)), (0, 0), sigmaX=22.0, sigmaY=0.9)
         grain *= 9.0 / max(float(grain.std()), 1e-9)
@@ -51,9 +52,8 @@ def sheet(rng: np.random.Generator, colour: Colour) -> Picture:
     """Painted sheet metal with a faint unevenness."""
     cloud = cv2.GaussianBlur(rng.normal(0.0, 1.0, (SIZE, SIZE)), (0, 0), sigmaX=18.0)
     cloud *= 4.0 / max(float(cloud.std()), 1e-9)
-    return np.clip(np.asarray(colour) + cloud[..., None] + rng.normal(0.0, 1.5, (SIZE, SIZE, 1)), 0, 255).astype(
-        np.uint8
-    )
+    picture = np.asarray(colour) + cloud[..., None] + rng.normal(0.0, 1.5, (SIZE, SIZE, 1))
+    return np.asarray(np.clip(picture, 0, 255), dtype=np.uint8)
 
 
 def frame(picture: Picture, colour: Colour, width: int) -> Picture:

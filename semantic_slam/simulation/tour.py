@@ -21,8 +21,9 @@ CAMERA_HEIGHT_M = 0.9
 
 SIGHT_RANGE_M = 4.5
 OBJECT_RADIUS_M = 0.45
+CORE_HALF_LENGTH_M = 2.4
 LOOK_PATTERN = (0, 1, 0, -1)
-"""Headings against straight inwards, in views, in the order in which they take turns."""
+"""Headings against the middle line, in views, in the order in which they take turns."""
 POSITIONS_PER_LOOK = 12
 KEYFRAME_EVERY = 2
 
@@ -35,6 +36,12 @@ class TourFrame:
     view: int  # 0..11, counter-clockwise from map's x axis
     x_m: float
     y_m: float
+    keyframe: bool
+
+    @property
+    def image(self) -> int:
+        """Index of the image among all views of all positions."""
+        return self.position * VIEWS_PER_POSITION + self.view
 
     @property
     def yaw_rad(self) -> float:
@@ -57,6 +64,11 @@ def tour(seed: int) -> tuple[TourFrame, ...]:
 
     Every second position is a keyframe, and so is every view while the robot turns on the spot.
     """
+    return tuple(frame for frame in drive(seed) if frame.keyframe)
+
+
+def drive(seed: int) -> tuple[TourFrame, ...]:
+    """The tour with the positions at which no keyframe is taken."""
     positions = ring()
     start = int(np.random.default_rng([seed, 2]).integers(-6, 7))
     frames: list[TourFrame] = []
@@ -66,20 +78,17 @@ def tour(seed: int) -> tuple[TourFrame, ...]:
         x, y = (float(value) for value in positions[index])
         wanted = _look(positions[index], step)
         turns = (wanted - view + VIEWS_PER_POSITION // 2) % VIEWS_PER_POSITION - VIEWS_PER_POSITION // 2
-        if step % KEYFRAME_EVERY == 0:
-            frames.append(TourFrame(index, view, x, y))
+        frames.append(TourFrame(index, view, x, y, step % KEYFRAME_EVERY == 0))
         for _ in range(abs(turns)):
             view = (view + int(np.sign(turns))) % VIEWS_PER_POSITION
-            frames.append(TourFrame(index, view, x, y))
+            frames.append(TourFrame(index, view, x, y, True))
     return tuple(frames)
 
 
 def _look(position: Array, step: int) -> int:
-    """View inwards from the nearest side of the ring, swung to and fro."""
-    half = STEP_M * np.array(RING_HALF_STEPS)
-    x, y = position
-    sides = {3: half[1] + y, 6: half[0] - x, 9: half[1] - y, 0: half[0] + x}
-    inwards = min(sides, key=lambda view: (sides[view], view))
+    """View towards the middle line of the furniture, swung to and fro."""
+    x, y = np.clip(position, [-CORE_HALF_LENGTH_M, 0.0], [CORE_HALF_LENGTH_M, 0.0]) - position
+    inwards = round(float(np.arctan2(y, x)) / (2.0 * np.pi / VIEWS_PER_POSITION))
     swing = LOOK_PATTERN[step // POSITIONS_PER_LOOK % len(LOOK_PATTERN)]
     return (inwards + swing) % VIEWS_PER_POSITION
 

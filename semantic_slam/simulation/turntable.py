@@ -93,7 +93,7 @@ def _write_view(folder: Path, stem: str, view: Rendering) -> None:
     cv2.imwrite(
         str(folder / f"{stem}.jpg"), cv2.cvtColor(view.image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 92]
     )
-    raw = np.where(mask, np.round(view.depth_m * 1e4 / DEPTH_SCALE), 0).astype(np.uint16)
+    raw = np.where(mask, np.round(np.nan_to_num(view.depth_m) * 1e4 / DEPTH_SCALE), 0).astype(np.uint16)
     with h5py.File(folder / f"{stem}.h5", "w") as file:
         file.create_dataset("depth", data=raw, compression="gzip", compression_opts=1)
     write_mask(folder / "masks" / f"{stem}_mask.pbm", mask)
