@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 from pathlib import Path
 
 from semantic_slam.cli.exit_codes import run_main
@@ -32,14 +33,16 @@ def command() -> None:
         raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
-    from semantic_slam.configuration import PerceptionConfiguration
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.perception.turntables import load_views
+
+    views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
+    from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network
     from semantic_slam.viewpoint.fit import FitSettings, fit_models
     from semantic_slam.viewpoint.store import save_model
 
     classifier = load_network(PerceptionConfiguration(network=str(arguments.weights or "")))
-    views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
     settings = FitSettings(draws=arguments.draws, seed=arguments.seed)
     model, report = fit_models(views, classifier, settings)
     provenance = {"command": "fit_viewpoint_models", "seed": settings.seed, "draws": settings.draws, "report": report}

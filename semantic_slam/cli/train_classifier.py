@@ -2,7 +2,9 @@
 
 import argparse
 import dataclasses
+import math
 from pathlib import Path
+from typing import Any
 
 from semantic_slam.cli.exit_codes import run_main
 from semantic_slam.errors import InputError
@@ -15,6 +17,7 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument("--turntables", type=Path, required=True, help="folder with one folder per class")
     parser.add_argument("--out", type=Path, required=True, help="weights to write (.safetensors)")
+    parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras of the turntable to learn from")
     parser.add_argument("--epochs", type=int, help="passes over the drawn crops")
     parser.add_argument("--crops-per-epoch", type=int, help="crops drawn for each of them")
     parser.add_argument(
@@ -27,24 +30,14 @@ def parse() -> argparse.Namespace:
 def command() -> None:
     """Parse, train, save and say how well the network does around the objects. Raises InputError."""
     arguments = parse()
-    import numpy as np
-
-    from semantic_slam.perception.training import TrainingConfiguration, accuracy_by_azimuth, train
+    chosen = _chosen(arguments)
     from semantic_slam.perception.turntables import class_names_of, load_views
+
+    views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
+    from semantic_slam.perception.training import TrainingConfiguration, accuracy_by_azimuth, train
     from semantic_slam.perception.weights import save_compact_network
 
-    limit = None if arguments.max_azimuth_deg is None else float(np.deg2rad(arguments.max_azimuth_deg))
-    given = {
-        "epochs": arguments.epochs,
-        "crops_per_epoch": arguments.crops_per_epoch,
-        "largest_azimuth_rad": limit,
-        "seed": arguments.seed,
-    }
-    for name, value in given.items():
-        if value is not None and value < (0 if name == "seed" else 1e-9):
-            raise InputError(f"--{name.replace('_', '-')} {value}: must be positive; leave it out for the default")
-    configuration = TrainingConfiguration(**{name: value for name, value in given.items() if value is not None})
-    views = load_views(arguments.turntables)
+    configuration = TrainingConfiguration(**chosen)
     names = class_names_of(views)
     network = train(views, names, configuration)
     accuracy = accuracy_by_azimuth(network, views, names, configuration.seed)
@@ -52,6 +45,23 @@ def command() -> None:
     save_compact_network(network, names, provenance, arguments.out)
     shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in accuracy.items())
     print(f"{arguments.out}: classes {', '.join(names)}; accuracy {shares}")
+
+
+def _chosen(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Fields of the training configuration that the command line sets; raises InputError for impossible ones."""
+    limit = arguments.max_azimuth_deg
+    fields = {
+        "epochs": arguments.epochs,
+        "crops_per_epoch": arguments.crops_per_epoch,
+        "largest_azimuth_rad": None if limit is None else math.radians(limit),
+    }
+    chosen = {name: value for name, value in fields.items() if value is not None}
+    for name, value in chosen.items():
+        if value <= 0:
+            raise InputError(f"train_classifier: {name} must be positive, not {value}; leave it out for the default")
+    if arguments.seed < 0:
+        raise InputError(f"train_classifier: --seed {arguments.seed} must not be negative")
+    return {**chosen, "seed": arguments.seed}
 
 
 def main() -> None:

@@ -3,7 +3,6 @@
 from collections import Counter
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import Configuration
@@ -26,7 +25,6 @@ class Classifier:
 
     def __init__(self, configuration: Configuration) -> None:
         """Load the network. Raises InputError when its weights are missing or wrong."""
-        torch.set_num_threads(1)  # two threads that fight for a core are slower than one
         self._configuration = configuration.perception
         self._seed = configuration.seed
         self._loaded = load_network(configuration.perception)

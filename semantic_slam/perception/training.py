@@ -81,7 +81,7 @@ def _batches(
 
 
 def accuracy_by_azimuth(
-    network: CompactNetwork, views: Sequence[ObjectView], class_names: tuple[str, ...], seed: int, draws: int = 2
+    network: CompactNetwork, views: Sequence[ObjectView], class_names: tuple[str, ...], seed: int, draws: int = 1
 ) -> dict[str, float]:
     """Share of right classes, without dropout, for each quarter around the objects."""
     generator = np.random.default_rng((seed, 1))

@@ -9,11 +9,9 @@ from semantic_slam.datasets.bigbird import object_folders, turntable_views
 from semantic_slam.errors import InputError
 from semantic_slam.perception.views import ObjectView, cut_out
 
-CAMERAS = ("NP1", "NP2", "NP3", "NP4", "NP5")
 
-
-def load_views(root: Path, cameras: Sequence[str] = CAMERAS) -> list[ObjectView]:
-    """Every view of every object below ``root``; an object's class is its folder's name.
+def load_views(root: Path, cameras: Sequence[str]) -> list[ObjectView]:
+    """Every view of every object below ``root`` by the named cameras; an object's class is its folder's name.
 
     Views whose mask is empty are left out. Raises InputError when there is nothing to read.
     """
