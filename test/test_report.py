@@ -9,10 +9,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from belief_factory import OBJECT_CLASSES, OBJECTS, run_configuration, small_belief, write_belief_bag, write_rows
+from belief_factory import (
+    CLASSES,
+    OBJECT_CLASSES,
+    OBJECTS,
+    run_configuration,
+    small_belief,
+    write_belief_bag,
+    write_rows,
+)
 
+from semantic_slam.configuration import Configuration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.pose import PLANAR_AXES
+from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.map_prior import read_map_prior
+from semantic_slam.inference.run import make_run_configuration, problem_of
 from semantic_slam.messages import topics
 from semantic_slam.report.belief_bag import read_record
 from semantic_slam.report.make import make_report
@@ -86,6 +98,20 @@ def test_objects_come_back_as_a_map_prior(made: Path) -> None:
         assert item.pose == pytest.approx(row["pose"], abs=0)
         assert item.covariance == pytest.approx(np.array(row["covariance"]), abs=0)
         assert item.class_probabilities == row["class_probabilities"]
+
+
+def test_a_later_run_starts_from_the_objects(made: Path) -> None:
+    """What the engine takes as its prior is what the report wrote, in place, spread and class."""
+    settings = Configuration(semantic_model=SemanticModelConfiguration(kind="none"))
+    prior = read_map_prior(made / "objects.json")
+    run = make_run_configuration(settings, prior, np.array([0.0, 0, 0, 0, 0, 0, 1]), np.eye(6), stamp_ns=0)
+    problem = problem_of(dataclasses.replace(run, class_names=CLASSES))
+    for entry, row in zip(problem.objects, load(made)["objects"], strict=True):
+        assert entry.object_id == row["id"]
+        assert entry.prior.mean[:2] == pytest.approx(row["pose"][:2])
+        in_map = rotate_covariance(entry.prior.mean, entry.prior.covariance)
+        assert in_map == pytest.approx(np.array(row["covariance"])[np.ix_(PLANAR_AXES, PLANAR_AXES)], abs=1e-8)
+        assert entry.class_prior == pytest.approx([row["class_probabilities"][name] for name in CLASSES])
 
 
 def test_trajectory_is_tum(made: Path) -> None:
