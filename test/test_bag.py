@@ -240,3 +240,20 @@ def test_reading_starts_before_the_whole_bag_is_read(tmp_path):
     bag = write_bag(tmp_path / "bag")
     with BagReader(bag) as reader:
         assert [message.stamp_ns for message in islice(reader.messages(), 2)] == [0, 1]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_damage_is_never_a_fault_of_ours(tmp_path, seed):
+    chance = np.random.default_rng(seed)
+    bag = write_bag(tmp_path / "bag", n=60, padding=20_000)
+    data = bytearray((bag / "bag.mcap").read_bytes())
+    for _ in range(10):
+        data[chance.choice([chance.integers(len(data)), -1 - chance.integers(2000)])] ^= 1 << chance.integers(8)
+    (bag / "bag.mcap").write_bytes(data[chance.integers(2) * chance.integers(len(data)) :])
+    found = []
+    try:
+        with BagReader(bag) as reader:
+            found.extend(reader.messages())
+    except InputError as error:
+        assert str(bag) in str(error) and "\n" not in str(error)
+    assert len(found) <= 121

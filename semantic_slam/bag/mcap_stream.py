@@ -10,9 +10,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame
+import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema
 
@@ -53,24 +54,32 @@ class McapStream:
         with self.path.open("rb") as file:
             file.seek(len(MAGIC))
             for opcode, content in _flat_records(file, self.path.stat().st_size):
-                stream = ReadDataStream(BytesIO(content))
-                if opcode == Opcode.SCHEMA:
-                    schema = Schema.read(stream)
-                    schemas[schema.id] = schema
-                elif opcode == Opcode.CHANNEL:
-                    channel = Channel.read(stream)
-                    channels[channel.id] = channel
-                    self._announce(channel, schemas[channel.schema_id])
-                else:
-                    message = Message.read(stream, len(content))
-                    channel = channels[message.channel_id]
-                    topic = absolute(channel.topic)
-                    if topics is None or topic in topics:
-                        yield RawMessage(topic, self.topics[topic], message.log_time, message.data)
+                try:
+                    message = self._read(opcode, content, schemas, channels)
+                except (McapError, KeyError, struct.error, UnicodeDecodeError):
+                    return  # this record is the damage
+                if message is not None and (topics is None or message.topic in topics):
+                    yield message
 
-    def _announce(self, channel: Channel, schema: Schema) -> None:
-        self.topics[absolute(channel.topic)] = schema.name
-        self.definitions[schema.name] = schema.data.decode("utf-8", "replace")
+    def _read(
+        self, opcode: int, content: bytes, schemas: dict[int, Schema], channels: dict[int, Channel]
+    ) -> RawMessage | None:
+        """The message of a record; None for a schema or a channel, which are remembered."""
+        stream = ReadDataStream(BytesIO(content))
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            schemas[schema.id] = schema
+            return None
+        if opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream)
+            channels[channel.id] = channel
+            schema = schemas[channel.schema_id]
+            self.topics[absolute(channel.topic)] = schema.name
+            self.definitions[schema.name] = schema.data.decode("utf-8")
+            return None
+        message = Message.read(stream, len(content))
+        topic = absolute(channels[message.channel_id].topic)
+        return RawMessage(topic, self.topics[topic], message.log_time, message.data)
 
 
 def _flat_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:

@@ -42,7 +42,7 @@ class IndexedSource:
     def __init__(self, reader: Reader) -> None:
         """``reader`` is open."""
         self._reader = reader
-        self.counts = Counter()
+        self.counts: Counter[str] = Counter()
         for item in reader.connections:
             self.counts[absolute(item.topic)] += item.msgcount
         self.topics = {absolute(item.topic): item.msgtype for item in reader.connections}

@@ -94,42 +94,46 @@ class FrameAssembler:
     def _frame(self, detections: Detections) -> Frame | None:
         """The frame of these detections; None, counted, when image, camera or frame id are missing or wrong."""
         camera, image = self.camera, self._images.nearest(detections.stamp_ns, self._tolerance_ns)
-        if camera is None:
-            return self._drop(f"{topics.DETECTIONS}: no {topics.CAMERA_INFO} came")
-        if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):
-            names = f"'{detections.frame_id}' is not the camera's '{camera.frame_id}'"
-            return self._drop(f"{topics.DETECTIONS}: frame id {names}")
-        if image is None:
-            return self._drop(f"{topics.DETECTIONS}: no {topics.IMAGE} of their stamp")
-        pixels = self._decoded(decode_image, image, topics.IMAGE)
-        if pixels is None or not self._fits(pixels, topics.IMAGE):
+        fault = _fault(detections, camera, image)
+        if fault or camera is None:
+            self.dropped[fault] += 1
             return None
-        return Frame(detections.stamp_ns, pixels, self._depth(detections.stamp_ns), camera, detections)
+        pixels = self._pixels(decode_image, image, topics.IMAGE, camera)
+        if pixels is None:
+            return None
+        return Frame(detections.stamp_ns, pixels, self._depth(detections.stamp_ns, camera), camera, detections)
 
-    def _depth(self, stamp_ns: int) -> NDArray[np.float32] | None:
+    def _depth(self, stamp_ns: int, camera: CameraModel) -> NDArray[np.float32] | None:
         """Depth for the frame of this stamp; None where it is missing or broken, counted: those are bearing only."""
         if not self._has_depth:
             return None
         message = self._depths.nearest(stamp_ns, self._tolerance_ns)
         if message is None:
-            return self._drop(f"{topics.DEPTH}: none of the detections' stamp, bearing only")
-        depth_m = self._decoded(decode_depth, message, topics.DEPTH)
-        return depth_m if depth_m is not None and self._fits(depth_m, topics.DEPTH) else None
+            self.dropped[f"{topics.DEPTH}: none of the detections' stamp, bearing only"] += 1
+            return None
+        return self._pixels(decode_depth, message, topics.DEPTH, camera)
 
-    def _decoded(self, decode: Callable[[Any, str], NDArray[Any]], message: Any, topic: str) -> Any:
+    def _pixels(
+        self, decode: Callable[[Any, str], NDArray[Any]], message: Any, topic: str, camera: CameraModel
+    ) -> NDArray[Any] | None:
+        """Decoded image of the camera's size; None, counted, when it does not decode or has another size."""
         try:
-            return decode(message, topic)
+            pixels = decode(message, topic)
         except InputError as error:
-            return self._drop(str(error))
-
-    def _fits(self, pixels: NDArray[Any], topic: str) -> bool:
-        assert self.camera is not None
+            self.dropped[str(error)] += 1
+            return None
         height, width = pixels.shape[:2]
-        if (width, height) == (self.camera.width, self.camera.height):
-            return True
-        expected = f"{self.camera.width} x {self.camera.height}"
-        self._drop(f"{topic}: size {width} x {height} is not the {expected} of {topics.CAMERA_INFO}")
-        return False
+        if (width, height) != (camera.width, camera.height):
+            expected = f"{camera.width} x {camera.height} of {topics.CAMERA_INFO}"
+            self.dropped[f"{topic}: size {width} x {height} is not the {expected}"] += 1
+            return None
+        return pixels
 
-    def _drop(self, reason: str) -> None:
-        self.dropped[reason] += 1
+
+def _fault(detections: Detections, camera: CameraModel | None, image: Any) -> str:
+    """Why no frame can be made; "" when one can."""
+    if camera is None:
+        return f"{topics.DETECTIONS}: no {topics.CAMERA_INFO} came"
+    if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):
+        return f"{topics.DETECTIONS}: frame id '{detections.frame_id}' is not the camera's '{camera.frame_id}'"
+    return f"{topics.DETECTIONS}: no {topics.IMAGE} of their stamp" if image is None else ""

@@ -132,20 +132,20 @@ class KeyframeAssembler:
 
     def _point(self, stamp_ns: int) -> OdometryPoint | None:
         """Odometry at an instant; the first sample stands for all before it, the last for a short while after it."""
-        earlier = None
+        earlier: OdometryPoint | None = None
+        later: OdometryPoint | None = None
         for sample_stamp_ns, point in self._odometry:
             if sample_stamp_ns >= stamp_ns:
-                found = (
-                    point if earlier is None or sample_stamp_ns == stamp_ns else point_between(earlier, point, stamp_ns)
-                )
+                later = point
                 break
             earlier = point
-        else:
-            is_recent = earlier is not None and stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
-            found = replace(earlier, stamp_ns=stamp_ns) if earlier is not None and is_recent else None
-        if earlier is not None:
-            self._odometry.forget_before(earlier.stamp_ns)
-        return found
+        if earlier is None:
+            return later
+        self._odometry.forget_before(earlier.stamp_ns)
+        if later is not None:
+            return point_between(earlier, later, stamp_ns)
+        is_fresh = stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
+        return replace(earlier, stamp_ns=stamp_ns) if is_fresh else None
 
     def _is_chosen(self, measurements: SemanticMeasurements, last: OdometryPoint, point: OdometryPoint) -> bool:
         policy = self._configuration.keyframes

@@ -120,7 +120,7 @@ class OfflineRun:
 
     def _make_handlers(self, configuration: Configuration) -> dict[str, Callable[[Any], None]]:
         found = self._found
-        handlers = {found.odometry: self._keyframes.add_odometry}
+        handlers: dict[str, Callable[[Any], None]] = {found.odometry: self._keyframes.add_odometry}
         if found.has_images:
             handlers |= {
                 found.image: self._frames.add_image,
