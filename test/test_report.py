@@ -27,6 +27,7 @@ from semantic_slam.inference.map_prior import read_map_prior
 from semantic_slam.inference.run import make_run_configuration, problem_of
 from semantic_slam.messages import topics
 from semantic_slam.report.belief_bag import read_record
+from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.make import make_report
 from semantic_slam.report.plain_json import plain, to_text
 from semantic_slam.report.plot import Plot, nice_ticks
@@ -238,6 +239,16 @@ def test_the_page_says_what_it_found(made: Path) -> None:
     assert f"{len(OBJECT_CLASSES)} objects are on the map" in text
     assert "Object 7 is ambiguous: desk" in text
     assert "from keyframe 13 on" in text
+
+
+def test_ellipses_are_the_eigenvectors() -> None:
+    """Semi-axes 3 along 30 degrees and 1 across it."""
+    axis = np.array([math.cos(math.pi / 6), math.sin(math.pi / 6)])
+    covariances = np.zeros((2, 6, 6))
+    covariances[0, :2, :2] = np.eye(2) + 8.0 * np.outer(axis, axis)
+    covariances[1] = np.nan
+    assert ellipses(covariances)[0] == pytest.approx([3.0, 1.0, math.pi / 6])
+    assert np.isnan(ellipses(covariances)[1]).all()
 
 
 def test_ticks_are_round_and_inside() -> None:

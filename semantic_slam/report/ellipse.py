@@ -1,18 +1,17 @@
-"""The x-y part of a covariance as a picture shows it."""
+"""The x-y part of covariances as a picture shows it."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.pose import planar_from_covariance
-
 Array = NDArray[np.float64]
 
 
-def ellipse(covariance: Array) -> tuple[float, float, float]:
-    """Semi-axes [m] of one standard deviation in x-y, direction [rad] of the first; (6, 6) in map. NaN stay NaN."""
-    planar = planar_from_covariance(covariance)[:2, :2]
-    if not np.isfinite(planar).all():
-        return float("nan"), float("nan"), float("nan")
-    values, vectors = np.linalg.eigh(planar)
-    major, minor = np.sqrt(np.maximum(values[::-1], 0.0))
-    return float(major), float(minor), float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+def ellipses(covariances: Array) -> Array:
+    """(N, 3) semi-axes [m] of one standard deviation in x-y, major first, and the major one's direction [rad].
+
+    ``covariances`` is (N, 6, 6) in map. [[a, b], [b, c]] has the eigenvalues (a + c) / 2 +- sqrt(((a - c) / 2)^2 + b^2).
+    """
+    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+    middle, radius = (a + c) / 2.0, np.hypot((a - c) / 2.0, b)
+    major, minor = np.sqrt(np.maximum(middle + radius, 0.0)), np.sqrt(np.maximum(middle - radius, 0.0))
+    return np.stack([major, minor, 0.5 * np.arctan2(2.0 * b, a - c)], axis=1)

@@ -10,7 +10,7 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.charts import time_plot
 from semantic_slam.report.document import Analysis
-from semantic_slam.report.ellipse import ellipse
+from semantic_slam.report.ellipse import ellipses
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
@@ -66,7 +66,7 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
         true_class=evaluation.true_classes.get(number, "") if evaluation else "",
         existence=float(last.existence[row]),
         position=(float(last.object_poses[row, 0]), float(last.object_poses[row, 1])),
-        sigma_m=ellipse(last.object_covariances[row])[0],
+        sigma_m=float(ellipses(last.object_covariances[row : row + 1])[0, 0]),
         error_m=float(
             np.linalg.norm(last.object_poses[row, :2] - true_positions(analysis).get(number, np.full(2, np.nan)))
         ),

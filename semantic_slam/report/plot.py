@@ -29,7 +29,7 @@ class Plot:
         width: int = 520,
         height: int = 210,
         logarithmic: bool = False,
-        margins: tuple[int, int, int, int] = (10, 12, 34, 46),
+        margins: tuple[int, int, int, int] = (10, 12, 34, 54),
         label: str = "",
     ) -> None:
         """``margins`` in pixels: top, right, bottom, left. ``label`` is read to those who do not see the picture."""

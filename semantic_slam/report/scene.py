@@ -10,7 +10,7 @@ from semantic_slam.evaluation.history import best_index
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import Analysis
-from semantic_slam.report.ellipse import ellipse
+from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.objects import object_label, true_object_poses
 
 Array = NDArray[np.float64]
@@ -100,38 +100,35 @@ def _frames(beliefs: tuple[HybridBelief, ...], drawn: list[list[int]]) -> list[d
 
 def _hypotheses(belief: HybridBelief, rows: list[int], place: dict[int, int]) -> list[list[float]]:
     """Per hypothesis: place of its parent in the frame before (-1 none), weight, x, y, yaw, ellipse."""
-    poses = planar_from_pose_vector(belief.poses)
-    return [
-        [
-            place.get(int(belief.parent_ids[row]), -1),
-            *_rounded([np.exp(belief.log_weights[row]), *poses[row], *ellipse(belief.pose_covariances[row])], 4),
-        ]
-        for row in rows
-    ]
+    states = np.column_stack(
+        [np.exp(belief.log_weights), planar_from_pose_vector(belief.poses), ellipses(belief.pose_covariances)]
+    )
+    return [[place.get(int(belief.parent_ids[row]), -1), *_rounded(states[row], 4)] for row in rows]
 
 
 def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dict[int, Array]) -> list[list[float]]:
     """Per changed object: place in the list of objects, x, y, yaw, ellipse, sigma of yaw, class probabilities."""
-    changed = []
-    poses = planar_from_pose_vector(belief.object_poses)
-    for row, number in enumerate(belief.object_ids):
-        covariance = belief.object_covariances[row]
-        sigma_yaw = np.sqrt(max(covariance[5, 5], 0.0))
-        state = np.array([*poses[row], *ellipse(covariance), sigma_yaw, *belief.class_probabilities[row]])
-        before = written.get(int(number))
-        if int(number) in numbers and np.isfinite(state).all() and (before is None or _differs(state, before)):
-            written[int(number)] = state
-            changed.append([numbers[int(number)], *_rounded(state)])
-    return changed
-
-
-def _differs(state: Array, before: Array) -> bool:
-    moved = np.linalg.norm(state[:2] - before[:2]) > MOVED_M
-    return bool(
-        moved
-        or np.abs(state[3:5] - before[3:5]).max() > MOVED_M
-        or np.abs(state[7:] - before[7:]).max(initial=0) > CHANGED
+    covariances = belief.object_covariances
+    states = np.column_stack(
+        [
+            planar_from_pose_vector(belief.object_poses),
+            ellipses(covariances),
+            np.sqrt(np.maximum(covariances[:, 5, 5], 0.0)),
+            belief.class_probabilities,
+        ]
     )
+    before = np.array([written.get(int(number), np.full(states.shape[1], np.nan)) for number in belief.object_ids])
+    changed = _differs(states, before.reshape(states.shape)) & np.isfinite(states).all(axis=1)
+    rows = [row for row in np.flatnonzero(changed) if int(belief.object_ids[row]) in numbers]
+    written.update({int(belief.object_ids[row]): states[row] for row in rows})
+    return [[numbers[int(belief.object_ids[row])], *_rounded(states[row])] for row in rows]
+
+
+def _differs(states: Array, before: Array) -> NDArray[np.bool_]:
+    """(O,) whether states differ enough to be written; those never written before are NaN, and do."""
+    step = np.abs(states - before)
+    same = (step[:, [0, 1, 3, 4]] <= MOVED_M).all(axis=1) & (step[:, 7:] <= CHANGED).all(axis=1)
+    return np.asarray(~same | np.isnan(before[:, 0]))
 
 
 def _points(poses: Array) -> list[list[float]]:
