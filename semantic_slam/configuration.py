@@ -106,9 +106,9 @@ class PerceptionConfiguration:
     extrinsics: tuple[float, ...] = parameter((), "T_base_camera as x y z qx qy qz qw; empty: from /tf_static")
     base_frame: str = parameter("base_link", "the robot's body frame")
     sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
-    sigma_bearing_rad: float = parameter(0.04, "standard deviation of the bearing to an object's centre", minimum=1e-6)
-    object_depth_m: float = parameter(
-        0.0, "added to the depth of the visible surface to reach the object's centre", minimum=0.0
+    sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
+    depth_to_width: float = parameter(
+        0.5, "the centre lies this share of the apparent width behind the visible surface", minimum=0.0
     )
     max_depth_m: float = parameter(10.0, "depth beyond which a reading is not used", minimum=0.0)
     sync_tolerance_s: float = parameter(

@@ -13,7 +13,7 @@ from semantic_slam.perception.range_bearing import depth_in_box, range_and_beari
 CAMERA = CameraModel(640, 480, 500.0, 510.0, 320.0, 240.0)
 FORWARD = np.array([0.2, 0.0, 0.9, -0.5, 0.5, -0.5, 0.5])
 """T_base_camera of a camera 20 cm ahead of the body's origin that looks forward: optical z is x, optical x is -y."""
-SETTINGS = PerceptionConfiguration(sigma_range_m=0.2, sigma_bearing_rad=0.03, object_depth_m=0.0)
+SETTINGS = PerceptionConfiguration(sigma_range_m=0.2, sigma_bearing_rad=0.03, depth_to_width=0.0)
 
 
 def box_around(u: float, v: float, half: float = 30.0) -> np.ndarray:
@@ -46,10 +46,12 @@ def test_height_does_not_count() -> None:
 
 
 def test_the_objects_own_depth_lies_along_the_ray() -> None:
-    """(2.0, 1.0) from the camera, then 0.5 m further in that direction."""
-    settings = replace(SETTINGS, object_depth_m=0.5)
-    measured = range_and_bearing(box_around(70, 240), plane(2.0), CAMERA, FORWARD, settings)
-    x, y = np.array([2.0, 1.0]) * (1.0 + 0.5 / np.hypot(2.0, 1.0)) + (0.2, 0.0)
+    """(2.0, 1.0) from the camera, then half of its apparent width further in that direction."""
+    settings = replace(SETTINGS, depth_to_width=0.5)
+    box = box_around(70, 240)
+    width_m = (box[2] - box[0]) / CAMERA.fx * 2.0
+    measured = range_and_bearing(box, plane(2.0), CAMERA, FORWARD, settings)
+    x, y = np.array([2.0, 1.0]) * (1.0 + 0.5 * width_m / np.hypot(2.0, 1.0)) + (0.2, 0.0)
     assert measured.range_m == pytest.approx(np.hypot(x, y))
     assert measured.bearing_rad == pytest.approx(np.arctan2(y, x))
 

@@ -61,7 +61,8 @@ def range_and_bearing(
 ) -> RangeBearing:
     """Measurement of the object in ``box`` ((4,) pixels); ``T_base_camera`` is the (7,) pose of the optical frame.
 
-    The centre of the object lies ``object_depth_m`` behind its visible surface, along the viewing ray.
+    The centre of the object lies behind its visible surface, along the viewing ray, by ``depth_to_width`` of the
+    width that it shows. One half is right for a cylinder and for a square box seen face on or corner on.
     """
     ray = viewing_ray(box, camera)
     depth = float("nan") if depth_m is None else depth_in_box(depth_m, box, configuration.max_depth_m)
@@ -70,7 +71,8 @@ def range_and_bearing(
         direction = rotation_matrix(T_base_camera[3:]) @ ray
         covariance = np.diag([np.nan, bearing_variance])
         return RangeBearing(float("nan"), float(np.arctan2(direction[1], direction[0])), covariance)
-    centre_camera = ray * (depth / ray[2] + configuration.object_depth_m)
+    width_m = (box[2] - box[0]) / camera.fx * depth
+    centre_camera = ray * (depth / ray[2] + configuration.depth_to_width * width_m)
     x, y, _ = transform_points(T_base_camera, centre_camera[None])[0]
     covariance = np.diag([configuration.sigma_range_m**2, bearing_variance])
     return RangeBearing(float(np.hypot(x, y)), float(np.arctan2(y, x)), covariance)
