@@ -42,7 +42,7 @@ class BagRecorder(PipelineNode):
             self._record(topic, qos.result(self.lossless))
         for topic in NEWEST:
             self._record(topic, qos.latched())
-        self._record(topics.DIAGNOSTICS, qos.everything())
+        self._record(topics.DIAGNOSTICS, qos.everything(), ends=False)
         for topic in INPUTS:
             self._record(topic, qos.sensor_input(topic, self.lossless))
         self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched())
@@ -51,9 +51,9 @@ class BagRecorder(PipelineNode):
         """Write the bag's index; what was received is readable from then on."""
         self._writer.__exit__(None, None, None)
 
-    def _record(self, topic: str, profile: QoSProfile) -> None:
+    def _record(self, topic: str, profile: QoSProfile, *, ends: bool = True) -> None:
         if is_installed(topics.TYPES[topic]):
-            self.listen(topic, lambda data: self._write(topic, data), profile)
+            self.listen(topic, lambda data: self._write(topic, data), profile, ends=ends)
 
     def _write(self, topic: str, data: bytes) -> None:
         message = deserialize(data, topics.TYPES[topic])

@@ -40,12 +40,16 @@ class PipelineNode(Node):
         *,
         type_name: str = "",
         required: bool = False,
+        ends: bool = True,
     ) -> None:
-        """Have ``handle`` called on the worker's thread with each message; a ``required`` topic must not be silent."""
+        """Have ``handle`` called on the worker's thread with each message; a ``required`` topic must not be silent.
+
+        ``ends`` is False for topics that go on after a replay has ended, and say nothing about its end.
+        """
         monitors: list[Any] = []
 
         def queue_message(data: bytes) -> None:
-            self._arrivals += 1
+            self._arrivals += ends
             for monitor in monitors:
                 monitor.arrived(time.monotonic())
             self.worker.submit(handle, data)

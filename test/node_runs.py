@@ -1,0 +1,61 @@
+"""Replays through real nodes, each its own process over DDS, for the tests."""
+
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode
+from semantic_slam.ros.node_set import NodeSpec, node_set
+from semantic_slam.ros.processes import NodeProcesses, loopback_environment
+
+TIMEOUT_S = 240.0
+"""Generous: on a loaded machine the processes take long to start."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """One replay: its bag, its configuration, and what differs from the usual nodes."""
+
+    bag: Path
+    configuration: Path
+    out: Path
+    backends: int
+
+    @property
+    def belief_bag(self) -> Path:
+        return self.out / "belief"
+
+    def specs(self) -> list[NodeSpec]:
+        return node_set(self.bag, self.configuration, self.backends, 0.0, str(self.belief_bag), has_tf2=False)
+
+
+def processes(folder: Path) -> NodeProcesses:
+    """Nodes in the domain of this test run; their output lies in ``folder``/log."""
+    if shutil.which("backend_node") is None:
+        raise RuntimeError("the nodes are not on PATH; run `make test`, or `source env.sh` before pytest")
+    return NodeProcesses(folder / "log", loopback_environment(int(os.environ["ROS_DOMAIN_ID"])))
+
+
+def run(replay: Replay, commands: dict[str, Sequence[str]] | None = None) -> list[HybridBelief]:
+    """Replay losslessly and return what was recorded; ``commands`` replaces executables by node name."""
+    with processes(replay.out) as nodes:
+        for spec in replay.specs():
+            nodes.start(spec, (commands or {}).get(spec.name, ()))
+        nodes.wait("bag_recorder", TIMEOUT_S)
+        nodes.wait("bag_player", TIMEOUT_S)
+    return beliefs(replay.belief_bag)
+
+
+def with_parameters(spec: NodeSpec, **parameters: object) -> NodeSpec:
+    return replace(spec, parameters={**spec.parameters, **parameters})
+
+
+def beliefs(bag: Path) -> list[HybridBelief]:
+    """All beliefs of a belief bag, in the order of their log time."""
+    with BagReader(bag) as reader:
+        return [decode(message.cdr, message.type_name) for message in reader.messages([topics.BELIEF])]
