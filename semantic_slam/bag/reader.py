@@ -192,4 +192,4 @@ def _compression(folder: Path) -> str:
 
 
 def _one_line(fault: BaseException) -> str:
-    return " ".join(str(fault).split())[:200] or type(fault).__name__
+    return " ".join(str(fault).split())[:200].rstrip(".") or type(fault).__name__
