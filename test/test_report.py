@@ -13,6 +13,7 @@ from belief_factory import (
     CLASSES,
     OBJECT_CLASSES,
     OBJECTS,
+    odometry_message,
     run_configuration,
     small_belief,
     write_belief_bag,
@@ -24,6 +25,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import PLANAR_AXES
 from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.map_prior import read_map_prior
+from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.run import make_run_configuration, problem_of
 from semantic_slam.messages import topics
 from semantic_slam.report.belief_bag import read_record
@@ -31,6 +33,7 @@ from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.make import make_report
 from semantic_slam.report.plain_json import plain, to_text
 from semantic_slam.report.plot import Plot, nice_ticks
+from semantic_slam.report.scene import moments
 from semantic_slam.report.wording import number, percent
 
 KEYFRAMES = 24
@@ -191,7 +194,19 @@ def test_an_object_that_no_hypothesis_has_placed(tmp_path: Path) -> None:
     assert [item.object_id for item in read_map_prior(tmp_path / "report" / "objects.json").objects] == [3]
 
 
-def empty_run(folder: Path) -> object:
+def test_odometry_and_provenance_that_are_no_such_thing(tmp_path: Path) -> None:
+    belief = small_belief(0, [1], [0], [1.0], [3], [[0]])
+    run = dataclasses.replace(empty_run(tmp_path), source="[1", configuration="")
+    broken = odometry_message(5, np.full(3, np.nan), "odom")
+    rows = [(topics.RUN_CONFIGURATION, 1, run), (topics.ODOMETRY, 5, broken), (topics.BELIEF, 1, belief)]
+    write_rows(tmp_path / "bag", [*rows, (topics.GROUND_TRUTH_ODOMETRY, 5, broken)])
+    make_report(tmp_path / "bag", tmp_path / "report")
+    report = load(tmp_path / "report")
+    assert report["bag"]["path"] == str(tmp_path / "bag") and len(report["bag"]["sha256"]) == 64
+    assert report["metrics"]["ate_m"] is None and report["metrics"]["nees_mean"] is None
+
+
+def empty_run(folder: Path) -> RunConfiguration:
     run = run_configuration(folder / "source", (), ("",) * len(OBJECTS))
     return dataclasses.replace(run, map_prior="", source="")
 
@@ -239,6 +254,15 @@ def test_the_page_says_what_it_found(made: Path) -> None:
     assert f"{len(OBJECT_CLASSES)} objects are on the map" in text
     assert "Object 7 is ambiguous: desk" in text
     assert "from keyframe 13 on" in text
+
+
+def test_moments_are_first_last_and_apart() -> None:
+    beliefs = tuple(
+        dataclasses.replace(small_belief(k, [1], [0], [1.0], [3], [[0]]), association_entropy=float(k < 20))
+        for k in range(60)
+    )
+    assert moments(beliefs) == [0, 20, 39, 59]
+    assert moments(beliefs[:1]) == [0]
 
 
 def test_ellipses_are_the_eigenvectors() -> None:

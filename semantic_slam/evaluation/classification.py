@@ -14,7 +14,7 @@ def negative_log_likelihood(probabilities: Array, true_classes: NDArray[np.int_]
     if not len(true_classes):
         return float("nan")
     true = probabilities[np.arange(len(true_classes)), true_classes]
-    return float(-np.log(np.maximum(true, LEAST_PROBABILITY)).mean())
+    return float(np.abs(np.log(np.maximum(true, LEAST_PROBABILITY))).mean())
 
 
 def expected_calibration_error(probabilities: Array, true_classes: NDArray[np.int_], bins: int = 15) -> float:

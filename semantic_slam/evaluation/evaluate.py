@@ -156,13 +156,13 @@ def _association_metrics(
             estimate.extend(found.tolist())
             reference.extend(numbers.setdefault(name, len(numbers)) for name in _true_names(belief, truth))
             right.extend((found == objects).tolist())
-    score = pair_score(estimate, reference)
+    score, settled = pair_score(estimate, reference), first_settled(probability)
     return {
         "association_precision": score.precision,
         "association_recall": score.recall,
         "association_f1": score.f1,
         "association_right": _mean(np.array(right, dtype=float)),
-        "keyframe_disambiguated": first_settled(probability),
+        "keyframe_disambiguated": None if settled is None else beliefs[settled].keyframe,
     }
 
 

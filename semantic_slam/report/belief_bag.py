@@ -111,7 +111,8 @@ def _messages(path: Path) -> Iterator[tuple[str, str, bytes]]:
 
 
 def _trajectory(poses: dict[int, Any]) -> Trajectory:
-    stamps = sorted(poses)
+    """The poses in stamp order; what is no pose (NaN, no rotation) is left out, as the pipeline does."""
+    stamps = sorted(stamp for stamp, pose in poses.items() if np.isfinite(pose).all() and pose[3:].any())
     return Trajectory(np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]).reshape(-1, 7))
 
 

@@ -31,10 +31,10 @@ class Analysis:
 
 def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysis:
     """Everything derived from the record once. Input that names no source is described by the belief bag itself."""
-    source = json.loads(record.run.source) if record.run.source else {}
+    source = json_object(record.run.source)
     bag = {
-        "path": source.get("path") or str(belief_bag),
-        "sha256": source.get("sha256") or belief_bag_sha256,
+        "path": str(source.get("path") or belief_bag),
+        "sha256": str(source.get("sha256") or belief_bag_sha256),
         "n_keyframes": len(record.beliefs),
         "belief_bag": str(belief_bag),
     }
@@ -46,8 +46,16 @@ def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysi
         for number in associated_objects(belief)[index]
     )
     evaluation = evaluate(record, record.truth) if record.truth else None
-    configuration = json.loads(record.run.configuration) if record.run.configuration else {}
-    return Analysis(record, bag, configuration, chain, evaluation, counts)
+    return Analysis(record, bag, json_object(record.run.configuration), chain, evaluation, counts)
+
+
+def json_object(text: str) -> dict[str, Any]:
+    """The object that ``text`` holds; empty where it holds none."""
+    try:
+        value = json.loads(text)
+    except ValueError:
+        return {}
+    return value if isinstance(value, dict) else {}
 
 
 def report_document(analysis: Analysis) -> dict[str, Any]:

@@ -1,12 +1,11 @@
 """From a recorded belief bag to the files of a report."""
 
-import json
 from pathlib import Path
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 from semantic_slam.report.belief_bag import read_record
-from semantic_slam.report.document import analyse, map_prior, report_document, tum_lines
+from semantic_slam.report.document import analyse, json_object, map_prior, report_document, tum_lines
 from semantic_slam.report.page import render_page
 from semantic_slam.report.plain_json import to_text
 
@@ -35,5 +34,5 @@ def make_report(belief_bag: Path, out: Path, source_bag: Path | None = None) -> 
 
 
 def _named_source(source: str) -> Path | None:
-    path = json.loads(source).get("path") if source else None
-    return Path(path) if path else None
+    path = json_object(source).get("path")
+    return Path(str(path)) if path else None

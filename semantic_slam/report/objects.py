@@ -94,7 +94,9 @@ def true_object_poses(analysis: Analysis) -> dict[int, NDArray[np.float64]]:
     if truth is None or truth.objects is None or evaluation is None:
         return {}
     rows = zip(truth.objects.object_ids, planar_from_pose_vector(truth.objects.poses), strict=True)
-    return {evaluation.matches[true]: pose for true, pose in rows if true in evaluation.matches}
+    return {
+        evaluation.matches[true]: pose for true, pose in rows if true in evaluation.matches and np.isfinite(pose).all()
+    }
 
 
 def _worth_a_picture(analysis: Analysis) -> list[int]:

@@ -16,6 +16,7 @@ from semantic_slam.report.objects import object_label, true_object_poses
 Array = NDArray[np.float64]
 SHOWN_HYPOTHESES = 16
 """Heaviest hypotheses of a keyframe that are drawn, besides the ancestors of those drawn later."""
+SHOWN_MOMENTS = 4
 MOVED_M, CHANGED = 0.01, 0.004
 """An object is written again when it moved this far, or its probabilities or size changed this much."""
 
@@ -44,18 +45,19 @@ def scene(analysis: Analysis, colours: list[str]) -> dict[str, Any]:
 
 
 def moments(beliefs: tuple[HybridBelief, ...]) -> list[int]:
-    """Keyframes (by place) that tell the story: the first, the most hypotheses, half decided, settled, the last."""
-    entropies = np.array([belief.component_entropy for belief in beliefs])
+    """Up to four keyframes (by place) that tell the story: first, last, where hypotheses went, else evenly spread.
+
+    None lies nearer to another than a tenth of the run.
+    """
     last = len(beliefs) - 1
-    return sorted(
-        {
-            0,
-            int(np.argmax([len(belief.hypothesis_ids) for belief in beliefs])),
-            _below(entropies, 0.5),
-            _below(entropies, 0.05),
-            last,
-        }
-    )
+    association = np.array([belief.association_entropy for belief in beliefs])
+    component = np.array([belief.component_entropy for belief in beliefs])
+    told = [_below(association, 0.5), _below(component, 0.05), _below(component, 0.5), last // 3, 2 * last // 3]
+    chosen = [0]
+    for place in (last, *told):
+        if len(chosen) < SHOWN_MOMENTS and min(abs(place - other) for other in chosen) > last / 10:
+            chosen.append(place)
+    return sorted(chosen)
 
 
 def _below(values: Array, share: float) -> int:
