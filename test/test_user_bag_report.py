@@ -12,6 +12,8 @@ from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 
 CUP, BOTTLE = [3.1, -0.5], [3.1, 0.6]
 """Where write_drive puts them in map [m]: ahead of the first pose, to the right and to the left."""
+FLAT = {"depth_to_width": 0.0}
+"""They are as flat as the depth images show them."""
 
 
 def import_drive(monkeypatch, folder, **drive):
@@ -37,7 +39,7 @@ def positions(report):
 
 def test_vision_msgs_with_ids_create_objects(tmp_path, monkeypatch):
     bag = import_drive(monkeypatch, tmp_path, track_ids=("7", "b"))
-    configuration = write_configuration(tmp_path / "configuration", association="given")
+    configuration = write_configuration(tmp_path / "configuration", association="given", perception=FLAT)
     report = make_report(monkeypatch, bag, tmp_path / "out", configuration)
     assert [keyframe["n_detections"] for keyframe in report["keyframes"]] == [2] * 6
     found = positions(report)
@@ -51,7 +53,7 @@ def test_yolo_msgs_without_ids_are_associated_with_a_map(tmp_path, monkeypatch):
     poses = {4: np.array([*CUP, 0, 0, 0, 0, 1.0]), 9: np.array([*BOTTLE, 0, 0, 0, 0, 1.0])}
     prior = MapPrior(tuple(ObjectPrior(n, f"object {n}", pose, covariance, {}) for n, pose in poses.items()))
     (tmp_path / "objects.json").write_text(prior.to_json())
-    configuration = write_configuration(tmp_path / "configuration")
+    configuration = write_configuration(tmp_path / "configuration", perception=FLAT)
     words = ("--map-prior", tmp_path / "objects.json")
     report = make_report(monkeypatch, bag, tmp_path / "out", configuration, *words)
     assert [keyframe["best"]["associations"] for keyframe in report["keyframes"]] == [[4, 9]] * 6
