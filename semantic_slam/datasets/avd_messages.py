@@ -36,7 +36,8 @@ def _scaled(path: Path, scale: float, interpolation: int) -> bytes:
         raise InputError(f"{path}: not a picture; restore it from the data set")
     size = (round(picture.shape[1] * scale), round(picture.shape[0] * scale))
     small = cv2.resize(picture, size, interpolation=interpolation)
-    return bytes(cv2.imencode(path.suffix, small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1])
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if path.suffix == ".jpg" else []
+    return bytes(cv2.imencode(path.suffix, small, options)[1])
 
 
 def camera_info(camera: CameraModel, scale: float, stamp_ns: int, frame_id: str) -> Any:

@@ -119,7 +119,7 @@ def world_from_map(origin: Array, scale_mm: float) -> tuple[Array, Array]:
 
 
 def write_image_structs(folder: Path, images: Sequence[SceneImage], origin: Array, scale_mm: float) -> None:
-    """``image_structs.mat`` with the world's origin at (3,) in map; R and t are empty where nothing was reconstructed."""
+    """``image_structs.mat`` with the world's origin at (3,) in map; R and t are empty where none was found."""
     linear, offset = world_from_map(origin, scale_mm)
     records = np.zeros((1, len(images)), dtype=[(field, object) for field in STRUCT_FIELDS])
     by_name = {image.name: number for number, image in enumerate(images, start=1)}

@@ -1,6 +1,7 @@
 """Offscreen rendering with MuJoCo: colour, depth and the object behind every pixel."""
 
 import ctypes
+import importlib
 import os
 from dataclasses import dataclass
 from types import TracebackType
@@ -46,6 +47,13 @@ def choose_library() -> str:
     raise RenderingError("neither libEGL nor libOSMesa loads; install libegl1 and libgl1-mesa-dri, or libosmesa6")
 
 
+def _context_class(library: str) -> Any:
+    """MuJoCo's OpenGL context of that library; ``mujoco.GLContext`` is fixed when mujoco is first imported."""
+    if library in LIBRARIES:
+        return importlib.import_module(f"mujoco.{library}").GLContext
+    return importlib.import_module("mujoco").GLContext
+
+
 def camera_model(width: int, height: int, horizontal_fov_rad: float) -> CameraModel:
     """A pinhole camera with square pixels whose optical axis meets the middle of the image."""
     focal = width / 2.0 / np.tan(horizontal_fov_rad / 2.0)
@@ -56,13 +64,13 @@ class Renderer:
     """Renders one MuJoCo scene; a context manager, because OpenGL contexts are scarce."""
 
     def __init__(self, xml: str, assets: dict[str, bytes], camera: CameraModel) -> None:
-        choose_library()
+        library = choose_library()
         import mujoco
 
         self._mujoco: Any = mujoco
         self._camera = camera
         try:
-            self._gl = mujoco.GLContext(camera.width, camera.height)
+            self._gl = _context_class(library)(camera.width, camera.height)
             self._gl.make_current()
         except Exception as fault:  # each library fails in its own way
             raise RenderingError(
