@@ -20,4 +20,4 @@ class SlowBackend(Backend):
 
 
 if __name__ == "__main__":
-    main_of(lambda: BackendNode(SlowBackend))()
+    main_of(lambda: BackendNode(SlowBackend), __doc__ or "")()

@@ -1,4 +1,8 @@
-"""Node ``backend_<n>``: the components of one backend behind topics."""
+"""Node ``backend_<n>``: the components of one backend behind topics.
+
+Parameters:
+  backend_id  its number, below the manager's backends; -1 (default): from the node's name, backend_1 being 1
+"""
 
 import re
 
@@ -17,10 +21,7 @@ MATCH_S = 20.0
 
 
 class BackendNode(PipelineNode):
-    """Answers keyframes with candidates and commits with components.
-
-    Parameter ``backend_id``: -1 takes it from the node's name, ``backend_1`` being backend 1.
-    """
+    """Answers keyframes with candidates and commits with components."""
 
     def __init__(self, backend_class: type[Backend] = Backend) -> None:
         super().__init__("backend_0")
@@ -60,4 +61,4 @@ def _id_in_name(name: str) -> int:
     return int(match.group(1))
 
 
-main = main_of(BackendNode)
+main = main_of(BackendNode, __doc__ or "")

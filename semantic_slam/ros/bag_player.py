@@ -1,4 +1,12 @@
-"""Node ``bag_player``: any rosbag2 onto the topics, in real time, faster, or losslessly in lock-step."""
+"""Node ``bag_player``: any rosbag2 onto the topics, in real time, faster, or losslessly in lock-step.
+
+Parameters:
+  bag                   rosbag2 folder, .mcap or .db3
+  rate                  0 (default): lossless lock-step; 1: real time; more: faster
+  window                detection frames under way at most, in lock-step (default 4)
+  remap                 list of FROM:=TO, e.g. ["/camera/image:=image"]
+  wait_for_listeners_s  how long to wait until every input has a listener (default 20)
+"""
 
 import sys
 import threading
@@ -155,4 +163,4 @@ class Pace:
         time.sleep(max(0.0, due - time.monotonic()))
 
 
-main = main_of(BagPlayer)
+main = main_of(BagPlayer, __doc__ or "")

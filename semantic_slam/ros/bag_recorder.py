@@ -1,4 +1,9 @@
-"""Node ``bag_recorder``: the belief and what explains it into a belief bag, as the offline pipeline writes it."""
+"""Node ``bag_recorder``: the belief and what explains it into a belief bag, as the offline pipeline writes it.
+
+Parameters:
+  bag       folder of the belief bag; an old one is replaced
+  lossless  true in a replay by bag_player at rate 0 (default false)
+"""
 
 from pathlib import Path
 
@@ -74,4 +79,4 @@ class BagRecorder(PipelineNode):
             self.when_drained(lambda _: self.end(), None)
 
 
-main = main_of(BagRecorder)
+main = main_of(BagRecorder, __doc__ or "")

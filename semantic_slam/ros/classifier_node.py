@@ -1,4 +1,11 @@
-"""Node ``classifier``: images and detections in, semantic measurements out."""
+"""Node ``classifier``: images and detections in, semantic measurements out.
+
+Parameters, besides those of config/default.yaml:
+  has_depth        wait for the depth of each image (default true); false: bearing only
+  compressed       listen to image/compressed and depth/compressed (default true), else to image and depth
+  detections_type  type of topic detections; vision_msgs/msg/Detection2DArray where that package is installed
+  lossless         true in a replay by bag_player at rate 0 (default false)
+"""
 
 from collections import Counter
 from collections.abc import Callable
@@ -139,4 +146,4 @@ class ClassifierNode(PipelineNode):
         return self._assembler.dropped + self._classifier.dropped + self._dropped
 
 
-main = main_of(ClassifierNode)
+main = main_of(ClassifierNode, __doc__ or "")

@@ -1,4 +1,12 @@
-"""Node ``hypothesis_manager``: measurements and odometry in, the hybrid belief and its plain views out."""
+"""Node ``hypothesis_manager``: measurements and odometry in, the hybrid belief and its plain views out.
+
+Parameters, besides those of config/default.yaml:
+  backends           number of backend nodes, backend_0, backend_1, ... (default 1)
+  backend_timeout_s  a backend silent for so long is given up (default 60)
+  map_prior          objects.json with the objects known before (default none)
+  source_bag         bag being replayed, for the record (default none)
+  lossless           true in a replay by bag_player at rate 0 (default false)
+"""
 
 from collections import Counter
 from collections.abc import Callable
@@ -158,4 +166,4 @@ def _source(bag: str) -> str:
     return source_text(Path(bag), BagReader(Path(bag)).sha256()) if bag else ""
 
 
-main = main_of(HypothesisManagerNode)
+main = main_of(HypothesisManagerNode, __doc__ or "")

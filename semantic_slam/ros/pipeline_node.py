@@ -1,5 +1,7 @@
 """What every node has in common: callbacks queue, one worker works, diagnostics go out, main is written once."""
 
+import argparse
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -10,8 +12,9 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.utilities import remove_ros_args
 
-from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 from semantic_slam.ros.diagnostics import Diagnostics
 from semantic_slam.ros.transport import receive
@@ -109,9 +112,18 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
         raise node.fault
 
 
-def main_of(make_node: Callable[[], PipelineNode]) -> Callable[[], None]:
-    """The ``main`` of a node's executable."""
-    return lambda: run_main(lambda: run_node(make_node))
+def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable[[], None]:
+    """The ``main`` of a node's executable; ``description`` is what ``--help`` prints."""
+
+    def command() -> None:
+        CommandParser(
+            description=description,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            epilog="ROS arguments follow --ros-args: -p NAME:=VALUE, --params-file FILE, -r FROM:=TO.",
+        ).parse_args(remove_ros_args(sys.argv)[1:])
+        run_node(make_node)
+
+    return lambda: run_main(command)
 
 
 def _start_ros() -> None:

@@ -1,0 +1,96 @@
+"""One definition of every parameter: dataclass, ROS parameters and YAML agree; wrong values are refused in one line."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+import rclpy
+import yaml
+from rclpy.parameter import Parameter
+
+from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
+from semantic_slam.errors import InputError
+from semantic_slam.ros.parameters import changed_parameters, declare_configuration, leaves
+
+CONFIG = Path(__file__).parents[1] / "config"
+
+
+def flattened(values: dict, prefix: str = "") -> dict:
+    flat = {}
+    for name, value in values.items():
+        flat |= flattened(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+    return flat
+
+
+@pytest.fixture
+def ros():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+def declared(**overrides):
+    given = [Parameter(name.replace("__", "."), value=value) for name, value in overrides.items()]
+    node = rclpy.create_node("configured", parameter_overrides=given)
+    try:
+        return declare_configuration(node), {name: node.describe_parameter(name) for name, _, _ in leaves()}
+    finally:
+        node.destroy_node()
+
+
+def test_default_yaml_lists_every_parameter_with_its_default() -> None:
+    text = (CONFIG / "default.yaml").read_text()
+    listed = yaml.safe_load(text)["/**"]["ros__parameters"]
+    assert flattened(listed) == flattened(to_dict(Configuration()))
+    undocumented = [line for line in text.splitlines() if ": " in line and "#" not in line]
+    assert undocumented == []
+
+
+@pytest.mark.parametrize("name", ["default", "da_bsp", "victoria_park"])
+def test_shipped_configurations_are_valid(name: str) -> None:
+    load_configuration(CONFIG / f"{name}.yaml")
+
+
+def test_da_bsp_differs_in_the_semantic_model_only() -> None:
+    assert changed_parameters(load_configuration(CONFIG / "da_bsp.yaml")) == {"semantic_model.kind": "none"}
+
+
+def test_ros_parameters_default_to_the_dataclass(ros: None) -> None:
+    configuration, descriptors = declared()
+    assert configuration == Configuration()
+    assert all(descriptor.description and descriptor.read_only for descriptor in descriptors.values())
+
+
+def test_ros_parameters_have_the_ranges_of_the_dataclass(ros: None) -> None:
+    _, descriptors = declared()
+    assert descriptors["pruning.ratio"].floating_point_range[0].from_value == 1.0
+    assert descriptors["weights.num_samples"].integer_range[0].from_value == 1
+    assert "laplace" in descriptors["weights.method"].additional_constraints
+
+
+def test_ros_parameters_reach_nested_fields(ros: None) -> None:
+    configuration, _ = declared(pruning__ratio=10, perception__extrinsics=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+    assert configuration.pruning.ratio == 10.0  # an integer may stand for a number
+    assert configuration.perception.extrinsics[2] == 1.0
+
+
+def test_changed_parameters_rebuild_the_configuration(ros: None) -> None:
+    changed = from_dict({"seed": 3, "initial_pose": {"sigma": [1.0, 2.0, 0.5]}})
+    overrides = {name.replace(".", "__"): value for name, value in changed_parameters(changed).items()}
+    assert declared(**overrides)[0] == changed
+
+
+def test_mistyped_parameter_is_refused(ros: None) -> None:
+    with pytest.raises(InputError, match=r"unknown parameter 'pruning\.ration'"):
+        declared(pruning__ration=10.0)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "named"), [("pruning.ratio:=0.5", "pruning.ratio"), ("weights.method:=guess", "weights.method")]
+)
+def test_node_with_a_wrong_parameter_ends_with_code_2_and_one_line(parameter: str, named: str) -> None:
+    words = ["hypothesis_manager_node", "--ros-args", "-p", parameter]
+    result = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+    assert named in result.stderr
