@@ -73,7 +73,7 @@ def state_belief(
         log_weights=mixture.log_weights,
         poses=mixture.poses,
         pose_covariances=mixture.pose_covariances,
-        detection_ids=np.arange(len(step.names), dtype=np.uint32),
+        detection_ids=step.detection_ids,
         associations=registry.indices(mixture.associations()),
         object_ids=np.array(registry.ids, dtype=np.uint32),
         object_names=tuple(registry.names),

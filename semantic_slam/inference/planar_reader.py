@@ -41,6 +41,7 @@ class PlanarReader:
                 planar_from_pose_vector(keyframe.odometry), planar_from_covariance(keyframe.odometry_covariance)
             ),
             detections=[_detection(measurements, i) for i in range(len(measurements))],
+            detection_ids=measurements.detection_ids,
             scores=measurements.scores,
             names=measurements.track_ids,
             in_coverage=measurements.in_coverage,

@@ -23,6 +23,7 @@ class Step:
     stamp_ns: int
     motion: Motion
     detections: Sequence[Any]  # D, for the observation model
+    detection_ids: NDArray[np.uint32]  # (D,) index in the detector's message
     scores: Array  # (D,) detector's confidence
     names: tuple[str, ...]  # (D,) identities given, "" for none
     in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
