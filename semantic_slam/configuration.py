@@ -69,7 +69,7 @@ class InitialPoseConfiguration:
 @dataclass(frozen=True)
 class NewObjectConfiguration:
     sigma_position_m: float = parameter(
-        20.0, "prior of an object created from a detection, about its first estimate", minimum=1e-3
+        1000.0, "prior of an object created from a detection, about its first estimate", minimum=1e-3
     )
     sigma_heading_rad: float = parameter(
         3.1, "broad heading prior of an object whose model fixes no heading", minimum=1e-3

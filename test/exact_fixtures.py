@@ -99,7 +99,14 @@ def _step(index: int, motion: Motion, frame: list[dict], given: dict, linear: bo
         ]
     count = len(frame)
     return Step(
-        index, (index + 1) * 10**9, motion, detections, np.ones(count), ("",) * count, np.ones(count, dtype=bool)
+        index=index,
+        stamp_ns=(index + 1) * 10**9,
+        motion=motion,
+        detections=detections,
+        detection_ids=np.arange(count, dtype=np.uint32),
+        scores=np.ones(count),
+        names=("",) * count,
+        in_coverage=np.ones(count, dtype=bool),
     )
 
 

@@ -70,7 +70,7 @@ class HypothesisManager:
         self._accept(children, components, pruned.discarded)
         mixture = self._mixture(components)
         self.registry.note_coverage(mixture.associations(), step.in_coverage)
-        discarded = float(-np.expm1(self.log_kept_mass))
+        discarded = max(0.0, float(-np.expm1(self.log_kept_mass)))
         return state_belief(step, mixture, self.registry, self.problem.class_names, len(merged.ids), discarded)
 
     def _expand(self, keyframe: Any, index: int) -> list[Candidates]:

@@ -32,7 +32,7 @@ class PlanarReader:
         if self.num_features and len(measurements) and measurements.features.shape[1] != self.num_features:
             raise InputError(
                 f"the classifier gives {measurements.features.shape[1]} feature components but the class models were"
-                f" fitted on {self.num_features}; fit viewpoint models for this classifier or set semantic_model.kind none"
+                f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
             )
         return Step(
             index=keyframe.index,
