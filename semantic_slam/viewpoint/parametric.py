@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.viewpoint.model import Array, Prediction, Viewpoints
+from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 
 @dataclass(frozen=True)
