@@ -10,9 +10,7 @@ def show(belief):
     classes = np.reshape(belief.class_probabilities or np.ones(len(belief.object_ids)), (-1, len(names)))
     for object_id, p in zip(belief.object_ids, classes, strict=True):
         ambiguity = -np.sum(p * np.log(np.maximum(p, 1e-300)))  # entropy in nats: 0 is certain
-        print(
-            f"{belief.keyframe}: object {object_id} is a {names[np.argmax(p)]}, ambiguity {ambiguity:.2f}", flush=True
-        )
+        print(f"{belief.keyframe}: object {object_id}: {names[np.argmax(p)]}, ambiguity {ambiguity:.2f}", flush=True)
 
 
 rclpy.init()

@@ -2,8 +2,8 @@
 
 import os
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from semantic_slam.bag.reader import BagReader
@@ -19,19 +19,27 @@ TIMEOUT_S = 240.0
 
 @dataclass(frozen=True)
 class Replay:
-    """One replay: its bag, its configuration, and what differs from the usual nodes."""
+    """One replay: its bag, its configuration, and what differs from the usual nodes, by node name."""
 
     bag: Path
     configuration: Path
     out: Path
     backends: int
+    commands: Mapping[str, Sequence[str]] = field(default_factory=dict)  # instead of the executables
+    parameters: Mapping[str, Mapping[str, object]] = field(default_factory=dict)  # over those of the node set
+    companions: tuple[str, ...] = ()  # nodes besides those of the node set, with their commands in ``commands``
 
     @property
     def belief_bag(self) -> Path:
         return self.out / "belief"
 
     def specs(self) -> list[NodeSpec]:
-        return node_set(self.bag, self.configuration, self.backends, 0.0, str(self.belief_bag), has_tf2=False)
+        usual = node_set(self.bag, self.configuration, self.backends, 0.0, str(self.belief_bag), has_tf2=False)
+        specs = [replace(spec, parameters={**spec.parameters, **self.parameters.get(spec.name, {})}) for spec in usual]
+        return [*(NodeSpec(name, name) for name in self.companions), *specs]
+
+    def output_of(self, name: str) -> str:
+        return (self.out / "log" / f"{name}.log").read_text()
 
 
 def processes(folder: Path) -> NodeProcesses:
@@ -41,18 +49,14 @@ def processes(folder: Path) -> NodeProcesses:
     return NodeProcesses(folder / "log", loopback_environment(int(os.environ["ROS_DOMAIN_ID"])))
 
 
-def run(replay: Replay, commands: dict[str, Sequence[str]] | None = None) -> list[HybridBelief]:
-    """Replay losslessly and return what was recorded; ``commands`` replaces executables by node name."""
+def run(replay: Replay) -> list[HybridBelief]:
+    """Replay losslessly and return what was recorded."""
     with processes(replay.out) as nodes:
         for spec in replay.specs():
-            nodes.start(spec, (commands or {}).get(spec.name, ()))
+            nodes.start(spec, replay.commands.get(spec.name, ()))
         nodes.wait("bag_recorder", TIMEOUT_S)
         nodes.wait("bag_player", TIMEOUT_S)
     return beliefs(replay.belief_bag)
-
-
-def with_parameters(spec: NodeSpec, **parameters: object) -> NodeSpec:
-    return replace(spec, parameters={**spec.parameters, **parameters})
 
 
 def beliefs(bag: Path) -> list[HybridBelief]:

@@ -16,7 +16,8 @@ from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.pipeline.offline import run_bag
 
 NUM_FRAMES = 10
-SLOW_BACKEND = [sys.executable, str(Path(__file__).parent / "slow_backend.py")]
+FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parent / "faulty_backends.py")]
+EXAMPLE = [sys.executable, str(Path(__file__).parents[1] / "examples" / "print_belief.py")]
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +62,8 @@ def reference(offline_bag: Path) -> list[HybridBelief]:
 @pytest.fixture(scope="module")
 def slow_replay(tmp_path_factory: pytest.TempPathFactory, offline_bag: Path, configuration: Path) -> list[HybridBelief]:
     """Three backends, one of them far slower than the bag."""
-    replay = Replay(offline_bag, configuration, tmp_path_factory.mktemp("slow"), backends=3)
-    return run(replay, {"backend_1": SLOW_BACKEND})
+    slow = {"backend_1": [*FAULTY_BACKENDS, "slow"]}
+    return run(Replay(offline_bag, configuration, tmp_path_factory.mktemp("slow"), backends=3, commands=slow))
 
 
 def test_reference_has_work_for_three_backends(reference: list[HybridBelief]) -> None:
@@ -76,10 +77,23 @@ def test_two_backends_and_classifier_agree_with_offline(
     assert_same(run(Replay(camera_bag, configuration, tmp_path, backends=2)), reference)
 
 
-def test_one_backend_agrees_with_offline(
+def test_one_backend_agrees_with_offline_and_a_user_reads_along(
     offline_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
 ) -> None:
-    assert_same(run(Replay(offline_bag, configuration, tmp_path, backends=1)), reference)
+    example = {"print_belief": EXAMPLE}
+    replay = Replay(offline_bag, configuration, tmp_path, 1, commands=example, companions=("print_belief",))
+    assert_same(run(replay), reference)
+    printed = replay.output_of("print_belief").splitlines()
+    last = [line for line in printed if line.startswith(f"{NUM_FRAMES - 1}: object ")]
+    assert len(last) == len(reference[-1].object_ids)
+
+
+def test_hypotheses_of_a_dead_backend_move_to_the_others(
+    offline_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
+) -> None:
+    dying = {"backend_2": [*FAULTY_BACKENDS, "dying"]}
+    impatient = {"hypothesis_manager": {"backend_timeout_s": 4.0}}
+    assert_same(run(Replay(offline_bag, configuration, tmp_path, 3, commands=dying, parameters=impatient)), reference)
 
 
 def test_three_backends_agree_with_offline(slow_replay: list[HybridBelief], reference: list[HybridBelief]) -> None:
