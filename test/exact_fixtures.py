@@ -8,7 +8,8 @@ from linear_gaussian import LinearDetection, LinearModel, StepReader
 
 from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.component import GaussianPrior, Motion
+from semantic_slam.inference.component import Motion
+from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.manifold import PlanarPoses, PlanarPositions
 from semantic_slam.inference.planar_observation import PlanarDetection, PlanarObservation, PlanarVisibility
@@ -64,7 +65,6 @@ def _problem(data: dict, semantics: bool, method: str) -> tuple[Problem, list[St
         reader=StepReader() if linear else StepPlanarReader(0),
         robot=GaussianPrior(np.array(given["x0"]), as_covariance(given["Sp"])),
         objects=entries,
-        new_object_covariance=np.eye(2 if linear else 3),
         class_names=class_names,
         seed=0,
         association="enumerated",

@@ -6,6 +6,7 @@ from typing import Any
 import gtsam
 import numpy as np
 
+from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Linearisation
 from semantic_slam.inference.problem import Step
 
@@ -48,8 +49,8 @@ class LinearModel:
     def robot_start(self, detection, x, o):
         return o - detection.geo
 
-    def object_start(self, detection, x):
-        return x + detection.geo
+    def object_prior(self, detection, x):
+        return GaussianPrior(x + detection.geo, np.eye(2))
 
     def factors(self, detection, keys, assigned_class, x, o):
         parts = [lambda x, o: self.geometry(detection, x, o)]

@@ -91,3 +91,11 @@ def test_robot_start_explains_the_detection() -> None:
     start = MODEL.robot_start(z, X, O)
     assert np.abs(MODEL.geometry(z, start, O).residual).max() < 1e-9
     assert np.array_equal(start[:, 2], X[:, 2])
+
+
+def test_an_object_first_seen_without_depth_is_guessed_with_a_guess_s_uncertainty() -> None:
+    with_range, without = (MODEL.object_prior(detection(value), np.zeros(3)) for value in (True, False))
+    assert np.abs(MODEL.geometry(detection(True), np.zeros((1, 3)), with_range.mean[None]).residual).max() < 1e-9
+    assert np.abs(MODEL.geometry(detection(False), np.zeros((1, 3)), without.mean[None]).residual).max() < 1e-9
+    assert np.sqrt(with_range.covariance[0, 0]) > 100.0
+    assert np.sqrt(without.covariance[0, 0]) == pytest.approx(MODEL.new_objects.range_m)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.stack import Predicted
@@ -54,14 +55,6 @@ class Observed:
     detection: Any
     object_id: int
     assigned_class: int
-
-
-@dataclass(frozen=True)
-class GaussianPrior:
-    """Prior of one variable; covariance in the tangent space at the mean."""
-
-    mean: Array  # (d,)
-    covariance: Array  # (d, d)
 
 
 @dataclass

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import Component, GaussianPrior
+from semantic_slam.inference.component import Component
 from semantic_slam.inference.enumeration import (
     Enumerated,
     Setting,
@@ -14,6 +14,7 @@ from semantic_slam.inference.enumeration import (
     enumerate_classes,
     fixed_association,
 )
+from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import generator, hypothesis_id
 from semantic_slam.inference.laplace import Mode, find_modes
 from semantic_slam.inference.objects import ObjectRegistry
@@ -87,8 +88,7 @@ class Expander:
             robot = self._robot(component, step)
             for i in used:
                 if given[i] not in component.object_ids and given[i] not in new:
-                    mean = self.problem.model.object_start(step.detections[i], robot)
-                    new[given[i]] = GaussianPrior(mean, self.problem.new_object_covariance)
+                    new[given[i]] = self.problem.model.object_prior(step.detections[i], robot)
         return new
 
     def _robot(self, component: Component, step: Step) -> Array:

@@ -6,6 +6,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.inference.gaussian import GaussianPrior
+
 Array = NDArray[np.float64]
 Classes = NDArray[np.int_]
 
@@ -43,8 +45,8 @@ class ObservationModel(Protocol):
     def robot_start(self, detection: Any, x: Array, o: Array) -> Array:
         """(B, d) robot states near ``x`` that explain the detection of object ``o``: where a search may start."""
 
-    def object_start(self, detection: Any, x: Array) -> Array:
-        """(d,) estimate of an object first seen from robot state ``x`` (d,)."""
+    def object_prior(self, detection: Any, x: Array) -> GaussianPrior:
+        """Broad prior of an object first seen from robot state ``x`` (d,)."""
 
     def factors(self, detection: Any, keys: tuple[int, int], assigned_class: int, x: Array, o: Array) -> list[Any]:
         """GTSAM factors between robot and object keys; (d,) states ``x``, ``o`` are where they are created."""

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_factors import geometry_factor, semantic_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
@@ -67,10 +69,15 @@ class PlanarVisibility:
 class PlanarObservation:
     """Geometric range-bearing likelihood times the class model of Eq. 4.2 (``model`` None: geometry alone)."""
 
-    def __init__(self, model: ViewpointModel | None, visibility: PlanarVisibility, default_range_m: float = 3.0):
+    def __init__(
+        self,
+        model: ViewpointModel | None,
+        visibility: PlanarVisibility,
+        new_objects: NewObjectConfiguration | None = None,
+    ):
         self.model = model
         self.visibility = visibility
-        self.default_range_m = default_range_m
+        self.new_objects = new_objects or NewObjectConfiguration()
         self.num_classes = len(model.class_names) if model is not None else 0
 
     def geometry(self, detection: PlanarDetection, x: Array, o: Array) -> Linearisation:
@@ -144,12 +151,15 @@ class PlanarObservation:
         position = o[:, :2] - detection.range_m * np.stack([np.cos(direction), np.sin(direction)], -1)
         return np.concatenate([position, x[:, 2:]], axis=-1)
 
-    def object_start(self, detection: PlanarDetection, x: Array) -> Array:
-        """Where the detection points, heading as the robot's."""
-        distance = detection.range_m if detection.has_range else self.default_range_m
+    def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
+        """Where the detection points, heading as the robot's; without depth as uncertain as the guess is far."""
+        new = self.new_objects
+        distance = detection.range_m if detection.has_range else new.range_m
+        sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
         rotation = np.array([[np.cos(x[2]), -np.sin(x[2])], [np.sin(x[2]), np.cos(x[2])]])
         along = np.array([np.cos(detection.bearing_rad), np.sin(detection.bearing_rad)])
-        return np.append(x[:2] + rotation @ (detection.origin + distance * along), x[2])
+        mean = np.append(x[:2] + rotation @ (detection.origin + distance * along), x[2])
+        return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
 
     def factors(
         self, detection: PlanarDetection, keys: tuple[int, int], assigned_class: int, x: Array, o: Array

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
-from semantic_slam.inference.component import Component, GaussianPrior, Motion
+from semantic_slam.inference.component import Component, Motion
+from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
 
@@ -62,7 +63,6 @@ class Problem:
     reader: KeyframeReader
     robot: GaussianPrior
     objects: tuple[ObjectEntry, ...]
-    new_object_covariance: Array  # (d, d) prior of an object created from a detection
     class_names: tuple[str, ...]
     seed: int
     association: str  # enumerated | given

@@ -9,7 +9,7 @@ from semantic_slam.configuration import Configuration, from_dict, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
-from semantic_slam.inference.component import GaussianPrior
+from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import digest
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior, parse_map_prior
@@ -69,20 +69,17 @@ def problem_of(run: RunConfiguration) -> Problem:
     configuration = from_dict(json.loads(run.configuration), "run configuration")
     model = load_model(configuration.semantic_model)
     visibility = configuration.visibility
-    new = configuration.new_objects
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
-    sigma = np.array([new.sigma_position_m, new.sigma_position_m, new.sigma_heading_rad])
     return Problem(
         manifold=PlanarPoses(),
         model=PlanarObservation(
             model,
             PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
-            new.range_m,
+            configuration.new_objects,
         ),
         reader=PlanarReader(model.num_features if model is not None else 0),
         robot=_planar_prior(run.initial_pose, run.initial_covariance),
         objects=tuple(_entry(item, run.class_names) for item in prior.objects),
-        new_object_covariance=np.diag(sigma**2),
         class_names=run.class_names,
         seed=configuration.seed,
         association=configuration.association,

@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,8 @@ METRICS = (
 SCENES, QUICK_SCENES = 10, 1
 FIRST_SCENE = 1
 """Scene 0 is the shipped bag's."""
-IMAGE_WIDTH = 640
+IMAGE_WIDTH = 720
+"""Pixels; that of the shipped bag."""
 QUICK_KEYFRAMES = 40
 
 
@@ -51,12 +53,12 @@ def evaluate_scene(folder: Path, number: int, max_keyframes: int | None) -> Scen
     """One room, from rendering to metrics."""
     from semantic_slam.datasets.avd_drive import ImportSettings
     from semantic_slam.datasets.avd_import import import_avd
-    from semantic_slam.simulation.scene import make_scene
+    from semantic_slam.simulation.scene import SceneSettings, make_scene
 
     bag = folder / "bag"
-    import_avd(
-        make_scene(folder / "avd", number), bag, None, max_keyframes, number, ImportSettings(image_width=IMAGE_WIDTH)
-    )
+    with TemporaryDirectory() as rendered:
+        scene = make_scene(Path(rendered), number, SceneSettings(tour_only=True))
+        import_avd(scene, bag, None, max_keyframes, number, ImportSettings(image_width=IMAGE_WIDTH))
     ours = Configuration()
     geometric = replace(ours, semantic_model=SemanticModelConfiguration(kind="none"))
     first, num_keyframes = _metrics(bag, folder / "ours", ours)
