@@ -37,5 +37,9 @@ demo: $(BUILT)
 test: $(BUILT)
 	source ./env.sh; python -m pytest $(PYTEST_ARGS)
 
+bags: $(BUILT)
+	source ./env.sh; make_scene --out build/scenes --seed 0 --tour-only; \
+	import_dataset avd build/scenes/Gen_000_1 --out bags/aliased_room --seed 2
+
 clean:
 	rm -rf build install log out

@@ -50,7 +50,7 @@ class BagPlayer(PipelineNode):
         with BagReader(self._bag) as bag:
             self._playlist = Playlist(bag.topics, remaps, is_installed)
         for line in self._playlist.notes:
-            self.get_logger().warning(f"{self._bag}: {line}")
+            self.get_logger().info(f"{self._bag}: {line}")
         self._outlets = {
             topic: Outlet(self, item.name, item.type_name, qos.replayed(item.name))
             for topic, item in self._playlist.items.items()

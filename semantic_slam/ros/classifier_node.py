@@ -139,8 +139,9 @@ class ClassifierNode(PipelineNode):
     def _end_of_replay(self, _: None) -> None:
         self._measure(self._assembler.flush())
         self._measurements.wait_for_acknowledgement()
-        self._announce(finished=True)
         self.health.finished = True
+        self.health.publish()  # the last counts, before whoever records stops listening
+        self._announce(finished=True)
 
     def _all_dropped(self) -> Counter[str]:
         return self._assembler.dropped + self._classifier.dropped + self._dropped

@@ -18,7 +18,7 @@ PERIOD_S = 1.0
 
 
 class Diagnostics:
-    """Collects and publishes the statuses of one node. Belongs to the executor's thread."""
+    """Collects and publishes the statuses of one node."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -56,7 +56,7 @@ def dropped_status(dropped: Counter[str]) -> Status:
     if not dropped:
         return Status("dropped", Level.OK, "nothing dropped")
     text = "; ".join(f"{number} x {reason}" for reason, number in sorted(dropped.items()))
-    return Status("dropped", Level.WARN, text, {reason: str(number) for reason, number in sorted(dropped.items())})
+    return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
 
 
 def incompatible_status(topic: str, policy: str) -> Status:

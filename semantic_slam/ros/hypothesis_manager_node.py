@@ -142,8 +142,9 @@ class HypothesisManagerNode(PipelineNode):
     def _end_of_replay(self, _: None) -> None:
         self._infer(self._assembler.flush())
         self._publisher.wait_for_acknowledgement()
-        self._announce(finished=True)
         self.health.finished = True
+        self.health.publish()  # the last counts, before whoever records stops listening
+        self._announce(finished=True)
 
     def _announce(self, *, finished: bool) -> None:
         """Tell the player how many detection frames are done with."""
