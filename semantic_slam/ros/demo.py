@@ -50,7 +50,7 @@ def replay(arguments: argparse.Namespace, belief: Path) -> None:
         str(belief),
         has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
     )
-    domain_id = int(os.environ.get("ROS_DOMAIN_ID", 1 + os.getpid() % DOMAINS))
+    domain_id = 1 + os.getpid() % DOMAINS  # not the user's: other nodes there may publish the same topics
     print(f"{arguments.bag}: {len(specs)} nodes in ROS domain {domain_id}, on this machine only", file=sys.stderr)
     with NodeProcesses(arguments.out / "log", loopback_environment(domain_id)) as nodes:
         for spec in specs:
