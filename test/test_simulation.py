@@ -14,6 +14,7 @@ from semantic_slam.datasets import avd, avd_import, bigbird
 from semantic_slam.datasets.avd_objects import true_objects
 from semantic_slam.datasets.avd_path import read_path
 from semantic_slam.errors import InputError
+from semantic_slam.simulation import renderer
 from semantic_slam.simulation.annotation import annotate, corners, difficulty
 from semantic_slam.simulation.furniture import MODELS
 from semantic_slam.simulation.layout import draw_layout, frames_xy, grid
@@ -106,6 +107,16 @@ def test_annotation_of_a_silhouette_is_its_bounding_box() -> None:
 def test_seed_beyond_three_digits_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--seed 1000"):
         make_scene(tmp_path, 1000)
+
+
+def test_machine_without_rendering_gets_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(name: str) -> None:
+        raise OSError(name)
+
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(renderer.ctypes, "CDLL", refuse)
+    with pytest.raises(InputError, match="install libegl1"):
+        renderer.choose_library()
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,8 @@ SCAN = "1"
 WORLD_FROM_MAP_ROTATION = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 MOVES = ("rotate_ccw", "rotate_cw", "forward", "backward", "left", "right")
 JPEG_QUALITY = 92
+MAT_HEADER = b"MATLAB 5.0 MAT-file".ljust(116)
+"""Free text of 116 bytes; scipy puts the date there, and the same scene would not be the same file."""
 STRUCT_FIELDS = (
     *(
         "image_name",
@@ -140,3 +142,5 @@ def write_image_structs(folder: Path, images: Sequence[SceneImage], origin: Arra
         for field, move in MOVE_OF_FIELD.items():
             record[field] = image.moves[move]
     savemat(folder / "image_structs.mat", {"image_structs": records, "scale": scale_mm}, do_compression=True)
+    with (folder / "image_structs.mat").open("r+b") as file:
+        file.write(MAT_HEADER)

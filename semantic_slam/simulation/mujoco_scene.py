@@ -59,7 +59,6 @@ def scene_xml(objects: Sequence[PlacedObject], room: Room | None) -> tuple[str, 
     xml = f"""<mujoco>
   <statistic center="0 0 0" extent="10"/>
   <visual>
-    <global offwidth="4096" offheight="4096"/>
     <quality offsamples="0" shadowsize="1024"/>
     <map znear="0.01" zfar="3"/>
     <headlight ambient="0.5 0.5 0.5" diffuse="0.32 0.32 0.32" specular="0 0 0"/>

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.errors import SemanticSlamError
+from semantic_slam.errors import InputError
 from semantic_slam.perception.frame import CameraModel
 
 Array = NDArray[np.float64]
@@ -20,8 +20,8 @@ OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 """MuJoCo's cameras look along -z with y up, optical frames along +z with y down."""
 
 
-class RenderingError(SemanticSlamError):
-    """Neither EGL nor OSMesa works on this machine."""
+class RenderingError(InputError):
+    """Neither EGL nor OSMesa works on this machine: the user's to mend, hence one line and no traceback."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,7 @@ class Renderer:
                 f"no OpenGL context ({fault!r}); install libegl1 and libgl1-mesa-dri, or libosmesa6"
             ) from None
         self._model = mujoco.MjModel.from_xml_string(xml, assets)
+        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = camera.width, camera.height
         self._model.cam_fovy[0] = np.rad2deg(2.0 * np.arctan(camera.height / 2.0 / camera.fy))
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, maxgeom=1000)
