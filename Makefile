@@ -22,7 +22,7 @@ $(INSTALLED): $(REQUIREMENTS)
 	@test -n "$(PYTHON)" || { echo "make: Python 3.11 or 3.12 is needed; name one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@command -v cmake >/dev/null || { echo "make: cmake and a C compiler are needed (apt-get install cmake g++)" >&2; exit 1; }
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check $(addprefix -r ,$(REQUIREMENTS))
+	.venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check $(addprefix -r ,$(REQUIREMENTS))
 	touch $@
 
 $(BUILT): $(INSTALLED) $(BUILD_INPUTS)
@@ -38,7 +38,7 @@ test: $(BUILT)
 	source ./env.sh; python -m pytest $(PYTEST_ARGS)
 
 bags: $(BUILT)
-	source ./env.sh; make_scene --out build/scenes --seed 0 --tour-only; \
+	rm -rf build/scenes; source ./env.sh; make_scene --out build/scenes --seed 0 --tour-only; \
 	import_dataset avd build/scenes/Gen_000_1 --out bags/aliased_room --seed 2
 
 clean:

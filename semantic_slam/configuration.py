@@ -79,8 +79,8 @@ class NewObjectConfiguration:
 
 @dataclass(frozen=True)
 class OdometryConfiguration:
-    sigma_translation_per_m: float = parameter(0.05, "standard deviation of x and y per metre driven", minimum=0.0)
-    sigma_rotation_per_m: float = parameter(0.02, "standard deviation of yaw [rad] per metre driven", minimum=0.0)
+    sigma_translation_per_m: float = parameter(0.06, "standard deviation of x and y per metre driven", minimum=0.0)
+    sigma_rotation_per_m: float = parameter(0.035, "standard deviation of yaw [rad] per metre driven", minimum=0.0)
     sigma_rotation_per_rad: float = parameter(0.05, "standard deviation of yaw [rad] per radian turned", minimum=0.0)
     sigma_translation_floor_m: float = parameter(0.01, "least standard deviation of x and y per keyframe", minimum=1e-6)
     sigma_rotation_floor_rad: float = parameter(0.005, "least standard deviation of yaw per keyframe", minimum=1e-6)
