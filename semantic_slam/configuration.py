@@ -27,6 +27,9 @@ class SemanticModelConfiguration:
     kind: str = parameter("gp_independent", "class models of Eq. 4.2", choices=("none", "parametric", "gp_independent"))
     path: str = parameter("", "viewpoint model file of gp_independent; empty: the shipped one")
     class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
+    correlated_views: float = parameter(
+        4.0, "gp_independent: so many consecutive views tell as much as one, they repeat their errors", minimum=1.0
+    )
     alpha: float = parameter(0.25, "viewpoint dependency of the parametric model (Eq. 4.22)", minimum=0.0, maximum=1.0)
     concentration: float = parameter(15.0, "K of R = K [[1, -0.5], [0, 1]]; covariance (R^T R)^-1", minimum=1e-6)
 

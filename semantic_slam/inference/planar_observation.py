@@ -74,8 +74,11 @@ class PlanarObservation:
         model: ViewpointModel | None,
         visibility: PlanarVisibility,
         new_objects: NewObjectConfiguration | None = None,
+        correlated_views: float = 1.0,
     ):
+        """``correlated_views``: so many views tell as much as one; their noise is that much wider, each counts less."""
         self.model = model
+        self.correlated_views = correlated_views
         self.visibility = visibility
         self.new_objects = new_objects or NewObjectConfiguration()
         self.num_classes = len(model.class_names) if model is not None else 0
@@ -111,7 +114,7 @@ class PlanarObservation:
         v = camera_in_object(x, o, detection.sensor)
         distance, azimuth = _polar(v)
         prediction = self._predict(classes, azimuth, distance)
-        root = np.linalg.cholesky(prediction.covariance + detection.feature_covariance)
+        root = np.linalg.cholesky(self._noise(prediction, detection))
         radial, turn = _polar_jacobian(v, distance)
         slope = (
             prediction.mean_jacobian[:, :, :1] * turn[:, None] + prediction.mean_jacobian[:, :, 2:] * radial[:, None]
@@ -132,7 +135,7 @@ class PlanarObservation:
         prediction = self._predict(
             np.repeat(classes, count), (azimuth[:, None] + BOUND_WINDOW_RAD).ravel(), np.repeat(distance, count)
         )
-        root = np.linalg.cholesky(prediction.covariance + detection.feature_covariance)
+        root = np.linalg.cholesky(self._noise(prediction, detection))
         whitened = np.linalg.solve(root, (prediction.mean - detection.feature)[..., None])[..., 0]
         logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
         density = -0.5 * (whitened**2).sum(-1) - logdet - 0.5 * detection.feature.size * LOG_2PI
@@ -170,9 +173,13 @@ class PlanarObservation:
             _, azimuth = _polar(camera_in_object(x[None], o[None], detection.sensor))
             distance = np.linalg.norm(camera_in_object(x[None], o[None], detection.sensor), axis=-1)
             prediction = self._predict(np.array([assigned_class]), azimuth, distance)
-            covariance = prediction.covariance[0] + detection.feature_covariance
+            covariance = self._noise(prediction, detection)[0]
             factors.append(semantic_factor(self.model, detection, keys, assigned_class, covariance))
         return factors
+
+    def _noise(self, prediction: Prediction, detection: PlanarDetection) -> Array:
+        """(B, F, F) covariance of the feature: that of the model and that of the dropout passes."""
+        return np.asarray(self.correlated_views * (prediction.covariance + detection.feature_covariance))
 
     def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
         assert self.model is not None

@@ -76,6 +76,10 @@ def problem_of(run: RunConfiguration) -> Problem:
             model,
             PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
             configuration.new_objects,
+            # The parametric model is exact by definition; fitted models meet the same error in view after view.
+            configuration.semantic_model.correlated_views
+            if configuration.semantic_model.kind == "gp_independent"
+            else 1.0,
         ),
         reader=PlanarReader(model.num_features if model is not None else 0),
         robot=_planar_prior(run.initial_pose, run.initial_covariance),
