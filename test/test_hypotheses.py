@@ -77,6 +77,28 @@ def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> Non
         assert_same(manager.process(keyframe), expected)
 
 
+class DyingPool(InProcessPool):
+    """Loses its first backend between the rounds of a keyframe."""
+
+    def __init__(self, number: int, dies_at: int):
+        super().__init__(number)
+        self._dies_at = dies_at
+
+    def commit(self, commit: Commit) -> list[Components]:
+        if commit.keyframe == self._dies_at and 0 in self.backend_ids:
+            self.backend_ids = self.backend_ids[1:]
+            self._backends = self._backends[1:]
+        return super().commit(commit)
+
+
+@pytest.mark.parametrize("dies_at", [0, 4])
+def test_a_backend_lost_between_the_rounds_costs_nothing(dies_at: int) -> None:
+    world = make_world(6)
+    manager = HypothesisManager(world.run, DyingPool(2, dies_at))
+    for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
+        assert_same(manager.process(keyframe), expected)
+
+
 class RepeatingPool(InProcessPool):
     """Says everything twice, and repeats an old commit."""
 

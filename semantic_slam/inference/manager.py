@@ -66,7 +66,7 @@ class HypothesisManager:
         pruned = prune(merged.log_weights, merged.ids, merged.log_missing, self.problem.pruning)
         self.log_evidence += pruned.log_mass
         children = self._children(merged, pruned)
-        components = _by_id(self.pool.commit(self._commit(step.index, children)))
+        children, components = self._update(step.index, children)
         self._accept(children, components, pruned.discarded)
         mixture = self._mixture(components)
         self.registry.note_coverage(mixture.associations(), step.in_coverage)
@@ -88,12 +88,25 @@ class HypothesisManager:
         return answers
 
     def _reassign(self, index: int) -> None:
-        owners = assign_owners([live.owner for live in self.live.values()], self.pool.backend_ids)
-        self.live = {
-            n: Live(owner, live.log_weight, live.parent_id, live.lineage)
-            for (n, live), owner in zip(self.live.items(), owners, strict=True)
-        }
+        self.live = self._redistributed(self.live)
         self.pool.commit(self._commit(index, self.live, always_lineage=True))
+
+    def _redistributed(self, hypotheses: dict[int, Live]) -> dict[int, Live]:
+        """The same hypotheses, owned by backends that are still there."""
+        owners = assign_owners([live.owner for live in hypotheses.values()], self.pool.backend_ids)
+        return {
+            n: Live(owner, live.log_weight, live.parent_id, live.lineage)
+            for (n, live), owner in zip(hypotheses.items(), owners, strict=True)
+        }
+
+    def _update(self, index: int, children: dict[int, Live]) -> tuple[dict[int, Live], dict[int, "_Row"]]:
+        """Round two; children of a backend that did not answer are rebuilt elsewhere from their lineage."""
+        answers = self.pool.commit(self._commit(index, children))
+        settled = {int(n) for answer in answers for n in (*answer.ids, *answer.lost_ids)}
+        if set(children) - settled and self.pool.backend_ids:
+            children = self._redistributed(children)
+            answers = self.pool.commit(self._commit(index, children, always_lineage=True))
+        return children, _by_id(answers)
 
     def _children(self, merged: "_Merged", pruned: Pruned) -> dict[int, Live]:
         parents = [self.live[int(merged.parent_ids[row])] for row in pruned.kept]
