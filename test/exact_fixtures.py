@@ -12,7 +12,8 @@ from semantic_slam.inference.component import Motion
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.manifold import PlanarPoses, PlanarPositions
-from semantic_slam.inference.planar_observation import PlanarDetection, PlanarObservation, PlanarVisibility
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.problem import ObjectEntry, Problem, Step

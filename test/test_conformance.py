@@ -20,8 +20,8 @@ from semantic_slam.evaluation.mixture import (
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.entropy import association_entropy, component_entropy
+from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import (
-    PlanarDetection,
     PlanarObservation,
     PlanarVisibility,
     camera_in_object,

@@ -9,7 +9,8 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.identity import generator, hypothesis_id
 from semantic_slam.inference.laplace import find_modes, search_start
 from semantic_slam.inference.manifold import PlanarPoses, PlanarPositions
-from semantic_slam.inference.planar_observation import PlanarDetection, PlanarObservation, PlanarVisibility
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.inference.pruning import prune
 from semantic_slam.inference.sampled import sample_evidence
 from semantic_slam.inference.stack import Predicted, Rows, Stack

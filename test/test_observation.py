@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from semantic_slam.geometry import se2
-from semantic_slam.inference.planar_observation import PlanarDetection, PlanarObservation, PlanarVisibility
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 RANDOM = np.random.default_rng(1)

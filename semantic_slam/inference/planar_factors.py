@@ -4,21 +4,23 @@ A CustomFactor cannot be cloned or pickled, but an ISAM2 that holds one can be f
 from its lineage, never from a pickled graph.
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.inference.observation import Linearisation
+from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
-
-if TYPE_CHECKING:
-    from semantic_slam.inference.planar_observation import PlanarDetection, PlanarObservation
 
 Array = NDArray[np.float64]
 
 
-def geometry_factor(model: "PlanarObservation", detection: "PlanarDetection", keys: tuple[int, int]) -> Any:
+def geometry_factor(
+    linearise: Callable[[Array, Array], Linearisation], detection: PlanarDetection, keys: tuple[int, int]
+) -> Any:
     """Built-in bearing-range factor; a bearing alone, from a camera off the body's origin, is a custom factor."""
     if detection.has_range:
         bearing_first = detection.covariance[::-1, ::-1]  # GTSAM's order is [bearing, range]
@@ -28,7 +30,7 @@ def geometry_factor(model: "PlanarObservation", detection: "PlanarDetection", ke
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         x, o = _planar_states(values, this.keys())
-        part = model.geometry(detection, x, o)
+        part = linearise(x, o)
         if jacobians is not None:
             jacobians[0] = np.asfortranarray(part.jacobian_robot[0])
             jacobians[1] = np.asfortranarray(part.jacobian_object[0])
@@ -38,7 +40,7 @@ def geometry_factor(model: "PlanarObservation", detection: "PlanarDetection", ke
 
 
 def semantic_factor(
-    model: ViewpointModel, detection: "PlanarDetection", keys: tuple[int, int], assigned_class: int, covariance: Array
+    model: ViewpointModel, detection: PlanarDetection, keys: tuple[int, int], assigned_class: int, covariance: Array
 ) -> Any:
     """h_c(viewpoint) - z_sem with a fixed (F, F) covariance.
 

@@ -16,6 +16,7 @@ from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
+from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_factors import geometry_factor, semantic_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
@@ -25,27 +26,6 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 LEAST_DISTANCE_M = 1e-6
 BOUND_WINDOW_RAD = np.linspace(-0.6, 0.6, 9)
 """Azimuths about the geometric mode that the semantic bound looks at: the viewpoint is uncertain by the heading."""
-
-
-@dataclass(frozen=True)
-class PlanarDetection:
-    """One detection, in the body frame."""
-
-    range_m: float  # NaN: bearing only
-    bearing_rad: float  # seen from the body's origin, or from ``sensor`` when bearing only
-    covariance: Array  # (2, 2) of [range, bearing]
-    sensor: Array  # (2,) camera in the body frame, metres
-    feature: Array  # (F,) z_sem
-    feature_covariance: Array  # (F, F) of the dropout samples' mean
-
-    @property
-    def has_range(self) -> bool:
-        return bool(np.isfinite(self.range_m))
-
-    @property
-    def origin(self) -> Array:
-        """(2,) point of the body that range and bearing are seen from."""
-        return np.zeros(2) if self.has_range else self.sensor
 
 
 @dataclass(frozen=True)
@@ -168,7 +148,7 @@ class PlanarObservation:
         self, detection: PlanarDetection, keys: tuple[int, int], assigned_class: int, x: Array, o: Array
     ) -> list[Any]:
         """Range-bearing factor and, with a class, a semantic factor whose covariance is that at (x, o)."""
-        factors = [geometry_factor(self, detection, keys)]
+        factors = [geometry_factor(lambda x, o: self.geometry(detection, x, o), detection, keys)]
         if assigned_class >= 0 and self.model is not None:
             _, azimuth = _polar(camera_in_object(x[None], o[None], detection.sensor))
             distance = np.linalg.norm(camera_in_object(x[None], o[None], detection.sensor), axis=-1)
