@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chapter3_fixtures import check_classification
 from exact_fixtures import Outcome, run
 
 from semantic_slam.configuration import PruningConfiguration
@@ -191,6 +192,7 @@ def _check_metrics(data: dict, tolerance: float) -> None:
 
 
 CHECKS = {
+    "exact-ch3/1": check_classification,
     "exact-ch4-lg/1": check_linear_gaussian,
     "exact-ch4-se2/1": check_planar,
     "exact-ch4-det/1": check_deterministic,

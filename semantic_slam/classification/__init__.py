@@ -1,0 +1,1 @@
+"""Class posterior of one object seen along a track (chapter 3)."""

@@ -1,0 +1,44 @@
+"""Methods of others, as the thesis compares with them (Sec. 3.4.1)."""
+
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+
+from semantic_slam.classification.classifier import SequentialClassifier, View
+from semantic_slam.classification.joint import JointClassifier
+from semantic_slam.classification.processes import ClassProcesses
+from semantic_slam.viewpoint.model import Array
+
+SCORE_CLIP = 0.01
+"""Simple Bayes takes no score for less than this: one zero would rule a class out for ever."""
+
+
+class ModelBasedClassifier(JointClassifier):
+    """Teacy et al.: likelihood of the mean scores under the joint process; blind to dropout's spread."""
+
+    def __init__(
+        self, processes: ClassProcesses, log_prior: Array, num_tracks: int = 1, *, window: int | None = None
+    ) -> None:
+        super().__init__(processes, log_prior, num_tracks, coupling="per_component", window=window)
+
+    def empty(self, num_tracks: int) -> Self:
+        return type(self)(self._processes, self.log_prior, num_tracks, window=self._window)
+
+    def update(self, view: View) -> Array:
+        return super().update(replace(view, covariance=np.zeros_like(view.covariance)))
+
+
+class SimpleBayesClassifier(SequentialClassifier):
+    """Patten et al.: the mean scores themselves are the classes' likelihoods, independent between views."""
+
+    def __init__(self, log_prior: Array, num_tracks: int = 1, *, clip: float = SCORE_CLIP) -> None:
+        super().__init__(log_prior, num_tracks)
+        self._clip = clip
+
+    def empty(self, num_tracks: int) -> Self:
+        return type(self)(self.log_prior, num_tracks, clip=self._clip)
+
+    def update(self, view: View) -> Array:
+        scores = np.maximum(view.mean, self._clip)
+        return self._weigh(np.tile(np.log(scores), (self.num_tracks, 1, 1)))

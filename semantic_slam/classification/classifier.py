@@ -1,0 +1,83 @@
+"""The one interface of all methods that fuse the views of a track into a class posterior."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from semantic_slam.perception.uncertainty import sample_covariance
+from semantic_slam.viewpoint.model import Array
+
+
+@dataclass(frozen=True)
+class View:
+    """One semantic measurement, and from where it was taken under each of P tracks."""
+
+    locations_m: Array  # (P, 2) camera relative to the object, in the object's frame
+    samples: Array  # (n, F) scores, one row per dropout pass
+    mean: Array  # (F,) mu_z
+    covariance: Array  # (F, F) Sigma_z; may be singular (Eq. 3.30)
+
+    @classmethod
+    def of(cls, locations_m: Array, samples: Array) -> "View":
+        """With the moments of the (n, F) samples; the covariance of a single one is zero."""
+        return cls(locations_m, samples, samples.mean(axis=0), sample_covariance(samples))
+
+
+class SequentialClassifier(ABC):
+    """Class posterior of one object along each of P tracks, view by view; C classes, natural logarithms.
+
+    ``log_posteriors``: (P, C), normalised over the classes of each track.
+    ``log_evidence``: (P,) log p(z_0:k | track), the method's own chain of predictions.
+    ``dropped``: views that have left the window.
+    """
+
+    def __init__(self, log_prior: Array, num_tracks: int) -> None:
+        self.log_prior = normalised(np.asarray(log_prior, dtype=np.float64))  # (C,)
+        self.log_posteriors = np.tile(self.log_prior, (num_tracks, 1))
+        self.log_evidence = np.zeros(num_tracks)
+        self.dropped = 0
+
+    @property
+    def num_tracks(self) -> int:
+        """P."""
+        return len(self.log_evidence)
+
+    @abstractmethod
+    def update(self, view: View) -> Array:
+        """Take a view in; returns the (C,) log posterior, averaged evenly over the tracks (Eq. 3.20)."""
+
+    @abstractmethod
+    def empty(self, num_tracks: int) -> Self:
+        """A classifier of the same settings for ``num_tracks`` tracks, that has seen nothing."""
+
+    def replace(self, rows: NDArray[np.int_], other: Self) -> None:
+        """Take the tracks of ``other``, which has seen the same measurements, for those at ``rows``."""
+        self.log_posteriors[rows] = other.log_posteriors
+        self.log_evidence[rows] = other.log_evidence
+
+    def _weigh(self, log_likelihoods: Array) -> Array:
+        """Bayes' rule for (P, n, C) likelihoods of n equally likely readings of one view (Eqs. 3.24-3.27).
+
+        Normalised reading by reading, then averaged; returns what ``update`` returns.
+        """
+        joint = self.log_posteriors[:, None, :] + log_likelihoods
+        totals = logsumexp(joint, axis=-1)  # (P, n), -log eta of Eq. 3.26
+        count = np.log(log_likelihoods.shape[1])
+        self.log_posteriors = normalised(logsumexp(joint - totals[..., None], axis=1))
+        self.log_evidence = self.log_evidence + logsumexp(totals, axis=-1) - count
+        return averaged(self.log_posteriors)
+
+
+def normalised(log_weights: Array) -> Array:
+    """(..., C) logs shifted so that they sum to one over the last axis."""
+    return np.asarray(log_weights - logsumexp(log_weights, axis=-1, keepdims=True))
+
+
+def averaged(log_posteriors: Array, log_weights: Array | None = None) -> Array:
+    """(C,) log of the average of (P, C) posteriors, with (P,) normalised log weights or evenly."""
+    weights = -np.log(len(log_posteriors)) if log_weights is None else log_weights[:, None]
+    return np.asarray(logsumexp(log_posteriors + weights, axis=0))

@@ -1,0 +1,77 @@
+"""The coherent noisy process: log N(mu_z; mu_s, Sigma_s + Sigma_z) over all views, whatever their order."""
+
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.classification.classifier import SequentialClassifier, View
+from semantic_slam.classification.growing_gaussian import RELATIVE_FLOOR, GrowingGaussian, NextBlock
+from semantic_slam.classification.processes import ClassProcesses
+from semantic_slam.classification.recursive import Coupling
+from semantic_slam.classification.track import NextView, TrackViews
+from semantic_slam.viewpoint.model import Array
+
+
+class JointClassifier(SequentialClassifier):
+    """Every prefix of the track from one growing factor, by the chain rule: p(z_k | z_0:k-1, c).
+
+    With a ``window`` of W views each view is predicted from the W before it.
+    """
+
+    def __init__(
+        self,
+        processes: ClassProcesses,
+        log_prior: Array,
+        num_tracks: int = 1,
+        *,
+        coupling: Coupling = "full",
+        window: int | None = None,
+    ) -> None:
+        super().__init__(log_prior, num_tracks)
+        self._processes, self._coupling, self._window = processes, coupling, window
+        self._views = TrackViews(processes, num_tracks)
+        floor = RELATIVE_FLOOR * processes.signal_variance
+        full = coupling == "full"
+        batch = self._views.batch
+        self._measurements = GrowingGaussian(batch[:2] if full else batch, floor.min(axis=-1) if full else floor)
+
+    def empty(self, num_tracks: int) -> Self:
+        return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
+
+    def update(self, view: View) -> Array:
+        self._make_room()
+        next_view = self._views.next(view.locations_m)
+        residual = view.mean - next_view.mean
+        if self._coupling == "full":
+            block = self._coupled(next_view, view.covariance)
+            log_likelihoods = self._measurements.append(block, residual)
+        else:
+            variance = next_view.variance + np.diag(view.covariance)
+            block = self._measurements.predict(next_view.covariances[..., None], variance[..., None, None])
+            log_likelihoods = self._measurements.append(block, residual[..., None]).sum(axis=-1)
+        self._views.append(next_view)
+        return self._weigh(log_likelihoods[:, None, :])
+
+    def replace(self, rows: NDArray[np.int_], other: Self) -> None:
+        super().replace(rows, other)
+        self._views.replace(rows, other._views)
+        self._measurements.replace(rows, other._measurements)
+
+    def _coupled(self, view: NextView, noise: Array) -> NextBlock:
+        """The F components of a view as one block: the process leaves them independent, Sigma_z does not."""
+        tracks, classes, size, count = view.covariances.shape
+        diagonal = np.arange(size)
+        cross = np.zeros((tracks, classes, count, size, size))
+        cross[..., diagonal, diagonal] = view.covariances.swapaxes(-1, -2)
+        corner = np.tile(noise, (tracks, classes, 1, 1))
+        corner[..., diagonal, diagonal] += view.variance
+        return self._measurements.predict(cross.reshape(tracks, classes, count * size, size), corner)
+
+    def _make_room(self) -> None:
+        if self._window is None or len(self._views) < self._window:
+            return
+        self._views.drop_first()
+        for _ in range(self._processes.num_components if self._coupling == "full" else 1):
+            self._measurements.drop_first()
+        self.dropped += 1

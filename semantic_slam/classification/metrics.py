@@ -1,0 +1,22 @@
+"""How good class posteriors are, from their logarithms (Eqs. 3.44-3.46)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.viewpoint.model import Array
+
+
+def msde(log_posteriors: Array, true_class: int) -> Array:
+    """(..., C) log posteriors to (...,) mean squared detection errors: the Brier score over C (Eq. 3.44)."""
+    truth = np.arange(log_posteriors.shape[-1]) == true_class
+    return np.asarray(np.square(truth - np.exp(log_posteriors)).mean(axis=-1))
+
+
+def log_mgr(log_posteriors: Array, true_class: int) -> Array:
+    """(..., C) to (...,) natural log of the most likely class's probability over the true one's (Eq. 3.45)."""
+    return np.asarray(log_posteriors.max(axis=-1) - log_posteriors[..., true_class])
+
+
+def correct(log_posteriors: Array, true_class: int) -> NDArray[np.bool_]:
+    """(..., C) to (...,) whether the true class is the most likely one; its mean is Eq. 3.46."""
+    return np.asarray(log_posteriors.argmax(axis=-1) == true_class)

@@ -1,0 +1,104 @@
+"""The thesis's recursion (Alg. 3.1) in covariance form: valid for a singular Sigma_z, O(k^2) per view."""
+
+from dataclasses import dataclass
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.classification.classifier import SequentialClassifier, View
+from semantic_slam.classification.growing import GrowingArray
+from semantic_slam.classification.growing_gaussian import (
+    RELATIVE_FLOOR,
+    GrowingGaussian,
+    NextBlock,
+    floored_cholesky,
+)
+from semantic_slam.classification.processes import ClassProcesses
+from semantic_slam.classification.track import NextView, TrackViews
+from semantic_slam.viewpoint.model import Array
+
+Coupling = Literal["full", "per_component"]
+"""Of the scores' components by Sigma_z: as it is, or its diagonal alone."""
+
+
+@dataclass(frozen=True)
+class ScorePrediction:
+    """Gaussian of the scores at the next view given the class and the measurements before (Eq. 3.29)."""
+
+    mean: Array  # (P, C, F)
+    covariance: Array  # (P, C, F, F)
+    floor: Array  # (P, C), least variance
+
+    def log_likelihoods(self, samples: Array) -> Array:
+        """(P, n, C) log density of (n, F) samples, in nats."""
+        root = floored_cholesky(self.covariance, self.floor)
+        residual = samples.T - self.mean[..., None]  # (P, C, F, n)
+        squared = np.square(np.linalg.inv(root) @ residual).sum(axis=-2)
+        logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)[..., None]
+        return np.asarray(-0.5 * squared - logdet - 0.5 * samples.shape[1] * np.log(2.0 * np.pi)).swapaxes(-1, -2)
+
+
+class RecursiveClassifier(SequentialClassifier):
+    """P(c | H_k) from P(c | H_k-1) and the samples of the newest view; earlier views enter by mu_z and Sigma_z.
+
+    With a ``window`` of W views the scores' correlation with older ones is neglected; what they said of the class
+    stays in the recursion.
+    """
+
+    def __init__(
+        self,
+        processes: ClassProcesses,
+        log_prior: Array,
+        num_tracks: int = 1,
+        *,
+        coupling: Coupling = "full",
+        window: int | None = None,
+    ) -> None:
+        super().__init__(log_prior, num_tracks)
+        self._processes, self._coupling, self._window = processes, coupling, window
+        self._views = TrackViews(processes, num_tracks)
+        self._noise = GrowingArray((), (processes.num_components,) * 2)  # Sigma_z of the views before
+        self._scores = GrowingGaussian(self._views.batch, RELATIVE_FLOOR * processes.signal_variance)
+
+    def empty(self, num_tracks: int) -> Self:
+        return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
+
+    def update(self, view: View) -> Array:
+        self._make_room()
+        next_view = self._views.next(view.locations_m)
+        block = self._block(next_view)
+        average = self._weigh(self._prediction(next_view, block).log_likelihoods(view.samples))
+        self._scores.append(block, (view.mean - next_view.mean)[..., None])
+        self._views.append(next_view)
+        self._noise.append(view.covariance if self._coupling == "full" else np.diag(np.diag(view.covariance)))
+        return average
+
+    def replace(self, rows: NDArray[np.int_], other: Self) -> None:
+        super().replace(rows, other)
+        self._views.replace(rows, other._views)
+        self._scores.replace(rows, other._scores)
+
+    def predict(self, locations_m: Array) -> ScorePrediction:
+        """Of the scores at (P, 2) next locations, before they are measured."""
+        next_view = self._views.next(locations_m)
+        return self._prediction(next_view, self._block(next_view))
+
+    def _block(self, view: NextView) -> NextBlock:
+        return self._scores.predict(view.covariances[..., None], view.variance[..., None, None])
+
+    def _prediction(self, view: NextView, block: NextBlock) -> ScorePrediction:
+        """Marginal of N(mu_J, Sigma_J): mu_k + Omega (mu_z - mu), and Sigma_k|0:k-1 + Omega Sigma_z Omega^T."""
+        omega = block.gain[..., 0]  # (P, C, F, k)
+        size = omega.shape[2]
+        covariance = np.einsum("pcfi,pcgi,ifg->pcfg", omega, omega, self._noise.values, optimize=True)
+        covariance[..., range(size), range(size)] += np.square(block.root[..., 0, 0])
+        floor = np.broadcast_to(RELATIVE_FLOOR * self._processes.signal_variance.min(axis=-1), omega.shape[:2])
+        return ScorePrediction(view.mean + block.shift[..., 0], covariance, floor)
+
+    def _make_room(self) -> None:
+        if self._window is not None and len(self._views) == self._window:
+            self._views.drop_first()
+            self._scores.drop_first()
+            self._noise.drop_first()
+            self.dropped += 1

@@ -1,0 +1,61 @@
+"""The views of P tracks so far, and how the next one correlates with them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.classification.growing import GrowingArray
+from semantic_slam.classification.processes import ClassProcesses, Marginals
+from semantic_slam.viewpoint.model import Array
+
+
+@dataclass(frozen=True)
+class NextView:
+    """Moments of the scores at a new view, before any score of it is known (Eqs. 3.15-3.16)."""
+
+    marginals: Marginals
+    covariances: Array  # (P, C, F, k) with the k views before
+
+    @property
+    def mean(self) -> Array:
+        """(P, C, F)."""
+        return self.marginals.mean
+
+    @property
+    def variance(self) -> Array:
+        """(P, C, F)."""
+        return self.marginals.variance
+
+
+class TrackViews:
+    """Inputs of the processes at the views of P tracks."""
+
+    def __init__(self, processes: ClassProcesses, num_tracks: int) -> None:
+        self.processes = processes
+        self.batch = (num_tracks, processes.num_classes, processes.num_components)
+        self._scaled = GrowingArray(self.batch, (processes.num_inputs,))
+        self._whitened = GrowingArray(self.batch, (processes.rank,))
+
+    def __len__(self) -> int:
+        return len(self._scaled)
+
+    def next(self, locations_m: Array) -> NextView:
+        """What a view from (P, 2) locations has in common with the views before."""
+        marginals = self.processes.marginals(locations_m)
+        return NextView(marginals, self.processes.covariances(self._scaled.values, self._whitened.values, marginals))
+
+    def append(self, view: NextView) -> None:
+        """Remember the view."""
+        self._scaled.append(view.marginals.scaled)
+        self._whitened.append(view.marginals.whitened)
+
+    def drop_first(self) -> None:
+        """Forget the oldest view."""
+        self._scaled.drop_first()
+        self._whitened.drop_first()
+
+    def replace(self, rows: NDArray[np.int_], other: "TrackViews") -> None:
+        """Take the tracks of ``other``, with as many views, for those at ``rows``."""
+        self._scaled.values[rows] = other._scaled.values
+        self._whitened.values[rows] = other._whitened.values
