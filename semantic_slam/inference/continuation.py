@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from semantic_slam.inference.component import Component
 from semantic_slam.inference.enumeration import (
@@ -57,14 +58,11 @@ class Expander:
         """Continuations of every parent, or of one along ``path`` alone. Raises LostComponentError."""
         given = [self.registry.identify(name) for name in step.names] if self.problem.association == "given" else None
         used = self._used(step, given)
-        object_ids = list(self.registry.ids) if given is None else sorted({given[i] for i in used})
-        new = [self._new_objects(component, step, used, given) for component in components]
-        predicted = _stacked(
-            [
-                self._predict(component, step, object_ids, added)
-                for component, added in zip(components, new, strict=True)
-            ]
-        )
+        known, unknown = self._objects(components[0], used, given)
+        new = [self._new_objects(component, step, used, given, unknown) for component in components]
+        pairs = zip(components, new, strict=True)
+        predicted = _stacked([_predicted(component, step, known, added) for component, added in pairs])
+        object_ids = [*known, *unknown]
         setting = self._setting(step, used, object_ids, components, path)
         enumerated, mode = self._enumerate(setting, predicted, used, given, object_ids)
         stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
@@ -80,46 +78,21 @@ class Expander:
         order = np.argsort(-step.scores, kind="stable")
         return np.asarray(np.sort(order[:limit]))
 
+    def _objects(self, component: Component, used: Index, given: list[int] | None) -> tuple[list[int], list[int]]:
+        """Ids that this keyframe may concern: those on the map, and those that it introduces to every hypothesis."""
+        object_ids = list(self.registry.ids) if given is None else sorted({given[i] for i in used})
+        known = [n for n in object_ids if n in component.object_ids]
+        return known, [n for n in object_ids if n not in component.object_ids]
+
     def _new_objects(
-        self, component: Component, step: Step, used: Index, given: list[int] | None
+        self, component: Component, step: Step, used: Index, given: list[int] | None, unknown: list[int]
     ) -> dict[int, GaussianPrior]:
-        new: dict[int, GaussianPrior] = {}
-        if given is not None:
-            robot = self._robot(component, step)
-            for i in used:
-                if given[i] not in component.object_ids and given[i] not in new:
-                    new[given[i]] = self.problem.model.object_prior(step.detections[i], robot)
-        return new
-
-    def _robot(self, component: Component, step: Step) -> Array:
-        return self.problem.manifold.compose(component.newest_robot(), step.motion.control)
-
-    def _predict(
-        self, component: Component, step: Step, object_ids: list[int], new: dict[int, GaussianPrior]
-    ) -> Predicted:
-        known = [n for n in object_ids if n not in new]
-        predicted = component.predict(step.motion, known)
-        if not new:
-            return predicted
-        dimension = self.problem.manifold.dimension
-        blocks = [None if n in new else 1 + known.index(n) for n in object_ids]
-        mean = np.concatenate(
-            [predicted.mean[0, :1]]
-            + [
-                new[n].mean[None] if b is None else predicted.mean[0, b : b + 1]
-                for n, b in zip(object_ids, blocks, strict=True)
-            ]
-        )
-        covariance = np.zeros((mean.size, mean.size))
-        old = np.array([0] + [b for b in blocks if b is not None])
-        place = np.array([0] + [1 + i for i, b in enumerate(blocks) if b is not None])
-        columns, targets = _columns(old, dimension), _columns(place, dimension)
-        covariance[np.ix_(targets, targets)] = predicted.covariance[0][np.ix_(columns, columns)]
-        for i, b in enumerate(blocks):
-            if b is None:
-                target = _columns(np.array([1 + i]), dimension)
-                covariance[np.ix_(target, target)] = new[object_ids[i]].covariance
-        return Predicted(mean[None], covariance[None])
+        """Broad priors about where this hypothesis first sees the unknown objects."""
+        if given is None or not unknown:
+            return {}
+        robot = self.problem.manifold.compose(component.newest_robot(), step.motion.control)
+        first = {n: next(step.detections[i] for i in used if given[i] == n) for n in unknown}
+        return {n: self.problem.model.object_prior(detection, robot) for n, detection in first.items()}
 
     def _setting(
         self, step: Step, used: Index, object_ids: list[int], components: Sequence[Component], path: LineageStep | None
@@ -170,32 +143,22 @@ class Expander:
         ]
         log_psi, effective = self._evidence(step, ids, stack, mode)
         states, covariances = _marginals(stack, mode)
-        objects = (
-            np.stack([states[np.arange(len(ids)), 1 + stack.slots[:, i]] for i in range(len(used))], 1)
-            if len(used)
-            else states[:, :0]
-        )
-        object_covariances = (
-            np.stack([covariances[np.arange(len(ids)), 1 + stack.slots[:, i]] for i in range(len(used))], 1)
-            if len(used)
-            else covariances[:, :0]
-        )
         log_psi = log_psi + enumerated.log_class_prior
         best = np.full(len(parent_ids), -np.inf)
         np.maximum.at(best, rows.parents, log_psi)
         return Continuations(
-            ids,
-            rows.parents,
-            steps,
-            log_psi,
-            effective,
-            states[:, 0],
-            covariances[:, 0],
-            objects,
-            object_covariances,
-            used,
-            enumerated.log_left_out + best,
-            new,
+            ids=ids,
+            parents=rows.parents,
+            steps=steps,
+            log_psi=log_psi,
+            effective_sample_sizes=effective,
+            robot=states[:, 0],
+            robot_covariance=covariances[:, 0],
+            objects=_of_detections(stack, states),
+            object_covariances=_of_detections(stack, covariances),
+            used=used,
+            log_left_out=enumerated.log_left_out + best,
+            new_objects=new,
         )
 
     def _evidence(self, step: Step, ids: list[int], stack: Stack, mode: Mode) -> tuple[Array, Array]:
@@ -209,8 +172,12 @@ def _stacked(parts: list[Predicted]) -> Predicted:
     return Predicted(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
 
 
-def _columns(blocks: Index, dimension: int) -> Index:
-    return np.asarray((blocks[:, None] * dimension + np.arange(dimension)).ravel())
+def _predicted(component: Component, step: Step, known: list[int], new: dict[int, GaussianPrior]) -> Predicted:
+    """b^-[x_k, O], the new objects after the known ones."""
+    predicted = component.predict(step.motion, known)
+    mean = np.concatenate([predicted.mean[0], *(prior.mean[None] for prior in new.values())])
+    covariance = block_diag(predicted.covariance[0], *(prior.covariance for prior in new.values()))
+    return Predicted(mean[None], covariance[None])
 
 
 def _path(path: LineageStep, used: Index, object_ids: list[int]) -> tuple[Index, Index]:
@@ -227,6 +194,11 @@ def _lineage_steps(
     if classes is not None:
         assignment[:, used] = classes
     return [LineageStep(tuple(a), tuple(c)) for a, c in zip(association.tolist(), assignment.tolist(), strict=True)]
+
+
+def _of_detections(stack: Stack, values: Array) -> Array:
+    """(K, 1 + n, ...) values of the blocks to (K, n, ...) of the objects that the detections are associated with."""
+    return np.asarray(values[np.arange(len(values))[:, None], 1 + stack.slots])
 
 
 def _marginals(stack: Stack, mode: Mode) -> tuple[Array, Array]:
