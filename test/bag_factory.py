@@ -93,7 +93,11 @@ def write_configuration(folder: Path, **changes: Any) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     values: dict[str, Any] = {
         "semantic_model": {"kind": "none"},
-        "perception": {"network": str(untrained_network(folder / "network.safetensors")), "num_passes": 5},
+        "perception": {
+            "network": str(untrained_network(folder / "network.safetensors")),
+            "num_passes": 5,
+            "depth_to_width": 0.0,
+        },
     }
     for section, value in changes.items():
         values[section] = {**values.get(section, {}), **value} if isinstance(value, dict) else value
