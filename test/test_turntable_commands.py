@@ -1,4 +1,4 @@
-"""train_classifier and fit_viewpoint_models, from a small folder in BigBIRD's format to models that know the classes."""
+"""train_classifier and fit_viewpoint_models: from a small folder in BigBIRD's format to models that know classes."""
 
 import json
 import subprocess
