@@ -8,27 +8,38 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3; do \
   $$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null && { echo $$p; break; }; done)
 PYTEST_ARGS ?=
 
-REQUIREMENTS := requirements/ros.txt requirements/runtime.txt requirements/tools.txt
-BUILD_INPUTS := setup.py setup.cfg package.xml cmake/ros_wheels.cmake $(wildcard launch/* config/*) \
-  msg_defs/CMakeLists.txt msg_defs/package.xml $(wildcard msg_defs/msg/*.msg)
+# Two cores are used: the messages are built while the rest is installed. Each step leaves a stamp behind.
+MAKEFLAGS += --jobs=2
+PIP := .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check
+COLCON := env -u MAKEFLAGS colcon --log-base log build --base-paths . msg_defs --symlink-install \
+  --event-handlers console_direct- --packages-select
+ROS_INSTALLED := .venv/.ros-installed
 INSTALLED := .venv/.installed
+MESSAGES_BUILT := install/.messages-built
 BUILT := install/.built
 
 .PHONY: setup demo test bags clean
 
 setup: $(BUILT)
 
-$(INSTALLED): $(REQUIREMENTS)
+$(ROS_INSTALLED): requirements/ros.txt
 	@test -n "$(PYTHON)" || { echo "make: Python 3.11 or 3.12 is needed; name one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@command -v cmake >/dev/null || { echo "make: cmake and a C compiler are needed (apt-get install cmake g++)" >&2; exit 1; }
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	.venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check $(addprefix -r ,$(REQUIREMENTS))
+	$(PIP) -r requirements/ros.txt -c requirements/tools.txt
 	touch $@
 
-$(BUILT): $(INSTALLED) $(BUILD_INPUTS)
+$(INSTALLED): $(ROS_INSTALLED) requirements/runtime.txt requirements/tools.txt
+	$(PIP) -r requirements/ros.txt -r requirements/runtime.txt -r requirements/tools.txt
+	touch $@
+
+$(MESSAGES_BUILT): $(ROS_INSTALLED) cmake/ros_wheels.cmake $(shell find msg_defs -type f)
 	export SEMANTIC_SLAM_BUILDING=1; source ./env.sh; \
-	colcon --log-base log build --base-paths . msg_defs --symlink-install --event-handlers console_direct- \
-	  --cmake-args -DCMAKE_PROJECT_INCLUDE=$(CURDIR)/cmake/ros_wheels.cmake -DBUILD_TESTING=OFF
+	$(COLCON) semantic_slam_msgs --cmake-args -DCMAKE_PROJECT_INCLUDE=$(CURDIR)/cmake/ros_wheels.cmake
+	touch $@
+
+$(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml $(wildcard launch/* config/*)
+	export SEMANTIC_SLAM_BUILDING=1; source ./env.sh; $(COLCON) semantic_slam
 	touch $@
 
 demo: $(BUILT)
