@@ -1,14 +1,13 @@
 """Exact answers of chapter 3 (schema exact-ch3/1), asked of the classifiers that everything else uses."""
 
 import warnings
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from semantic_slam.classification.baselines import ModelBasedClassifier, SimpleBayesClassifier
 from semantic_slam.classification.class_model import ClassModel
-from semantic_slam.classification.classifier import SequentialClassifier, View
+from semantic_slam.classification.classifier import Scores, SequentialClassifier, View
 from semantic_slam.classification.joint import JointClassifier
 from semantic_slam.classification.metrics import correct, log_mgr, msde
 from semantic_slam.classification.processes import ClassProcesses
@@ -33,7 +32,7 @@ def answers(given: dict) -> dict[str, Any]:
     log_prior = np.log(given["prior"])
     views = _views(given)
     of_samples = "samples" in given["model_based_measurement"]  # else mu_z
-    plain = [View.of(view.locations_m, view.samples) for view in views] if of_samples else views
+    plain = [View(view.locations_m, Scores.of(view.scores.samples)) for view in views] if of_samples else views
     mean, covariance = processes.posterior(np.array(given["X"]))
     found = {
         "gp_mean": mean,
@@ -56,7 +55,7 @@ def answers(given: dict) -> dict[str, Any]:
     if "pose_samples" in given:
         tracks = np.array(given["pose_samples"])
         sampled = RecursiveClassifier(processes, log_prior, len(tracks))
-        moved = [replace(view, locations_m=tracks[:, k]) for k, view in enumerate(views)]
+        moved = [View(tracks[:, k], view.scores) for k, view in enumerate(views)]
         found["log_posterior_localisation"] = _posteriors(sampled, moved)
         found["log_posterior_per_pose_sample_final"] = sampled.log_posteriors
     return found
@@ -64,7 +63,7 @@ def answers(given: dict) -> dict[str, Any]:
 
 def _views(given: dict) -> list[View]:
     columns = zip(given["X"], given["samples"], given["mu_z"], given["Sigma_z"], strict=True)
-    return [View(np.array([x]), np.array(samples), np.array(mu), np.array(s)) for x, samples, mu, s in columns]
+    return [View(np.array([x]), Scores(np.array(z), np.array(mu), np.array(s))) for x, z, mu, s in columns]
 
 
 def _posteriors(classifier: SequentialClassifier, views: list[View]) -> np.ndarray:
@@ -77,7 +76,7 @@ def _recursion(classifier: RecursiveClassifier, views: list[View]) -> dict[str, 
         prediction = classifier.predict(view.locations_m)
         found["step_mean"].append(prediction.mean[0])
         found["step_cov"].append(prediction.covariance[0])
-        found["step_loglik"].append(prediction.log_likelihoods(view.samples)[0])
+        found["step_loglik"].append(prediction.log_likelihoods(view.scores.samples)[0])
         found["log_posterior"].append(classifier.update(view))
     return found | {"log_posterior": np.array(found["log_posterior"])}
 

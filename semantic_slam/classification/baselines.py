@@ -26,7 +26,8 @@ class ModelBasedClassifier(JointClassifier):
         return type(self)(self._processes, self.log_prior, num_tracks, window=self._window)
 
     def update(self, view: View) -> Array:
-        return super().update(replace(view, covariance=np.zeros_like(view.covariance)))
+        certain = replace(view.scores, covariance=np.zeros_like(view.scores.covariance))
+        return super().update(View(view.locations_m, certain))
 
 
 class SimpleBayesClassifier(SequentialClassifier):
@@ -40,5 +41,5 @@ class SimpleBayesClassifier(SequentialClassifier):
         return type(self)(self.log_prior, num_tracks, clip=self._clip)
 
     def update(self, view: View) -> Array:
-        scores = np.maximum(view.mean, self._clip)
+        scores = np.maximum(view.scores.mean, self._clip)
         return self._weigh(np.tile(np.log(scores), (self.num_tracks, 1, 1)))

@@ -6,25 +6,31 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam.viewpoint.model import Array
 
 
 @dataclass(frozen=True)
-class View:
-    """One semantic measurement, and from where it was taken under each of P tracks."""
+class Scores:
+    """One semantic measurement: n dropout passes of F components, and the Gaussian that stands for them (Eq. 3.30)."""
 
-    locations_m: Array  # (P, 2) camera relative to the object, in the object's frame
-    samples: Array  # (n, F) scores, one row per dropout pass
+    samples: Array  # (n, F)
     mean: Array  # (F,) mu_z
-    covariance: Array  # (F, F) Sigma_z; may be singular (Eq. 3.30)
+    covariance: Array  # (F, F) Sigma_z; may be singular
 
     @classmethod
-    def of(cls, locations_m: Array, samples: Array) -> "View":
+    def of(cls, samples: Array) -> "Scores":
         """With the moments of the (n, F) samples; the covariance of a single one is zero."""
-        return cls(locations_m, samples, samples.mean(axis=0), sample_covariance(samples))
+        return cls(samples, samples.mean(axis=0), sample_covariance(samples))
+
+
+@dataclass(frozen=True)
+class View:
+    """A measurement, and from where it was taken under each of P tracks."""
+
+    locations_m: Array  # (P, 2) camera relative to the object, in the object's frame
+    scores: Scores
 
 
 class SequentialClassifier(ABC):
@@ -65,19 +71,28 @@ class SequentialClassifier(ABC):
         Normalised reading by reading, then averaged; returns what ``update`` returns.
         """
         joint = self.log_posteriors[:, None, :] + log_likelihoods
-        totals = logsumexp(joint, axis=-1)  # (P, n), -log eta of Eq. 3.26
+        totals = log_sum_exp(joint, axis=-1)  # (P, n), -log eta of Eq. 3.26
         count = np.log(log_likelihoods.shape[1])
-        self.log_posteriors = normalised(logsumexp(joint - totals[..., None], axis=1))
-        self.log_evidence = self.log_evidence + logsumexp(totals, axis=-1) - count
+        self.log_posteriors = normalised(log_sum_exp(joint - totals[..., None], axis=1))
+        self.log_evidence = self.log_evidence + log_sum_exp(totals, axis=-1) - count
         return averaged(self.log_posteriors)
+
+
+def log_sum_exp(logs: Array, axis: int = -1, keepdims: bool = False) -> Array:
+    """Log of the sum of exponentials along an axis, -inf where all are; a plain one, without scipy's dispatch."""
+    greatest = logs.max(axis=axis, keepdims=True)
+    greatest[np.isneginf(greatest)] = 0.0
+    with np.errstate(divide="ignore"):
+        total = np.log(np.exp(logs - greatest).sum(axis=axis, keepdims=True)) + greatest
+    return np.asarray(total if keepdims else total.squeeze(axis))
 
 
 def normalised(log_weights: Array) -> Array:
     """(..., C) logs shifted so that they sum to one over the last axis."""
-    return np.asarray(log_weights - logsumexp(log_weights, axis=-1, keepdims=True))
+    return np.asarray(log_weights - log_sum_exp(log_weights, axis=-1, keepdims=True))
 
 
 def averaged(log_posteriors: Array, log_weights: Array | None = None) -> Array:
     """(C,) log of the average of (P, C) posteriors, with (P,) normalised log weights or evenly."""
     weights = -np.log(len(log_posteriors)) if log_weights is None else log_weights[:, None]
-    return np.asarray(logsumexp(log_posteriors + weights, axis=0))
+    return np.asarray(log_sum_exp(log_posteriors + weights, axis=0))

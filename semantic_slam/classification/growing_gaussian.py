@@ -9,7 +9,10 @@ from semantic_slam.classification.growing import GrowingArray, GrowingMatrix
 from semantic_slam.viewpoint.model import Array
 
 RELATIVE_FLOOR = 1e-12
-"""Least conditional variance, as a share of the process's: below it a difference of doubles means nothing."""
+"""Least conditional variance, as a share of the processes' greatest: below it a difference of doubles means nothing.
+
+One number for all classes, so that a view that all of them predict perfectly favours none.
+"""
 
 
 @dataclass(frozen=True)
@@ -29,11 +32,11 @@ class GrowingGaussian:
     O(n^2), and nothing is ever made anew.
     """
 
-    def __init__(self, batch: tuple[int, ...], floor: Array) -> None:
-        """``floor`` broadcasts to ``batch``: least conditional variance of a value."""
+    def __init__(self, batch: tuple[int, ...], floor: float) -> None:
+        """``floor``: least conditional variance of a value."""
         self._root = GrowingMatrix(batch)  # M
         self._whitened_residual = GrowingArray(batch, ())  # M (z - mean)
-        self._floor = np.broadcast_to(floor, batch)
+        self._floor = floor
 
     def predict(self, cross: Array, corner: Array) -> NextBlock:
         """Of the block with covariance ``corner`` (*batch, b, b), and ``cross`` (*batch, n, b) with the first n."""
@@ -75,16 +78,16 @@ class GrowingGaussian:
         self._whitened_residual.values[rows] = other._whitened_residual.values
 
 
-def floored_cholesky(covariance: Array, floor: Array) -> Array:
+def floored_cholesky(covariance: Array, floor: float) -> Array:
     """(*batch, b, b) lower factors; a covariance that is singular to rounding gets no eigenvalue below ``floor``."""
     if covariance.shape[-1] == 1:
-        return np.sqrt(np.maximum(covariance, floor[..., None, None]))
+        return np.sqrt(np.maximum(covariance, floor))
     try:
         root = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
         root = None
-    if root is not None and np.all(np.square(np.diagonal(root, axis1=-2, axis2=-1)) >= floor[..., None]):
+    if root is not None and np.all(np.square(np.diagonal(root, axis1=-2, axis2=-1)) >= floor):
         return np.asarray(root)
     eigenvalues, vectors = np.linalg.eigh(covariance)
-    lifted = np.maximum(eigenvalues, floor[..., None])
+    lifted = np.maximum(eigenvalues, floor)
     return np.asarray(np.linalg.cholesky((vectors * lifted[..., None, :]) @ vectors.swapaxes(-1, -2)))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.classification.classifier import SequentialClassifier, View
-from semantic_slam.classification.growing_gaussian import RELATIVE_FLOOR, GrowingGaussian, NextBlock
+from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.recursive import Coupling
 from semantic_slam.classification.track import NextView, TrackViews
@@ -31,26 +31,24 @@ class JointClassifier(SequentialClassifier):
         super().__init__(log_prior, num_tracks)
         self._processes, self._coupling, self._window = processes, coupling, window
         self._views = TrackViews(processes, num_tracks)
-        floor = RELATIVE_FLOOR * processes.signal_variance
-        full = coupling == "full"
-        batch = self._views.batch
-        self._measurements = GrowingGaussian(batch[:2] if full else batch, floor.min(axis=-1) if full else floor)
+        batch = self._views.batch[:2] if coupling == "full" else self._views.batch
+        self._measurements = GrowingGaussian(batch, processes.least_variance)
 
     def empty(self, num_tracks: int) -> Self:
         return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
 
     def update(self, view: View) -> Array:
-        self._make_room()
         next_view = self._views.next(view.locations_m)
-        residual = view.mean - next_view.mean
+        residual = view.scores.mean - next_view.mean
         if self._coupling == "full":
-            block = self._coupled(next_view, view.covariance)
+            block = self._coupled(next_view, view.scores.covariance)
             log_likelihoods = self._measurements.append(block, residual)
         else:
-            variance = next_view.variance + np.diag(view.covariance)
+            variance = next_view.variance + np.diag(view.scores.covariance)
             block = self._measurements.predict(next_view.covariances[..., None], variance[..., None, None])
             log_likelihoods = self._measurements.append(block, residual[..., None]).sum(axis=-1)
         self._views.append(next_view)
+        self._keep_window()
         return self._weigh(log_likelihoods[:, None, :])
 
     def replace(self, rows: NDArray[np.int_], other: Self) -> None:
@@ -68,8 +66,8 @@ class JointClassifier(SequentialClassifier):
         corner[..., diagonal, diagonal] += view.variance
         return self._measurements.predict(cross.reshape(tracks, classes, count * size, size), corner)
 
-    def _make_room(self) -> None:
-        if self._window is None or len(self._views) < self._window:
+    def _keep_window(self) -> None:
+        if self._window is None or len(self._views) <= self._window:
             return
         self._views.drop_first()
         for _ in range(self._processes.num_components if self._coupling == "full" else 1):

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from semantic_slam.classification.class_model import ClassModel
+from semantic_slam.classification.growing_gaussian import RELATIVE_FLOOR
 from semantic_slam.classification.inputs import INPUT_MAPS
 from semantic_slam.errors import InputError
 from semantic_slam.viewpoint.model import Array
@@ -48,11 +49,12 @@ class ClassProcesses:
             raise InputError("class models: inputs and components have to be the same for all classes")
         self.num_classes, self.num_components = len(models), models[0].scores.shape[1]
         self.num_inputs = models[0].inputs.shape[1]  # D
-        self.signal_variance = np.stack([model.signal_variance for model in models])  # (C, F)
+        signal_variance = np.stack([model.signal_variance for model in models])  # (C, F)
+        self.least_variance = RELATIVE_FLOOR * float(signal_variance.max())
         self._map = INPUT_MAPS[input_map]
         noise = np.stack([model.noise_sigma**2 for model in models]) if test_noise == "sigma_n" else 0.0
-        self._correlated_variance = self.signal_variance + (noise if view_noise == "kernel" else 0.0)
-        self._own_variance = self.signal_variance + noise
+        self._correlated_variance = signal_variance + (noise if view_noise == "kernel" else 0.0)
+        self._own_variance = signal_variance + noise
         self._classes = [_Trained.of(model) for model in models]
         self.rank = max(trained.projection.shape[-1] for trained in self._classes)
 
@@ -65,16 +67,17 @@ class ClassProcesses:
 
     def covariances(self, scaled: Array, whitened: Array, new: Marginals) -> Array:
         """(P, C, F, k) of k earlier views, as (P, C, F, k, D) and (P, C, F, k, R), with a new one (Eq. 3.16)."""
-        squared = np.square(scaled - new.scaled[..., None, :]).sum(axis=-1)
-        prior = self._correlated_variance[..., None] * np.exp(-0.5 * squared)
-        return np.asarray(prior - (whitened @ new.whitened[..., None])[..., 0])
+        shared = _correlation(scaled, new.scaled[..., None, :])
+        shared *= self._correlated_variance[..., None]
+        shared -= (whitened @ new.whitened[..., None])[..., 0]
+        return shared
 
     def posterior(self, locations_m: Array) -> tuple[Array, Array]:
         """(C, K, F) mean and (C, F, K, K) covariance over a whole track of (K, 2) locations (Eqs. 3.15-3.16)."""
         views = self.marginals(locations_m)
         rows = [np.moveaxis(value, 0, -2) for value in (views.scaled, views.whitened)]  # (C, F, K, ·)
-        squared = np.square(rows[0][..., :, None, :] - rows[0][..., None, :, :]).sum(axis=-1)
-        covariance = self._correlated_variance[..., None, None] * np.exp(-0.5 * squared)
+        correlation = _correlation(rows[0][..., :, None, :], rows[0][..., None, :, :])
+        covariance = self._correlated_variance[..., None, None] * correlation
         covariance += (self._own_variance - self._correlated_variance)[..., None, None] * np.eye(len(locations_m))
         return views.mean.swapaxes(0, 1), covariance - rows[1] @ rows[1].swapaxes(-1, -2)
 
@@ -111,12 +114,21 @@ class _Trained:
         scaled = np.einsum("fde,pe->fpd", self.scaling, inputs)
         cross = _kernel(scaled, self.inputs, self.signal_variance)
         whitened = cross @ self.projection
-        padding = ((0, 0), (0, 0), (0, rank - whitened.shape[-1]))
+        padded = np.zeros((*whitened.shape[:2], rank))
+        padded[..., : whitened.shape[-1]] = whitened
         mean = (cross @ self.weights[..., None])[..., 0]
-        return scaled.swapaxes(0, 1), np.pad(whitened, padding).swapaxes(0, 1), mean.T
+        return scaled.swapaxes(0, 1), padded.swapaxes(0, 1), mean.T
 
 
 def _kernel(first: Array, second: Array, signal_variance: Array) -> Array:
     """(F, A, B) squared-exponential kernel of (F, A, D) and (F, B, D) scaled inputs (Eq. 3.12)."""
-    squared = np.square(first[:, :, None, :] - second[:, None, :, :]).sum(axis=-1)
-    return np.asarray(signal_variance[:, None, None] * np.exp(-0.5 * squared))
+    return signal_variance[:, None, None] * _correlation(first[:, :, None, :], second[:, None, :, :])
+
+
+def _correlation(first: Array, second: Array) -> Array:
+    """(...,) squared-exponential correlation of (..., D) scaled inputs; dimension by dimension, which is fast."""
+    squared = np.square(first[..., 0] - second[..., 0])
+    for dimension in range(1, first.shape[-1]):
+        squared += np.square(first[..., dimension] - second[..., dimension])
+    squared *= -0.5
+    return np.asarray(np.exp(squared, out=squared))

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from semantic_slam.classification.classifier import SequentialClassifier, View
 from semantic_slam.classification.growing import GrowingArray
 from semantic_slam.classification.growing_gaussian import (
-    RELATIVE_FLOOR,
     GrowingGaussian,
     NextBlock,
     floored_cholesky,
@@ -28,7 +27,7 @@ class ScorePrediction:
 
     mean: Array  # (P, C, F)
     covariance: Array  # (P, C, F, F)
-    floor: Array  # (P, C), least variance
+    floor: float  # least variance
 
     def log_likelihoods(self, samples: Array) -> Array:
         """(P, n, C) log density of (n, F) samples, in nats."""
@@ -59,19 +58,20 @@ class RecursiveClassifier(SequentialClassifier):
         self._processes, self._coupling, self._window = processes, coupling, window
         self._views = TrackViews(processes, num_tracks)
         self._noise = GrowingArray((), (processes.num_components,) * 2)  # Sigma_z of the views before
-        self._scores = GrowingGaussian(self._views.batch, RELATIVE_FLOOR * processes.signal_variance)
+        self._scores = GrowingGaussian(self._views.batch, processes.least_variance)
 
     def empty(self, num_tracks: int) -> Self:
         return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
 
     def update(self, view: View) -> Array:
-        self._make_room()
         next_view = self._views.next(view.locations_m)
         block = self._block(next_view)
-        average = self._weigh(self._prediction(next_view, block).log_likelihoods(view.samples))
-        self._scores.append(block, (view.mean - next_view.mean)[..., None])
+        average = self._weigh(self._prediction(next_view, block).log_likelihoods(view.scores.samples))
+        self._scores.append(block, (view.scores.mean - next_view.mean)[..., None])
         self._views.append(next_view)
-        self._noise.append(view.covariance if self._coupling == "full" else np.diag(np.diag(view.covariance)))
+        noise = view.scores.covariance
+        self._noise.append(noise if self._coupling == "full" else np.diag(np.diag(noise)))
+        self._keep_window()
         return average
 
     def replace(self, rows: NDArray[np.int_], other: Self) -> None:
@@ -93,11 +93,10 @@ class RecursiveClassifier(SequentialClassifier):
         size = omega.shape[2]
         covariance = np.einsum("pcfi,pcgi,ifg->pcfg", omega, omega, self._noise.values, optimize=True)
         covariance[..., range(size), range(size)] += np.square(block.root[..., 0, 0])
-        floor = np.broadcast_to(RELATIVE_FLOOR * self._processes.signal_variance.min(axis=-1), omega.shape[:2])
-        return ScorePrediction(view.mean + block.shift[..., 0], covariance, floor)
+        return ScorePrediction(view.mean + block.shift[..., 0], covariance, self._processes.least_variance)
 
-    def _make_room(self) -> None:
-        if self._window is not None and len(self._views) == self._window:
+    def _keep_window(self) -> None:
+        if self._window is not None and len(self._views) > self._window:
             self._views.drop_first()
             self._scores.drop_first()
             self._noise.drop_first()
