@@ -89,7 +89,7 @@ def test_replaced_tracks_go_on_like_their_own(make: type) -> None:
     moved = [tracks[:2, k] + 1.0 for k in range(len(views))]
     for k, view in enumerate(views):
         if k == 3:
-            whole.replace(np.array([1, 3]), other)
+            whole.replace(np.array([1, 3]), other, np.array([0, 1]))
         whole.update(View(np.insert(tracks[[0, 2], k], [1, 2], moved[k], axis=0), view.scores))
         if k < 3:
             other.update(View(moved[k], view.scores))

@@ -1,15 +1,18 @@
 """Classification under an uncertain track: samples that live on between the views, their weights, their replacement."""
 
 import numpy as np
+import pytest
 from dense_classification import Dense, problem
 from scipy.stats import multivariate_normal
 
 from semantic_slam.classification.class_model import ClassModel
 from semantic_slam.classification.classifier import Scores
 from semantic_slam.classification.joint import JointClassifier
-from semantic_slam.classification.localisation import GaussianTrack, TrackSampledClassifier, rejection_control, replayed
+from semantic_slam.classification.localisation import EvidenceTracks, GeometricTracks, SampledTracks, replayed
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.recursive import RecursiveClassifier
+from semantic_slam.classification.resampling import rejection_control, systematic_resampling
+from semantic_slam.classification.track_posterior import GaussianTrack
 
 ODOMETRY_SIGMA_M = 0.4
 
@@ -54,7 +57,7 @@ def test_tracks_that_share_one_offset_stay_together() -> None:
 
 def test_nothing_is_replaced_while_the_belief_of_the_past_stays() -> None:
     processes, log_prior, scores, locations = _parts(seed=3, num_views=6)
-    method = TrackSampledClassifier(RecursiveClassifier(processes, log_prior), 50, np.random.default_rng(2))
+    method = GeometricTracks(RecursiveClassifier(processes, log_prior), 50, np.random.default_rng(2))
     for k, measurement in enumerate(scores):
         found = method.update(measurement, GaussianTrack(locations[: k + 1], odometry(k + 1)))
     np.testing.assert_allclose(method.log_weights, -np.log(50))
@@ -63,32 +66,31 @@ def test_nothing_is_replaced_while_the_belief_of_the_past_stays() -> None:
     np.testing.assert_allclose(np.logaddexp.reduce(again.log_posteriors) - np.log(50), found, atol=1e-12)
 
 
-def test_incremental_equals_fresh_samples_of_the_last_posterior() -> None:
-    """Two position fixes along the way change what is believed of the whole track."""
+@pytest.mark.parametrize("make, fixes", [(GeometricTracks, (2, 6)), (EvidenceTracks, (2, 6)), (EvidenceTracks, ())])
+def test_incremental_equals_fresh_samples_of_the_last_posterior(make: type[SampledTracks], fixes: tuple) -> None:
+    """Position fixes along the way change what is believed of the whole track."""
     processes, log_prior, scores, locations = _parts(seed=11, num_views=8)
-    for average in ("thesis", "evidence"):
-        method = TrackSampledClassifier(
-            JointClassifier(processes, log_prior), 4000, np.random.default_rng(3), average=average
-        )
-        for k, measurement in enumerate(scores):
-            posterior = belief(locations, k, (2, 6))
-            found = np.exp(method.update(measurement, posterior))
-        assert 0 < method.replaced < 2 * 4000
-        batch = replayed(method.classifier, scores, posterior.sample(8000, np.random.default_rng(4)))
-        weights = np.exp(batch.log_evidence - batch.log_evidence.max()) if average == "evidence" else np.ones(8000)
-        expected = weights @ np.exp(batch.log_posteriors) / weights.sum()
-        np.testing.assert_allclose(found, expected, atol=0.03)
+    method = make(JointClassifier(processes, log_prior), 2000, np.random.default_rng(3))
+    for k, measurement in enumerate(scores):
+        posterior = belief(locations, k, fixes)
+        found = method.update(measurement, posterior)
+    assert 0 < method.replaced <= 2 * 2000 if fixes else method.replaced == 0
+    batch = replayed(method.classifier, scores, posterior.sample(20000, np.random.default_rng(4)))
+    logs = batch.log_evidence if isinstance(method, EvidenceTracks) else np.zeros(20000)
+    weights = np.exp(logs - logs.max())
+    expected = weights @ np.exp(batch.log_posteriors) / weights.sum()
+    np.testing.assert_allclose(np.exp(found), expected, atol=0.04)
+    if isinstance(method, EvidenceTracks):
+        assert abs(method.log_evidence - np.log(weights.mean()) - logs.max()) < 0.2
 
 
 def test_evidence_average_is_the_mixture_of_the_joint_likelihoods() -> None:
-    """Sum over tracks of p(z | track, c) p(c), normalised once at the end."""
+    """Sum over tracks of p(z | track, c) p(c), normalised once at the end; nothing resampled."""
     given = problem("plain", "sigma_n", seed=12)
     processes, log_prior, scores, locations = _parts(seed=12)
-    method = TrackSampledClassifier(
-        JointClassifier(processes, log_prior), 6, np.random.default_rng(5), average="evidence"
-    )
+    method = EvidenceTracks(JointClassifier(processes, log_prior), 6, np.random.default_rng(5), least_share=0.0)
     for k, measurement in enumerate(scores):
-        found = method.update(measurement, GaussianTrack(locations[: k + 1], odometry(k + 1)))
+        found = method.update(measurement, belief(locations, k, ()))
     logs = []
     for track in method.tracks_m:
         dense, row = Dense(given, track), []
@@ -99,6 +101,15 @@ def test_evidence_average_is_the_mixture_of_the_joint_likelihoods() -> None:
         logs.append(row)
     expected = np.logaddexp.reduce(logs)
     np.testing.assert_allclose(found, expected - np.logaddexp.reduce(expected), atol=1e-8)
+    np.testing.assert_allclose(method.log_evidence, np.logaddexp.reduce(expected) - np.log(6), atol=1e-8)
+
+
+def test_systematic_resampling_copies_by_weight() -> None:
+    lost, copied = systematic_resampling(np.log([0.5, 0.25, 0.0625, 0.1875]), np.random.default_rng(7))
+    assert len(lost) == len(copied)
+    offspring = np.ones(4) - np.isin(np.arange(4), lost) + np.bincount(copied, minlength=4)
+    np.testing.assert_allclose(offspring[:2], [2, 1])
+    assert offspring.sum() == 4
 
 
 def test_rejection_control_changes_no_average() -> None:
@@ -109,9 +120,9 @@ def test_rejection_control_changes_no_average() -> None:
         drawn = generator.normal(size=1000)
         logs = drawn - 0.5  # log N(x; 1, 1) - log N(x; 0, 1)
         logs -= np.logaddexp.reduce(logs)
-        replacement = rejection_control(logs, generator)
-        drawn[replacement.fresh] = generator.normal(1.0, 1.0, replacement.fresh.sum())
-        weights = np.exp(replacement.log_weights)
+        fresh, log_weights = rejection_control(logs, generator)
+        drawn[fresh] = generator.normal(1.0, 1.0, len(fresh))
+        weights = np.exp(log_weights)
         np.testing.assert_allclose(weights.sum(), 1.0)
         averages.append(weights @ drawn)
     assert abs(np.mean(averages) - 1.0) < 0.01

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from semantic_slam.classification.growing import Indices
 from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam.viewpoint.model import Array
 
@@ -60,10 +60,10 @@ class SequentialClassifier(ABC):
     def empty(self, num_tracks: int) -> Self:
         """A classifier of the same settings for ``num_tracks`` tracks, that has seen nothing."""
 
-    def replace(self, rows: NDArray[np.int_], other: Self) -> None:
-        """Take the tracks of ``other``, which has seen the same measurements, for those at ``rows``."""
-        self.log_posteriors[rows] = other.log_posteriors
-        self.log_evidence[rows] = other.log_evidence
+    def replace(self, rows: Indices, other: Self, source: Indices) -> None:
+        """Take tracks ``source`` of ``other`` (or of itself), which has seen the same, for those at ``rows``."""
+        self.log_posteriors[rows] = other.log_posteriors[source]
+        self.log_evidence[rows] = other.log_evidence[source]
 
     def _weigh(self, log_likelihoods: Array) -> Array:
         """Bayes' rule for (P, n, C) likelihoods of n equally likely readings of one view (Eqs. 3.24-3.27).

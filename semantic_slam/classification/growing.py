@@ -1,8 +1,11 @@
 """Arrays and factors that grow by a view and lose their oldest one, without being made anew."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.viewpoint.model import Array
+
+Indices = NDArray[np.int_]
 
 FIRST_CAPACITY = 8
 

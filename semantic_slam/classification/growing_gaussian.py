@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.classification.growing import GrowingArray, GrowingMatrix
+from semantic_slam.classification.growing import GrowingArray, GrowingMatrix, Indices
 from semantic_slam.viewpoint.model import Array
 
 RELATIVE_FLOOR = 1e-12
@@ -72,10 +71,10 @@ class GrowingGaussian:
         self._root.drop_first()
         self._whitened_residual.drop_first()
 
-    def replace(self, rows: NDArray[np.int_], other: "GrowingGaussian") -> None:
-        """Take the batch entries of ``other``, of the same length, for the ``rows`` of the first batch axis."""
-        self._root.values[rows] = other._root.values
-        self._whitened_residual.values[rows] = other._whitened_residual.values
+    def replace(self, rows: Indices, other: "GrowingGaussian", source: Indices) -> None:
+        """Take entries ``source`` of ``other``, of the same length, for the ``rows`` of the first batch axis."""
+        self._root.values[rows] = other._root.values[source]
+        self._whitened_residual.values[rows] = other._whitened_residual.values[source]
 
 
 def floored_cholesky(covariance: Array, floor: float) -> Array:

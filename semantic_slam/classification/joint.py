@@ -3,9 +3,9 @@
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.classification.classifier import SequentialClassifier, View
+from semantic_slam.classification.growing import Indices
 from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.recursive import Coupling
@@ -51,10 +51,10 @@ class JointClassifier(SequentialClassifier):
         self._keep_window()
         return self._weigh(log_likelihoods[:, None, :])
 
-    def replace(self, rows: NDArray[np.int_], other: Self) -> None:
-        super().replace(rows, other)
-        self._views.replace(rows, other._views)
-        self._measurements.replace(rows, other._measurements)
+    def replace(self, rows: Indices, other: Self, source: Indices) -> None:
+        super().replace(rows, other, source)
+        self._views.replace(rows, other._views, source)
+        self._measurements.replace(rows, other._measurements, source)
 
     def _coupled(self, view: NextView, noise: Array) -> NextBlock:
         """The F components of a view as one block: the process leaves them independent, Sigma_z does not."""

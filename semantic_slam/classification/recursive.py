@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.classification.classifier import SequentialClassifier, View
-from semantic_slam.classification.growing import GrowingArray
+from semantic_slam.classification.growing import GrowingArray, Indices
 from semantic_slam.classification.growing_gaussian import (
     GrowingGaussian,
     NextBlock,
@@ -74,10 +73,10 @@ class RecursiveClassifier(SequentialClassifier):
         self._keep_window()
         return average
 
-    def replace(self, rows: NDArray[np.int_], other: Self) -> None:
-        super().replace(rows, other)
-        self._views.replace(rows, other._views)
-        self._scores.replace(rows, other._scores)
+    def replace(self, rows: Indices, other: Self, source: Indices) -> None:
+        super().replace(rows, other, source)
+        self._views.replace(rows, other._views, source)
+        self._scores.replace(rows, other._scores, source)
 
     def predict(self, locations_m: Array) -> ScorePrediction:
         """Of the scores at (P, 2) next locations, before they are measured."""

@@ -2,10 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from semantic_slam.classification.growing import GrowingArray
+from semantic_slam.classification.growing import GrowingArray, Indices
 from semantic_slam.classification.processes import ClassProcesses, Marginals
 from semantic_slam.viewpoint.model import Array
 
@@ -55,7 +52,7 @@ class TrackViews:
         self._scaled.drop_first()
         self._whitened.drop_first()
 
-    def replace(self, rows: NDArray[np.int_], other: "TrackViews") -> None:
-        """Take the tracks of ``other``, with as many views, for those at ``rows``."""
-        self._scaled.values[rows] = other._scaled.values
-        self._whitened.values[rows] = other._whitened.values
+    def replace(self, rows: Indices, other: "TrackViews", source: Indices) -> None:
+        """Take tracks ``source`` of ``other``, with as many views, for those at ``rows``."""
+        self._scaled.values[rows] = other._scaled.values[source]
+        self._whitened.values[rows] = other._whitened.values[source]

@@ -1,0 +1,59 @@
+"""Where the camera was relative to the object, as a distribution over the whole track."""
+
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from semantic_slam.viewpoint.model import Array
+
+RELATIVE_JITTER = 1e-9
+"""Share of the greatest variance that is added to all: tracks that share one offset have a singular covariance."""
+
+
+class TrackPosterior(Protocol):
+    """p(X_0:k, o | H_k) as locations of the camera relative to the object, K = k + 1 views."""
+
+    def sample(self, count: int, generator: np.random.Generator) -> Array:
+        """(count, K, 2) tracks."""
+
+    def extend(self, tracks: Array, generator: np.random.Generator) -> Array:
+        """(P, 2) locations of view k, drawn given the (P, k, 2) locations before it and all that is known."""
+
+    def log_density(self, tracks: Array) -> Array:
+        """(P,) of the first views of the track, (P, k, 2) with k <= K, up to a constant that is the same for a k."""
+
+
+class GaussianTrack:
+    """A Gaussian over all locations of a track, as SLAM's joint marginals give it."""
+
+    def __init__(self, mean_m: Array, covariance: Array) -> None:
+        """``mean_m`` (K, 2); ``covariance`` (2 K, 2 K), ordered x0 y0 x1 y1 ..., positive semi-definite."""
+        self._mean = np.asarray(mean_m, dtype=np.float64).reshape(-1)
+        jitter = RELATIVE_JITTER * np.diagonal(covariance).max()
+        self._factor = np.linalg.cholesky(covariance + jitter * np.eye(self._mean.size))
+
+    def sample(self, count: int, generator: np.random.Generator) -> Array:
+        """(count, K, 2) tracks."""
+        drawn = generator.standard_normal((count, self._mean.size))
+        return np.asarray(self._mean + drawn @ self._factor.T).reshape(count, -1, 2)
+
+    def extend(self, tracks: Array, generator: np.random.Generator) -> Array:
+        """(P, 2) locations of view k given the (P, k, 2) before it."""
+        before = 2 * tracks.shape[1]
+        newest = slice(before, before + 2)
+        shift = self._whitened(tracks).T @ self._factor[newest, :before].T
+        drawn = generator.standard_normal((len(tracks), 2))
+        return np.asarray(self._mean[newest] + shift + drawn @ self._factor[newest, newest].T)
+
+    def log_density(self, tracks: Array) -> Array:
+        """(P,) of the first views, in nats but for the factor of 2 pi."""
+        whitened = self._whitened(tracks)
+        logdet = np.log(np.diagonal(self._factor)[: len(whitened)]).sum()
+        return np.asarray(-0.5 * np.square(whitened).sum(axis=0) - logdet)
+
+    def _whitened(self, tracks: Array) -> Array:
+        """(2 k, P)."""
+        size = 2 * tracks.shape[1]
+        centred = (tracks.reshape(len(tracks), size) - self._mean[:size]).T
+        return np.asarray(solve_triangular(self._factor[:size, :size], centred, lower=True))
