@@ -26,6 +26,9 @@ LOOK_PATTERN = (0, 1, 0, -1)
 """Headings against the middle line, in views, in the order in which they take turns."""
 POSITIONS_PER_LOOK = 12
 KEYFRAME_EVERY = 2
+LATEST_START = 6
+"""Starts lie this many positions past the middle of the southern side, or fewer: from before the middle the robot
+passes a whole row at once, and then its geometry alone tells where it is."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ def tour(seed: int) -> tuple[TourFrame, ...]:
 def drive(seed: int) -> tuple[TourFrame, ...]:
     """The tour with the positions at which no keyframe is taken."""
     positions = ring()
-    start = int(np.random.default_rng([seed, 2]).integers(-6, 7))
+    start = int(np.random.default_rng([seed, 2]).integers(0, LATEST_START + 1))
     frames: list[TourFrame] = []
     view = _look(positions[start], 0)
     for step in range(len(positions) + 1):
