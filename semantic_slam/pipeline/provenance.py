@@ -14,7 +14,7 @@ def source_text(path: Path, sha256: str) -> str:
 
 def revision() -> str:
     """Version of this package, with the git revision when it runs from a checkout."""
-    root = Path(semantic_slam.__file__).parents[1]
+    root = Path(semantic_slam.__file__).resolve().parents[1]  # a symlink install imports through build/
     if not (root / ".git").exists():
         return semantic_slam.__version__
     command = ["git", "-C", str(root), "describe", "--always", "--dirty"]
