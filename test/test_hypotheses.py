@@ -186,3 +186,40 @@ def test_features_of_another_classifier_are_refused() -> None:
     manager = HypothesisManager(world.run, InProcessPool(1))
     with pytest.raises(InputError, match="3 feature components"):
         manager.process(dataclasses.replace(world.keyframes[0], measurements=wrong))
+
+
+def candidates_of_a_pair(**overrides: object) -> Candidates:
+    """Candidates for the first frame with two detections, from the prior alone; everything is enumerated."""
+    everything = {"weights": {"gate": 1e9, "max_candidates": 10**6}, "semantic_model": {"kind": "none"}}
+    world = make_world(6, **{**everything, **overrides})
+    keyframe = next(k for k in world.keyframes if len(k.measurements) == 2)
+    backend = Backend(0)
+    backend.start(world.run)
+    return backend.expand(dataclasses.replace(keyframe, index=0))
+
+
+@pytest.mark.parametrize(("distinct", "number"), [(True, 5 * 4), (False, 5 * 5)])
+def test_an_object_takes_two_detections_of_a_frame_only_where_that_is_allowed(distinct: bool, number: int) -> None:
+    candidates = candidates_of_a_pair(distinct_assignment=distinct)
+    assert len(candidates.ids) == number
+    repeated = candidates.associations[:, 0] == candidates.associations[:, 1]
+    assert repeated.any() == (not distinct)
+    assert (candidates.log_mass_not_enumerated == -np.inf).all()
+
+
+def test_what_the_gate_leaves_out_is_reported() -> None:
+    """A gate of 2 nats keeps few candidates; kept and reported mass together are about the whole."""
+    whole = candidates_of_a_pair()
+    gated = candidates_of_a_pair(weights={"gate": 2.0})
+    assert len(gated.ids) < len(whole.ids)
+    log_whole = np.logaddexp.reduce(whole.log_weights)
+    log_gated = np.logaddexp.reduce([*gated.log_weights, *gated.log_mass_not_enumerated])
+    assert np.isfinite(gated.log_mass_not_enumerated).all()
+    assert log_gated == pytest.approx(log_whole, abs=1.0)
+
+
+def test_classes_are_enumerated_for_objects_that_were_not_seen_before() -> None:
+    """Two new objects of two classes each; the class prior is part of the weight."""
+    candidates = candidates_of_a_pair(semantic_model={"kind": "parametric"})
+    assert len(candidates.ids) == 5 * 4 * 2 * 2
+    assert set(map(tuple, candidates.class_assignments)) == {(0, 0), (0, 1), (1, 0), (1, 1)}
