@@ -1,0 +1,30 @@
+"""The README says what is there: its example is the one that is tested, its links and commands exist."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_example_is_the_tested_one() -> None:
+    assert (ROOT / "examples" / "print_belief.py").read_text(encoding="utf-8").strip() in README
+
+
+def test_links_lead_somewhere() -> None:
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", README) if not link.startswith("http")]
+    assert links
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_every_command_is_installed() -> None:
+    installed = set(re.findall(r'"(\w+)"', (ROOT / "setup.py").read_text(encoding="utf-8")))
+    blocks = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
+    words = {line.split()[0] for block in blocks for line in block.splitlines() if line.strip()}
+    ours = {word for word in words if "_" in word and "/" not in word}
+    assert ours and ours <= installed
+
+
+def test_configurations_it_names_exist() -> None:
+    named = set(re.findall(r"config/\w+\.(?:yaml|rviz)", README)) - {"config/mine.yaml"}
+    assert named and all((ROOT / name).is_file() for name in named)
