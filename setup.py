@@ -15,7 +15,7 @@ setup(
     package_data={
         f"{NAME}.messages": ["definitions/*.msg"],
         f"{NAME}.report": ["templates/*"],
-        f"{NAME}.studies": ["templates/*"],
+        f"{NAME}.studies": ["templates/*", "scenarios/*"],
         f"{NAME}.perception": ["weights/*"],
         f"{NAME}.viewpoint": ["weights/*"],
         NAME: ["weights/*"],

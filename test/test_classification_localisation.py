@@ -8,7 +8,13 @@ from scipy.stats import multivariate_normal
 from semantic_slam.classification.class_model import ClassModel
 from semantic_slam.classification.classifier import Scores
 from semantic_slam.classification.joint import JointClassifier
-from semantic_slam.classification.localisation import EvidenceTracks, GeometricTracks, SampledTracks, replayed
+from semantic_slam.classification.localisation import (
+    EvidencePerClass,
+    EvidenceTracks,
+    GeometricTracks,
+    SampledTracks,
+    replayed,
+)
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.recursive import RecursiveClassifier
 from semantic_slam.classification.resampling import rejection_control, systematic_resampling
@@ -102,6 +108,37 @@ def test_evidence_average_is_the_mixture_of_the_joint_likelihoods() -> None:
     expected = np.logaddexp.reduce(logs)
     np.testing.assert_allclose(found, expected - np.logaddexp.reduce(expected), atol=1e-8)
     np.testing.assert_allclose(method.log_evidence, np.logaddexp.reduce(expected) - np.log(6), atol=1e-8)
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_evidence_of_each_class_over_tracks_of_its_own(rigid: bool) -> None:
+    """Against the plain average of p(z | track, c) over many tracks; rigid: one offset, copies have to be moved."""
+    processes, log_prior, scores, locations = _parts(seed=12, num_views=6)
+    covariance = 0.25 * np.kron(np.ones((6, 6)) if rigid else np.eye(6), np.eye(2))
+    joint = JointClassifier(processes, log_prior)
+    generator = np.random.default_rng(8)
+    filters = [EvidenceTracks(joint.of_class(c), 1000, generator, move=rigid) for c in range(2)]
+    method = EvidencePerClass(filters, log_prior)
+    for k, measurement in enumerate(scores):
+        size = 2 * (k + 1)
+        found = method.update(measurement, GaussianTrack(locations[: k + 1], covariance[:size, :size]))
+    assert all(tracks.moved > 0 for tracks in filters) == rigid
+    tracks = GaussianTrack(locations, covariance).sample(20000, generator)
+    for c, own in enumerate(filters):
+        logs = replayed(joint.of_class(c), scores, tracks).log_evidence
+        exact = np.logaddexp.reduce(logs) - np.log(len(logs))
+        assert abs(own.log_evidence - exact) < 0.3
+    expected = log_prior + [tracks.log_evidence for tracks in filters]
+    np.testing.assert_allclose(found, expected - np.logaddexp.reduce(expected))
+
+
+def test_moves_leave_the_posterior_as_it_is() -> None:
+    generator = np.random.default_rng(9)
+    mean, covariance = generator.normal(size=(3, 2)), odometry(3)
+    track = GaussianTrack(mean, covariance)
+    moved = track.move(track.sample(20000, generator), generator.random(20000), generator).reshape(20000, 6)
+    np.testing.assert_allclose(moved.mean(axis=0), mean.ravel(), atol=0.03)
+    np.testing.assert_allclose(np.cov(moved.T), covariance, atol=0.03)
 
 
 def test_systematic_resampling_copies_by_weight() -> None:

@@ -25,6 +25,9 @@ class ModelBasedClassifier(JointClassifier):
     def empty(self, num_tracks: int) -> Self:
         return type(self)(self._processes, self.log_prior, num_tracks, window=self._window)
 
+    def of_class(self, class_index: int) -> Self:
+        return type(self)(self._processes.only(class_index), np.zeros(1), window=self._window)
+
     def update(self, view: View) -> Array:
         certain = replace(view.scores, covariance=np.zeros_like(view.scores.covariance))
         return super().update(View(view.locations_m, certain))

@@ -10,6 +10,9 @@ from semantic_slam.classification.resampling import effective_size, rejection_co
 from semantic_slam.classification.track_posterior import TrackPosterior
 from semantic_slam.viewpoint.model import Array
 
+LEAST_MOVE = 0.01
+"""A move goes this share of the posterior's spread at least."""
+
 
 class SampledTracks(ABC):
     """A classifier run on P samples of the track, each with its own class history (Eqs. 3.20, 3.42).
@@ -92,11 +95,26 @@ class GeometricTracks(SampledTracks):
 class EvidenceTracks(SampledTracks):
     """Tracks count by how well they explain the scores, too: the posterior of track and class together.
 
-    A particle filter whose particles carry class histories: light ones give way to copies of heavy ones, which then go
-    on differently. ``log_evidence`` is log p(z_0:k) over both, without bias before the logarithm.
+    A particle filter whose particles carry class histories: light ones give way to copies of heavy ones.
+    ``log_evidence`` is log p(z_0:k) over track and class, without bias before the logarithm. With ``move`` the copies
+    are moved at once (resample-move: a Metropolis step to a track nearby, judged by the evidence, for which the views
+    are gone through again): needed where they would not part on their own, as with one offset for the whole track.
     """
 
     log_evidence: float
+    moved = 0  # tracks that took another course so far
+
+    def __init__(
+        self,
+        classifier: SequentialClassifier,
+        num_tracks: int,
+        generator: np.random.Generator,
+        *,
+        least_share: float = 0.5,
+        move: bool = False,
+    ) -> None:
+        super().__init__(classifier, num_tracks, generator, least_share=least_share)
+        self._moves = move
 
     def _start(self, classifier: SequentialClassifier, num_tracks: int) -> None:
         super()._start(classifier, num_tracks)
@@ -113,6 +131,20 @@ class EvidenceTracks(SampledTracks):
             self.classifier.replace(lost, self.classifier, copied)
             self.tracks_m[lost] = self.tracks_m[copied]
             self.log_weights = np.full_like(self.log_weights, -np.log(len(self.log_weights)))
+            if self._moves:
+                self._move([*self._scores[: self.tracks_m.shape[1] - 1], scores], posterior)
+
+    def _move(self, scores: Sequence[Scores], posterior: TrackPosterior) -> None:
+        """One Metropolis step of every track; the target is the posterior of the track times its evidence."""
+        count = len(self.tracks_m)
+        share = np.exp(self._generator.uniform(np.log(LEAST_MOVE), 0.0, count))
+        tracks = posterior.move(self.tracks_m, share, self._generator)
+        moved = replayed(self.classifier, scores, tracks)
+        gain = moved.log_evidence - self.classifier.log_evidence
+        taken = np.flatnonzero(np.log(self._generator.random(count)) < gain)
+        self.classifier.replace(taken, moved, taken)
+        self.tracks_m[taken] = tracks[taken]
+        self.moved += len(taken)
 
     def _renew(self, posterior: TrackPosterior) -> None:
         """All again: which of the tracks explain the scores is another question under another posterior."""
@@ -120,6 +152,26 @@ class EvidenceTracks(SampledTracks):
         self._start(self.classifier, len(self.log_weights))
         for scores in self._scores:
             self._advance(scores, posterior)
+
+
+class EvidencePerClass:
+    """p(c | z_0:k) from p(z_0:k | c), each by tracks of its own, which explain the scores as that class would."""
+
+    def __init__(self, of_classes: Sequence[EvidenceTracks], log_prior: Array) -> None:
+        """``of_classes`` (C,): of classifiers that know one class each."""
+        self.of_classes = tuple(of_classes)
+        self._log_prior = log_prior
+
+    @property
+    def log_posterior(self) -> Array:
+        """(C,) natural logs."""
+        return normalised(self._log_prior + np.array([tracks.log_evidence for tracks in self.of_classes]))
+
+    def update(self, scores: Scores, posterior: TrackPosterior) -> Array:
+        """Take in a view, with the posterior of the track up to and with it; returns (C,) log class posterior."""
+        for tracks in self.of_classes:
+            tracks.update(scores, posterior)
+        return self.log_posterior
 
 
 def replayed(classifier: SequentialClassifier, scores: Sequence[Scores], tracks_m: Array) -> SequentialClassifier:

@@ -1,6 +1,7 @@
 """Posterior of every class's processes at the views of a track, grown view by view (Eqs. 3.13-3.17)."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Literal
 
@@ -57,6 +58,13 @@ class ClassProcesses:
         self._own_variance = signal_variance + noise
         self._classes = [_Trained.of(model) for model in models]
         self.rank = max(trained.projection.shape[-1] for trained in self._classes)
+
+    def only(self, class_index: int) -> "ClassProcesses":
+        """Of one class alone."""
+        one, rows = copy(self), slice(class_index, class_index + 1)
+        one.num_classes, one._classes = 1, self._classes[rows]
+        one._own_variance, one._correlated_variance = self._own_variance[rows], self._correlated_variance[rows]
+        return one
 
     def marginals(self, locations_m: Array) -> Marginals:
         """Of one view from (P, 2) locations relative to the object, one for each track."""

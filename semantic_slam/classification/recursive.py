@@ -62,6 +62,11 @@ class RecursiveClassifier(SequentialClassifier):
     def empty(self, num_tracks: int) -> Self:
         return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
 
+    def of_class(self, class_index: int) -> Self:
+        """Of the same settings, for one class alone: its evidence is p(z_0:k | track, class)."""
+        processes = self._processes.only(class_index)
+        return type(self)(processes, np.zeros(1), coupling=self._coupling, window=self._window)
+
     def update(self, view: View) -> Array:
         next_view = self._views.next(view.locations_m)
         block = self._block(next_view)

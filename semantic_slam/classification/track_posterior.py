@@ -20,6 +20,9 @@ class TrackPosterior(Protocol):
     def extend(self, tracks: Array, generator: np.random.Generator) -> Array:
         """(P, 2) locations of view k, drawn given the (P, k, 2) locations before it and all that is known."""
 
+    def move(self, tracks: Array, share: Array, generator: np.random.Generator) -> Array:
+        """(P, k, 2) tracks nearby: samples of the posterior stay such; ``share`` (P,) is how far they go, 0..1."""
+
     def log_density(self, tracks: Array) -> Array:
         """(P,) of the first views of the track, (P, k, 2) with k <= K, up to a constant that is the same for a k."""
 
@@ -45,6 +48,14 @@ class GaussianTrack:
         shift = self._whitened(tracks).T @ self._factor[newest, :before].T
         drawn = generator.standard_normal((len(tracks), 2))
         return np.asarray(self._mean[newest] + shift + drawn @ self._factor[newest, newest].T)
+
+    def move(self, tracks: Array, share: Array, generator: np.random.Generator) -> Array:
+        """(P, k, 2) tracks, mixed with fresh ones so that the covariance stays: reversible for this Gaussian."""
+        count, size = len(tracks), 2 * tracks.shape[1]
+        fresh = generator.standard_normal((count, size)) @ self._factor[:size, :size].T
+        centred = tracks.reshape(count, size) - self._mean[:size]
+        mixed = np.sqrt(1.0 - share**2)[:, None] * centred + share[:, None] * fresh
+        return np.asarray(self._mean[:size] + mixed).reshape(count, -1, 2)
 
     def log_density(self, tracks: Array) -> Array:
         """(P,) of the first views, in nats but for the factor of 2 pi."""

@@ -7,7 +7,13 @@ from pathlib import Path
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
-STUDIES = {"aliased_scenes": "semantic_slam.studies.aliased_scenes"}
+STUDIES = {
+    "aliased_scenes": "semantic_slam.studies.aliased_scenes",
+    "ch3_localization": "semantic_slam.studies.ch3_localization",
+    "ch3_model_uncertainty": "semantic_slam.studies.ch3_model_uncertainty",
+    "rendered_localization": "semantic_slam.studies.rendered_localization",
+    "rendered_model_uncertainty": "semantic_slam.studies.rendered_model_uncertainty",
+}
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
 
 
@@ -22,6 +28,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument("--quick", action="store_true", help="a small part of it, in minutes")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: 1)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of every random draw (default: 0)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the work (default: none)")
     return parser.parse_args(words)
 
 
@@ -37,8 +44,12 @@ def command() -> None:
         raise InputError("run_study: --out is missing; name a folder for the results")
     if arguments.jobs < 1 or arguments.seed < 0:
         raise InputError("run_study: --jobs must be at least 1 and --seed at least 0; correct the number")
+    from semantic_slam.studies.repetitions import scheduler
+
     study = importlib.import_module(STUDIES[arguments.name])
-    for path in study.run(arguments.out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed):
+    with scheduler(arguments.scheduler):
+        paths = study.run(arguments.out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed)
+    for path in paths:
         print(path)
 
 

@@ -1,0 +1,51 @@
+"""Repetitions of an experiment: keyed random numbers, processes or a cluster, a bar that tells how far it is."""
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import numpy as np
+from joblib import Parallel, delayed, parallel_config
+from tqdm import tqdm
+
+from semantic_slam.errors import InputError
+
+Result = TypeVar("Result")
+
+
+def keyed_generator(*key: str | int) -> np.random.Generator:
+    """The same numbers for the same key, whatever else is drawn and on whichever machine."""
+    text = ":".join(str(part) for part in key)
+    digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
+    return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))
+
+
+def repeat(
+    function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], jobs: int, description: str
+) -> list[Result]:
+    """``function(*arguments[i])`` for all i, in their order; ``jobs`` processes here, or the cluster's workers."""
+    tasks = (delayed(function)(*each) for each in arguments)
+    results = Parallel(n_jobs=jobs, return_as="generator")(tasks)
+    return list(tqdm(results, total=len(arguments), desc=description))
+
+
+@contextmanager
+def scheduler(address: str | None) -> Iterator[None]:
+    """Within it joblib's work goes to the Dask scheduler at ``address``, if there is one; raises InputError."""
+    if address is None:
+        yield
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs Dask; install it with: pip install dask distributed") from None
+    try:
+        client = Client(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError) as fault:
+        reason = " ".join(str(fault).split())
+        raise InputError(
+            f"--scheduler {address}: no Dask scheduler ({reason}); start one with: dask scheduler"
+        ) from None
+    with client, parallel_config(backend="dask", client=client):
+        yield
