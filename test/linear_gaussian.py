@@ -40,8 +40,9 @@ class LinearModel:
     def geometry_peak(self, detection):
         return float(-0.5 * np.linalg.slogdet(2.0 * np.pi * self.geometric_covariance)[1])
 
-    def semantic_bound(self, detection, x, o, classes):
-        return np.full(len(classes), -0.5 * np.linalg.slogdet(2.0 * np.pi * self.semantic_covariance)[1])
+    def heading_profile(self, detection, x, o, classes, sigma):
+        peak = -0.5 * np.linalg.slogdet(2.0 * np.pi * self.semantic_covariance)[1]
+        return np.full((len(classes), 1), peak), np.zeros((len(classes), 1))
 
     def log_visibility(self, x, o, *, soft):
         return np.zeros(len(x))

@@ -30,14 +30,22 @@ class World:
     associations: list[tuple[int, ...]]
 
 
-def make_world(num_keyframes: int = 12, seed: int = 0, sigma_start_m: float = 10.0, **overrides: object) -> World:
+def make_world(
+    num_keyframes: int = 12,
+    seed: int = 0,
+    sigma_start_m: float = 10.0,
+    sigma_heading_rad: float | None = None,
+    **overrides: object,
+) -> World:
     """A robot lost by ``sigma_start_m`` drives past OBJECTS, all of class 1; ``overrides`` are configuration."""
     random = np.random.default_rng(seed)
     configuration = from_dict({"semantic_model": {"kind": "parametric"}, **overrides})
     start = np.array([-0.5, 0.0, 0.0])
-    prior_mean = start + np.array([4.0, -3.0, 0.1])
+    prior_mean = start + (
+        np.array([4.0, -3.0, 0.1]) if sigma_start_m > 1.0 or configuration.association == "given" else 0.0
+    )
     covariance = covariance_from_planar(np.diag([sigma_start_m**2, sigma_start_m**2, 0.04]))
-    prior = None if configuration.association == "given" else _map_prior(random)
+    prior = None if configuration.association == "given" else _map_prior(random, sigma_heading_rad)
     run = make_run_configuration(configuration, prior, pose_vector_from_planar(prior_mean), covariance, stamp_ns=10**9)
     x, truth, keyframes, associations = start, [], [], []
     for k in range(num_keyframes):
@@ -52,11 +60,12 @@ def make_world(num_keyframes: int = 12, seed: int = 0, sigma_start_m: float = 10
     return World(run, keyframes, np.array(truth), associations)
 
 
-def _map_prior(random: np.random.Generator) -> MapPrior:
-    covariance = covariance_from_planar(np.diag(OBJECT_VARIANCE))
+def _map_prior(random: np.random.Generator, sigma_heading_rad: float | None) -> MapPrior:
+    variance = OBJECT_VARIANCE if sigma_heading_rad is None else np.array([0.05, 0.05, sigma_heading_rad**2])
+    covariance = covariance_from_planar(np.diag(variance))
     objects = []
     for number, truth in enumerate(OBJECTS):
-        mean = se2.compose(truth, se2.exp(random.normal(size=3) * np.sqrt(OBJECT_VARIANCE)))
+        mean = se2.compose(truth, se2.exp(random.normal(size=3) * np.sqrt(variance)))
         objects.append(ObjectPrior(number, f"object_{number}", pose_vector_from_planar(mean), covariance, {}))
     return MapPrior(tuple(objects))
 

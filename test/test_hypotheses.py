@@ -10,6 +10,7 @@ from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.manager import HypothesisManager
+from semantic_slam.inference.map_prior import MapPrior, parse_map_prior
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates, Commit, Components
@@ -223,3 +224,36 @@ def test_classes_are_enumerated_for_objects_that_were_not_seen_before() -> None:
     candidates = candidates_of_a_pair(semantic_model={"kind": "parametric"})
     assert len(candidates.ids) == 5 * 4 * 2 * 2
     assert set(map(tuple, candidates.class_assignments)) == {(0, 0), (0, 1), (1, 0), (1, 1)}
+
+
+def test_objects_of_unknown_heading_do_not_lose_the_truth() -> None:
+    """The map says nothing of headings, and its means are wrong by anything: every mode of the heading is searched."""
+    world = make_world(10, sigma_start_m=0.3, sigma_heading_rad=3.0)
+    manager = HypothesisManager(world.run, InProcessPool(1))
+    for keyframe in world.keyframes:
+        belief = manager.process(keyframe)
+    assert np.hypot(*(belief.poses[0, :2] - world.truth[-1, :2])) < 0.6
+    best = max(manager.live.values(), key=lambda live: live.log_weight)
+    assert [step.association for step in best.lineage] == world.associations
+
+
+def with_prior(world: World, **changes: object) -> World:
+    """The same world, with the first object of the map prior changed."""
+    prior = parse_map_prior(world.run.map_prior, "test")
+    first = dataclasses.replace(prior.objects[0], **changes)
+    text = MapPrior((first, *prior.objects[1:])).to_json()
+    return dataclasses.replace(world, run=dataclasses.replace(world.run, map_prior=text))
+
+
+def test_what_the_map_prior_says_of_an_object_reaches_the_belief() -> None:
+    world = with_prior(make_world(1), existence=0.3, class_probabilities={"class_2": 1.0})
+    belief = beliefs(world, 1)[0]
+    assert belief.existence[0] == 0.3
+    unseen = 0 not in world.associations[0]
+    assert not unseen or 0.0 < belief.class_probabilities[0, 0] < 0.01
+
+
+def test_a_class_of_the_map_prior_that_nobody_knows_is_refused() -> None:
+    world = with_prior(make_world(1), class_probabilities={"clas_1": 0.7, "class_2": 0.3})
+    with pytest.raises(InputError, match="unknown class 'clas_1'"):
+        HypothesisManager(world.run, InProcessPool(1))

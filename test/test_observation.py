@@ -72,11 +72,29 @@ def test_a_bearing_alone_leaves_the_range_free() -> None:
     assert np.abs(MODEL.geometry(z, robot, objects).residual).max() < 1e-12
 
 
-def test_semantic_bound_is_no_less_than_the_density_in_its_window() -> None:
+def test_the_heading_profile_is_the_density_of_turned_objects() -> None:
+    """Out to half a turn where the heading is unknown, a narrow window where it is known."""
     z = detection(True)
-    part = MODEL.semantics(z, X, O, CLASSES)
-    density = part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
-    assert (MODEL.semantic_bound(z, X, O, CLASSES) >= density - 1e-12).all()
+    sigma = np.array([3.0, 0.01, 3.0, 0.01, 3.0, 0.3])
+    profile, turns = MODEL.heading_profile(z, X, O, CLASSES, sigma)
+    np.testing.assert_allclose(np.abs(turns).max(axis=1), [np.pi, 0.6, np.pi, 0.6, np.pi, 0.9])
+    for column in range(turns.shape[1]):
+        turned = O + np.stack([np.zeros(6), np.zeros(6), turns[:, column]], axis=-1)
+        part = MODEL.semantics(z, X, turned, CLASSES)
+        density = part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
+        np.testing.assert_allclose(profile[:, column], density, atol=1e-9)
+
+
+def test_correlated_views_temper_the_whole_density() -> None:
+    """N views of one kind count as one view: p^(1/N), normaliser and residual alike."""
+    z = detection(True)
+    once, repeated = (PlanarObservation(MODEL.model, PlanarVisibility(), None, n) for n in (1.0, 4.0))
+
+    def log_density(model: PlanarObservation) -> np.ndarray:
+        part = model.semantics(z, X, O, CLASSES)
+        return part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
+
+    np.testing.assert_allclose(4.0 * log_density(repeated), log_density(once), atol=1e-9)
 
 
 def test_visibility_is_hard_for_samples_and_soft_for_modes() -> None:

@@ -61,7 +61,7 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
         last = number == len(setting.detections) - 1
         iterations = MAX_ITERATIONS if last and setting.model.num_classes == 0 else RANKING_ITERATIONS
         mode = find_modes(stack, _better_start(stack, mode.y[origin]), iterations)
-        keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents))
+        keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents), setting.max_candidates)
         left_out = np.logaddexp(left_out, dropped)
         rows, mode = rows.take(keep), Mode(mode.y[keep], mode.hessian[keep], mode.log_evidence[keep])
     return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out), mode
@@ -79,7 +79,7 @@ def fixed_association(setting: Setting, predicted: Predicted, objects: Index) ->
 def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enumerated) -> Enumerated:
     """Every class for the objects a hypothesis had not observed, the known one for the others."""
     stack = _stack(setting, predicted, associations.rows)
-    bounds = _semantic_bounds(setting, stack, associations.start)  # (B, D, C)
+    bounds, turns = _semantic_profiles(setting, stack, associations.start)  # (B, D, C) each
     num_parents = len(predicted.mean)
     index = np.arange(len(associations.score))
     score, prior, left_out = associations.score, associations.log_class_prior, associations.log_left_out
@@ -100,7 +100,10 @@ def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enum
     selected = associations.rows.take(index)
     classes = np.where(selected.objects >= 0, chosen, -1)
     rows = Rows(selected.parents, selected.objects, classes)
-    return Enumerated(rows, associations.start[index], score, prior, left_out)
+    detections = np.arange(classes.shape[1])
+    chosen_turns = turns[index[:, None], detections, np.maximum(classes, 0)]
+    start = _turned(stack.select(index), associations.start[index], chosen_turns)
+    return Enumerated(rows, start, score, prior, left_out)
 
 
 def _stack(setting: Setting, predicted: Predicted, rows: Rows) -> Stack:
@@ -127,35 +130,53 @@ def _better_start(stack: Stack, previous: Array) -> Array:
     return np.where(better[:, None], carried, fresh)
 
 
-def _gated(
-    parents: Index, score: Array, gate: float, num_parents: int, limit: int | None = None
-) -> tuple[Index, Array]:
+def _gated(parents: Index, score: Array, gate: float, num_parents: int, limit: int) -> tuple[Index, Array]:
     """Rows to keep, and per parent the log of the rest relative to the parent's best."""
     best = np.full(num_parents, -np.inf)
     np.maximum.at(best, parents, score)
     behind = score - best[parents]
     keep = behind >= -gate
-    if limit is not None:
-        order = np.lexsort((np.arange(len(score)), -score, parents))
-        rank = np.empty(len(score), dtype=int)
-        rank[order] = np.arange(len(score)) - np.searchsorted(parents[order], parents[order])
-        keep &= rank < limit
+    order = np.lexsort((np.arange(len(score)), -score, parents))
+    rank = np.empty(len(score), dtype=int)
+    rank[order] = np.arange(len(score)) - np.searchsorted(parents[order], parents[order])
+    keep &= rank < limit
     left_out = np.full(num_parents, -np.inf)
     np.logaddexp.at(left_out, parents[~keep], behind[~keep])
     return np.flatnonzero(keep), left_out
 
 
-def _semantic_bounds(setting: Setting, stack: Stack, y: Array) -> Array:
-    """(B, D, C) bound on the semantic log density of each detection under each class, near the geometric mode."""
+def _semantic_profiles(setting: Setting, stack: Stack, y: Array) -> tuple[Array, Array]:
+    """For each detection under each class (B, D, C): a bound on its semantic log density, and the turn that suits it.
+
+    Geometry leaves an object's heading open, and the density over it may have several modes. The turn [rad] is that
+    of the best one, the prior of the heading included.
+    """
     states = stack.states(y)
     count, num_classes = len(y), setting.model.num_classes
     bounds = np.zeros((count, len(setting.detections), num_classes))
+    turns = np.zeros_like(bounds)
     classes = np.tile(np.arange(num_classes), count)
     for number, detection in enumerate(setting.detections):
+        sigma = stack.heading_sigma(number)
         x = np.repeat(states[:, 0], num_classes, axis=0)
         o = np.repeat(stack.objects_of(states, number), num_classes, axis=0)
-        bounds[:, number] = setting.model.semantic_bound(detection, x, o, classes).reshape(count, num_classes)
-    return bounds
+        profile, angles = setting.model.heading_profile(detection, x, o, classes, np.repeat(sigma, num_classes))
+        penalty = 0.5 * (angles / np.maximum(np.repeat(sigma, num_classes), 1e-9)[:, None]) ** 2
+        best = np.argmax(profile - penalty, axis=1)
+        bounds[:, number] = profile.max(axis=1).reshape(count, num_classes)
+        turns[:, number] = angles[np.arange(len(best)), best].reshape(count, num_classes)
+    return bounds, turns
+
+
+def _turned(stack: Stack, y: Array, turns: Array) -> Array:
+    """(B, n) whitened states with the objects of the detections turned by (B, D) angles."""
+    dimension = stack.dimension
+    tangent = np.zeros((len(y), stack.size))
+    for number in range(turns.shape[1]):
+        heading = (1 + stack.slots[:, number]) * dimension + dimension - 1
+        own = stack.active[:, number] & (stack.slots[:, number] == number)
+        tangent[np.arange(len(y)), heading] += np.where(own, turns[:, number], 0.0)
+    return np.asarray(y + np.linalg.solve(stack.root, tangent[..., None])[..., 0])
 
 
 def _class_options(setting: Setting, stack: Stack, index: Index, chosen: Index, number: int) -> Array:

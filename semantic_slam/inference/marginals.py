@@ -78,7 +78,7 @@ def state_belief(
         object_ids=np.array(registry.ids, dtype=np.uint32),
         object_names=tuple(registry.names),
         hypothesis_class_probabilities=by_hypothesis,
-        existence=np.ones(count),
+        existence=registry.existence(),
         class_probabilities=np.einsum("h,hoc->oc", weights, by_hypothesis),
         object_poses=poses,
         object_covariances=covariances,

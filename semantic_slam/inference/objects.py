@@ -21,6 +21,7 @@ class ObjectRegistry:
         self.ids = [entry.object_id for entry in entries]
         self.names = [entry.name for entry in entries]
         self._class_priors = [entry.class_prior for entry in entries]
+        self._existence = [entry.existence for entry in entries]
         self._uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
         self._by_name = {name: n for n, name in zip(self.ids, self.names, strict=True)}
         self._outside: set[int] = set()
@@ -35,6 +36,7 @@ class ObjectRegistry:
             self.ids.append(number)
             self.names.append(name)
             self._class_priors.append(self._uniform)
+            self._existence.append(1.0)
             self._by_name[name] = number
         return self._by_name[name]
 
@@ -50,6 +52,10 @@ class ObjectRegistry:
     def class_prior(self) -> Array:
         """(O, C) probabilities."""
         return np.array(self._class_priors).reshape(len(self.ids), len(self._uniform))
+
+    def existence(self) -> Array:
+        """(O,) probabilities, as the map prior states them: a fixed number of objects is not doubted."""
+        return np.array(self._existence, dtype=np.float64)
 
     def log_class_prior(self) -> Array:
         """(O, C) natural logs."""

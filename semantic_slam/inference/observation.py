@@ -36,8 +36,13 @@ class ObservationModel(Protocol):
     def geometry_peak(self, detection: Any) -> float:
         """Log of the largest geometric density the detection can reach."""
 
-    def semantic_bound(self, detection: Any, x: Array, o: Array, classes: Classes) -> Array:
-        """(B,) bound on the log of the semantic density for viewpoints near these states."""
+    def heading_profile(
+        self, detection: Any, x: Array, o: Array, classes: Classes, sigma: Array
+    ) -> tuple[Array, Array]:
+        """(B, K) log of the semantic density when the object is turned by (B, K) angles, far enough for ``sigma`` (B,).
+
+        States without a heading have one angle, 0, and the largest density that the detection can reach.
+        """
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, o), up to a constant that is equal for all beta."""

@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 LEAST_DISTANCE_M = 1e-6
-BOUND_WINDOW_RAD = np.linspace(-0.6, 0.6, 9)
-"""Azimuths about the geometric mode that the semantic bound looks at: the viewpoint is uncertain by the heading."""
+LEAST_WINDOW_RAD = 0.6
+"""Half the range of azimuths about a mode that is searched at least."""
+WINDOW_ANGLES = 25
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class PlanarObservation:
         new_objects: NewObjectConfiguration | None = None,
         correlated_views: float = 1.0,
     ):
-        """``correlated_views``: so many views tell as much as one; their noise is that much wider, each counts less."""
+        """``correlated_views`` N: so many views tell as much as one, each density enters with the power 1 / N."""
         self.model = model
         self.correlated_views = correlated_views
         self.visibility = visibility
@@ -94,7 +95,7 @@ class PlanarObservation:
         v = camera_in_object(x, o, detection.sensor)
         distance, azimuth = _polar(v)
         prediction = self._predict(classes, azimuth, distance)
-        root = np.linalg.cholesky(self._noise(prediction, detection))
+        root, log_normaliser = self._noise(prediction, detection)
         radial, turn = _polar_jacobian(v, distance)
         slope = (
             prediction.mean_jacobian[:, :, :1] * turn[:, None] + prediction.mean_jacobian[:, :, 2:] * radial[:, None]
@@ -104,22 +105,24 @@ class PlanarObservation:
             [(prediction.mean - detection.feature)[..., None], slope @ by_x, slope @ by_o], axis=-1
         )
         whitened = np.linalg.solve(root, stacked)
-        logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
-        log_normaliser = -logdet - 0.5 * detection.feature.size * LOG_2PI
         return Linearisation(whitened[..., 0], whitened[..., 1:4], whitened[..., 4:], log_normaliser)
 
-    def semantic_bound(self, detection: PlanarDetection, x: Array, o: Array, classes: Classes) -> Array:
-        """Largest semantic log density in a window of azimuths about these states."""
+    def heading_profile(
+        self, detection: PlanarDetection, x: Array, o: Array, classes: Classes, sigma: Array
+    ) -> tuple[Array, Array]:
+        """Semantic log density (B, K) when the object is turned by (B, K) angles, out to three sigma (B,) [rad].
+
+        Less than a narrow window is always looked at: the robot's heading moves the viewpoint, too.
+        """
+        reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
+        turns = reach[:, None] * np.linspace(-1.0, 1.0, WINDOW_ANGLES)
         distance, azimuth = _polar(camera_in_object(x, o, detection.sensor))
-        count = len(BOUND_WINDOW_RAD)
         prediction = self._predict(
-            np.repeat(classes, count), (azimuth[:, None] + BOUND_WINDOW_RAD).ravel(), np.repeat(distance, count)
+            np.repeat(classes, WINDOW_ANGLES), (azimuth[:, None] - turns).ravel(), np.repeat(distance, WINDOW_ANGLES)
         )
-        root = np.linalg.cholesky(self._noise(prediction, detection))
+        root, log_normaliser = self._noise(prediction, detection)
         whitened = np.linalg.solve(root, (prediction.mean - detection.feature)[..., None])[..., 0]
-        logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
-        density = -0.5 * (whitened**2).sum(-1) - logdet - 0.5 * detection.feature.size * LOG_2PI
-        return np.asarray(density.reshape(-1, count).max(-1))
+        return (log_normaliser - 0.5 * (whitened**2).sum(-1)).reshape(turns.shape), turns
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
@@ -153,13 +156,21 @@ class PlanarObservation:
             _, azimuth = _polar(camera_in_object(x[None], o[None], detection.sensor))
             distance = np.linalg.norm(camera_in_object(x[None], o[None], detection.sensor), axis=-1)
             prediction = self._predict(np.array([assigned_class]), azimuth, distance)
-            covariance = self._noise(prediction, detection)[0]
+            root = self._noise(prediction, detection)[0][0]
+            covariance = root @ root.T
             factors.append(semantic_factor(self.model, detection, keys, assigned_class, covariance))
         return factors
 
-    def _noise(self, prediction: Prediction, detection: PlanarDetection) -> Array:
-        """(B, F, F) covariance of the feature: that of the model and that of the dropout passes."""
-        return np.asarray(self.correlated_views * (prediction.covariance + detection.feature_covariance))
+    def _noise(self, prediction: Prediction, detection: PlanarDetection) -> tuple[Array, Array]:
+        """(B, F, F) root of the covariance that the residual counts with, and (B,) log normaliser.
+
+        The covariance S is that of the model and of the dropout passes; N(z; h, S)^(1 / N) has residuals as under N S
+        and the N-th part of log N(h; h, S): the determinant must not count fully in every view either.
+        """
+        root = np.linalg.cholesky(prediction.covariance + detection.feature_covariance)
+        logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
+        log_peak = -logdet - 0.5 * detection.feature.size * LOG_2PI
+        return np.sqrt(self.correlated_views) * root, log_peak / self.correlated_views
 
     def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
         assert self.model is not None

@@ -52,6 +52,7 @@ class ObjectEntry:
     name: str
     prior: GaussianPrior
     class_prior: Array  # (C,) probabilities
+    existence: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,8 @@ from semantic_slam.viewpoint.load import load_model
 
 Array = NDArray[np.float64]
 
+LEAST_CLASS_SHARE = 0.01
+"""Share of the uniform distribution in every prior over classes."""
 LEAST_VARIANCE = 1e-9
 """Added to the variances of priors, so that a map given as exact keeps the graph regular."""
 
@@ -101,16 +103,26 @@ def _planar_prior(pose: Array, covariance: Array) -> GaussianPrior:
 
 
 def _entry(item: ObjectPrior, class_names: tuple[str, ...]) -> ObjectEntry:
-    given = np.array([item.class_probabilities.get(name, 0.0) for name in class_names])
-    if item.class_probabilities and class_names and given.sum() <= 0.0:
+    """Raises InputError for a class that the class models do not know."""
+    unknown = sorted(set(item.class_probabilities) - set(class_names))
+    if unknown and class_names:
         raise InputError(
-            f"map prior: object {item.object_id} names none of the classes {', '.join(class_names)};"
-            " correct its class_probabilities"
+            f"map prior: object {item.object_id} has the unknown class '{unknown[0]}'; the class models know"
+            f" {', '.join(class_names)}"
         )
-    uniform = np.full(len(class_names), 1.0 / max(len(class_names), 1))
     return ObjectEntry(
         item.object_id,
         item.name,
         _planar_prior(item.pose, item.covariance),
-        given / given.sum() if given.sum() > 0.0 else uniform,
+        _class_prior(item, class_names),
+        item.existence,
     )
+
+
+def _class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
+    """(C,) probabilities; none is zero, for what an earlier run discarded may have been the truth."""
+    uniform = np.full(len(class_names), 1.0 / max(len(class_names), 1))
+    given = np.array([item.class_probabilities.get(name, 0.0) for name in class_names])
+    if given.sum() <= 0.0:
+        return uniform
+    return np.asarray((1.0 - LEAST_CLASS_SHARE) * given / given.sum() + LEAST_CLASS_SHARE * uniform)

@@ -87,6 +87,11 @@ class Stack:
         """(B, d) states of the objects that detection ``detection`` is associated with."""
         return states[np.arange(len(states)), 1 + self.slots[:, detection]]
 
+    def heading_sigma(self, detection: int) -> Array:
+        """(B,) prior standard deviation of the last coordinate of a detection's object: the heading of a pose."""
+        row = (1 + self.slots[:, detection]) * self.dimension + self.dimension - 1
+        return np.asarray(np.linalg.norm(self.root[np.arange(len(row)), row], axis=-1))
+
     def log_likelihood(self, y: Array) -> Array:
         """(B,) log P(Z | x, O, C), Eq. 4.10."""
         states = self.states(y)
