@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 
 BIAS_M = np.array([0.1, 0.0])
 CANDIDATES = 4000
-CLEAR = 0.5
-"""Least probability of the true class, without a bias, at every view of a track: what is alike anyway is no aliasing
-by localisation."""
+LIKELIEST, CLEAR = 0.5, 0.9
+"""Least probability of the true class, without a bias, at every view of the hard track and of the others: where classes
+look alike anyway, localisation is not what matters."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,15 @@ def fixed_tracks(aliasing: AliasingMap, true_class: int, generator: np.random.Ge
     """
     walks = np.stack([random_walk(generator) for _ in range(CANDIDATES)])
     walks = walks[inside(walks).all(axis=1)]
-    walks = walks[(aliasing.at(aliasing.unbiased[..., true_class], walks) > CLEAR).all(axis=1)]
+    known = aliasing.at(aliasing.unbiased[..., true_class], walks).min(axis=1)  # (N,)
+    probability = aliasing.at(aliasing.biased[..., true_class], walks).mean(axis=1)
     right = aliasing.biased.argmax(axis=-1) == true_class
-    probability = aliasing.at(aliasing.biased[..., true_class], walks)  # (N, K)
-    distance = aliasing.at(distance_transform_edt(right), walks)  # cells to the nearest wrong one
-    never_wrong = (distance > 0.0).all(axis=1)
+    distance = aliasing.at(distance_transform_edt(right), walks)  # (N, K) cells to the nearest wrong one
+    steady = (distance > 0.0).all(axis=1) & (known > CLEAR)
     return {
-        "easy": walks[np.where(never_wrong, distance.min(axis=1), -np.inf).argmax()],
-        "moderate": walks[np.where(never_wrong, distance.mean(axis=1), np.inf).argmin()],
-        "hard": walks[probability.mean(axis=1).argmin()],
+        "easy": walks[np.where(steady, distance.min(axis=1), -np.inf).argmax()],
+        "moderate": walks[np.where(steady, distance.mean(axis=1), np.inf).argmin()],
+        "hard": walks[np.where(known > LIKELIEST, probability, np.inf).argmin()],
     }
 
 

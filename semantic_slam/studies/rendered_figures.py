@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 COLOURS = {
     "ours": "#1f5fae",
     "joint": "#0b8f9c",
+    "joint_kernel": "#59b7c2",
     "recursive": "#7b3fa0",
     "model_based": "#2c8a3d",
     "model_based_kernel": "#9bb53c",
