@@ -1,5 +1,6 @@
 """One definition of every parameter: dataclass, ROS parameters and YAML agree; wrong values are refused in one line."""
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from rclpy.parameter import Parameter
 
 from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
 from semantic_slam.errors import InputError
-from semantic_slam.ros.parameters import changed_parameters, declare_configuration, leaves
+from semantic_slam.ros.parameters import changed_parameters, declare_configuration, leaves, refuse_undeclared
 
 CONFIG = Path(__file__).parents[1] / "config"
 
@@ -33,7 +34,9 @@ def declared(**overrides):
     given = [Parameter(name.replace("__", "."), value=value) for name, value in overrides.items()]
     node = rclpy.create_node("configured", parameter_overrides=given)
     try:
-        return declare_configuration(node), {name: node.describe_parameter(name) for name, _, _ in leaves()}
+        configuration = declare_configuration(node)
+        refuse_undeclared(node)
+        return configuration, {name: node.describe_parameter(name) for name, _, _ in leaves()}
     finally:
         node.destroy_node()
 
@@ -80,9 +83,35 @@ def test_changed_parameters_rebuild_the_configuration(ros: None) -> None:
     assert declared(**overrides)[0] == changed
 
 
-def test_mistyped_parameter_is_refused(ros: None) -> None:
-    with pytest.raises(InputError, match=r"unknown parameter 'pruning\.ration'"):
-        declared(pruning__ration=10.0)
+@pytest.mark.parametrize("name", ["pruning.ration", "associaton", "prunning.ratio"])
+def test_mistyped_parameter_is_refused(ros: None, name: str) -> None:
+    with pytest.raises(InputError, match=f"unknown parameter '{re.escape(name)}'"):
+        declared(**{name.replace(".", "__"): 10.0})
+
+
+def test_parameters_of_ros_itself_are_accepted(ros: None) -> None:
+    declared(use_sim_time=True, qos_overrides__odom__subscription__depth=3)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["backend_node", "--ros-args", "--params-file", "nosuch.yaml"], "nosuch.yaml"),
+        (["backend_node", "--ros-args", "-p", "nosuch:=3"], "'nosuch'"),
+        (["bag_player", "--ros-args", "-p", "rat:=1.0"], "'rat'"),
+        (["bag_player"], "parameter bag is empty"),
+    ],
+)
+def test_wrong_ros_arguments_are_one_line(words: list[str], named: str) -> None:
+    result = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert (result.returncode, result.stderr.count("\n")) == (2, 1), result.stderr
+    assert named in result.stderr
+
+
+def test_one_file_of_the_configuration_may_address_every_node() -> None:
+    words = ["bag_player", "--ros-args", "--params-file", str(CONFIG / "default.yaml")]
+    result = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert "parameter bag is empty" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ Parameters:
   rate                  0 (default): lossless lock-step; 1: real time; more: faster
   window                detection frames under way at most, in lock-step (default 4)
   remap                 list of FROM:=TO, e.g. ["/camera/image:=image"]
-  wait_for_listeners_s  how long to wait until every input has a listener (default 20)
+  wait_for_listeners_s  how long to wait until every input has a listener (default 60)
 """
 
 import sys
@@ -26,6 +26,7 @@ from semantic_slam.messages.topics import CLASSIFIER_PROGRESS, CLOCK, MANAGER_PR
 from semantic_slam.messages.typestore import message_class, serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.flow_control import Credit
+from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.playlist import Playlist, parse_remaps
 from semantic_slam.ros.transport import Outlet, is_installed, private_name, receive, relative_name
@@ -39,11 +40,15 @@ class BagPlayer(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("bag_player")
-        self._bag = Path(str(self.declare_parameter("bag", "").value))
+        bag = str(self.declare_parameter("bag", "").value)
         self._rate = float(self.declare_parameter("rate", 0.0).value)
-        self._wait_s = float(self.declare_parameter("wait_for_listeners_s", 20.0).value)
+        self._wait_s = float(self.declare_parameter("wait_for_listeners_s", 60.0).value)
         remaps = parse_remaps(self.declare_parameter("remap", [""]).value)
         self._credit = Credit(int(self.declare_parameter("window", 4).value), STALL_S)
+        refuse_undeclared(self)
+        if not bag:
+            raise InputError("bag_player: parameter bag is empty; name the bag to replay")
+        self._bag = Path(bag)
         self._finished = threading.Event()
         self._sent = 0
         self._stamp_ns = 0

@@ -16,6 +16,7 @@ from semantic_slam.messages.codec import decode
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros import qos
+from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.transport import is_installed
 
@@ -37,6 +38,7 @@ class BagRecorder(PipelineNode):
     def __init__(self) -> None:
         super().__init__("bag_recorder")
         path = str(self.declare_parameter("bag", "").value)
+        refuse_undeclared(self)  # before an old bag is replaced
         if not path:
             raise InputError("bag_recorder: parameter bag is empty; name the bag to write")
         self._writer = BagWriter(Path(path))

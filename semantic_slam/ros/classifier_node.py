@@ -26,7 +26,7 @@ from semantic_slam.perception.frame import Frame
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import declare_configuration
+from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.transport import Outlet, is_installed, private_name, ros_type
 
@@ -55,6 +55,7 @@ class ClassifierNode(PipelineNode):
             has_depth=bool(self.get_parameter("has_depth").value),
             detections_type=str(self.declare_parameter("detections_type", OURS).value),
         )
+        refuse_undeclared(self)
         self._status = dropped_status(self._dropped)  # replaced by the worker, published by the executor
         self.health.add_source(lambda: [self._status])
 

@@ -14,7 +14,7 @@ REPLAY_TIMEOUT_S = 3600.0
 
 def parse(words: list[str] | None = None) -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(prog="demo", description=__doc__)
+    parser = CommandParser(prog="demo", description=(__doc__ or "").replace("``", ""))
     parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="input bag (default: %(default)s)")
     parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="default: %(default)s")
     parser.add_argument("--backends", type=int, default=2, help="number of backends (default: %(default)s)")

@@ -30,7 +30,7 @@ from semantic_slam.pipeline.provenance import revision, source_text
 from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status
-from semantic_slam.ros.parameters import declare_configuration
+from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.ros_pool import RosPool
 from semantic_slam.ros.transport import Outlet, private_name
@@ -48,7 +48,9 @@ class HypothesisManagerNode(PipelineNode):
         timeout_s = float(self.declare_parameter("backend_timeout_s", 60.0).value)
         self._pool = RosPool(self, range(num_backends), timeout_s)
         self._map_prior = _map_prior(str(self.declare_parameter("map_prior", "").value))
-        self._source = _source(str(self.declare_parameter("source_bag", "").value))
+        source_bag = str(self.declare_parameter("source_bag", "").value)
+        refuse_undeclared(self)
+        self._source = _source(source_bag)
         self._assembler = KeyframeAssembler(self._configuration, has_identities=self._wants_identities)
         self._initial_pose: PoseEstimate | None = None
         self._manager: HypothesisManager | None = None

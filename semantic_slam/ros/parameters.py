@@ -13,6 +13,9 @@ from rclpy.node import Node
 from semantic_slam.configuration import Configuration, from_dict
 from semantic_slam.errors import InputError
 
+SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
+"""Which rclpy reads itself."""
+
 
 def leaves(cls: Any = Configuration, prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
     """(dotted name, dataclass field, default) of every parameter."""
@@ -37,13 +40,25 @@ def changed_parameters(configuration: Configuration) -> dict[str, Any]:
 def declare_configuration(node: Node) -> Configuration:
     """Declare every parameter and return the effective configuration. Raises InputError."""
     values: dict[str, Any] = {}
-    known = dict.fromkeys(name for name, _, _ in leaves())
     for name, item, default in leaves():
         value = _declared(node, name, item, default)
         if value is not None:  # an empty list in a YAML file has no type and arrives as "not set"
             _insert(values, name.split("."), value)
-    _refuse_unknown(node, {name.split(".")[0] for name in known if "." in name}, set(known))
     return from_dict(values, f"parameters of {node.get_name()}")
+
+
+def refuse_undeclared(node: Node) -> None:
+    """Once all is declared: a mistyped ``pruning.ration`` must not silently leave the default in place.
+
+    The names of the configuration are known to every node, because a file for ``/**`` addresses all of them.
+    Raises InputError.
+    """
+    known = {name for name, _, _ in leaves()} | SETTINGS_OF_ROS
+    for name in node._parameter_overrides:  # rclpy offers no public view of parameters given but not declared
+        if not (name in known or node.has_parameter(name) or name.startswith("qos_overrides.")):
+            raise InputError(
+                f"parameters of {node.get_name()}: unknown parameter '{name}'; see --help and config/default.yaml"
+            )
 
 
 def descriptor(item: Any, default: Any) -> ParameterDescriptor:
@@ -69,13 +84,6 @@ def _declared(node: Node, name: str, item: Any, default: Any) -> Any:
     except InvalidParameterValueException as fault:
         raise InputError(f"parameters of {node.get_name()}: {' '.join(str(fault).split())}") from None
     return list(value) if isinstance(default, tuple) and value is not None else value
-
-
-def _refuse_unknown(node: Node, groups: set[str], known: set[str]) -> None:
-    """A mistyped ``pruning.ration`` must not silently leave the default in place."""
-    for name in node._parameter_overrides:  # rclpy offers no public view of parameters given but not declared
-        if name.split(".")[0] in groups and name not in known:
-            raise InputError(f"parameters of {node.get_name()}: unknown parameter '{name}'; see config/default.yaml")
 
 
 def _insert(values: dict[str, Any], path: list[str], value: Any) -> None:

@@ -95,7 +95,7 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
     """Run a node until it ends or is interrupted. Raises InputError and whatever stopped its worker."""
     node = None
     try:
-        _start_ros()
+        _with_ros_arguments(rclpy.init)
         node = make_node()
         node.worker.start()
         rclpy.spin(node)
@@ -116,18 +116,20 @@ def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable
     """The ``main`` of a node's executable; ``description`` is what ``--help`` prints."""
 
     def command() -> None:
+        words = _with_ros_arguments(remove_ros_args, sys.argv)
         CommandParser(
-            description=description,
+            description=description.replace("``", ""),
             formatter_class=argparse.RawDescriptionHelpFormatter,
             epilog="ROS arguments follow --ros-args: -p NAME:=VALUE, --params-file FILE, -r FROM:=TO.",
-        ).parse_args(remove_ros_args(sys.argv)[1:])
+        ).parse_args(words[1:])
         run_node(make_node)
 
     return lambda: run_main(command)
 
 
-def _start_ros() -> None:
+def _with_ros_arguments(function: Callable[..., Any], *arguments: Any) -> Any:
+    """``function(*arguments)``, which reads ROS arguments of the command line; raises InputError for wrong ones."""
     try:
-        rclpy.init()
+        return function(*arguments)
     except RuntimeError as fault:  # command line or parameter file
         raise InputError(f"{' '.join(str(fault).split())[:300]}; see config/default.yaml") from None
