@@ -1,6 +1,7 @@
 """The map prior: objects known before the run, in the format of ``objects.json``."""
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,10 @@ from numpy.typing import NDArray
 from semantic_slam.errors import InputError
 
 Array = NDArray[np.float64]
+
+ID_LIMIT = 2**32
+ROUNDING = 1e-6
+"""Relative; files hold rounded numbers."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +57,9 @@ def _row(prior: ObjectPrior) -> dict[str, object]:
 def parse_map_prior(text: str, origin: str) -> MapPrior:
     """Map prior from the text of an ``objects.json``; raises InputError that names ``origin``."""
     try:
-        rows = json.loads(text)["objects"]
-        objects = tuple(_object(row) for row in rows)
+        document = json.loads(text)
+        _check_frame(document)
+        objects = tuple(_object(row) for row in document["objects"])
     except (ValueError, KeyError, TypeError) as fault:
         raise InputError(
             f"{origin}: not a map prior ({fault!r}); give an objects.json as bag_to_report writes it"
@@ -73,15 +79,54 @@ def read_map_prior(path: Path) -> MapPrior:
 
 
 def _object(row: dict[str, object]) -> ObjectPrior:
-    pose = np.asarray(row["pose"], dtype=np.float64)
-    covariance = np.asarray(row["covariance"], dtype=np.float64).reshape(6, 6)
-    if pose.shape != (7,) or not np.isfinite(pose).all() or not np.isfinite(covariance).all():
-        raise ValueError("pose needs 7 and covariance 36 finite numbers")
+    _check_frame(row)
+    object_id = int(str(row["id"]))
+    if not 0 <= object_id < ID_LIMIT:
+        raise ValueError(f"id {object_id} is not in 0 to {ID_LIMIT - 1}")
     return ObjectPrior(
-        object_id=int(str(row["id"])),
+        object_id=object_id,
         name=str(row.get("name", row["id"])),
-        pose=pose,
-        covariance=covariance,
-        class_probabilities={str(k): float(v) for k, v in dict(row.get("class_probabilities") or {}).items()},  # type: ignore[call-overload]
+        pose=_pose(row["pose"]),
+        covariance=_covariance(row["covariance"]),
+        class_probabilities=_class_probabilities(row.get("class_probabilities")),
         existence=float(str(row.get("existence", 1.0))),
     )
+
+
+def _check_frame(values: dict[str, object]) -> None:
+    if not isinstance(values, dict):
+        raise TypeError("a mapping is expected")
+    if values.get("frame", "map") != "map":
+        raise ValueError(f"frame is {values['frame']!r}, and must be 'map'")
+
+
+def _pose(values: object) -> Array:
+    pose = np.asarray(values, dtype=np.float64)
+    if pose.shape != (7,) or not np.isfinite(pose).all():
+        raise ValueError("pose needs 7 finite numbers")
+    length = float(np.linalg.norm(pose[3:]))
+    if length < ROUNDING:
+        raise ValueError("the quaternion of a pose is zero")
+    if abs(length - 1.0) > 1e-12:  # else to the last bit as it is: backends read again what the manager has read
+        pose[3:] /= length
+    return pose
+
+
+def _covariance(values: object) -> Array:
+    covariance = np.asarray(values, dtype=np.float64)
+    if covariance.size != 36 or not np.isfinite(covariance).all():
+        raise ValueError("covariance needs 36 finite numbers")
+    covariance = covariance.reshape(6, 6)
+    tolerance = ROUNDING * float(np.abs(covariance).max())
+    if np.abs(covariance - covariance.T).max() > tolerance or np.linalg.eigvalsh(covariance).min() < -tolerance:
+        raise ValueError("covariance is not symmetric and positive semi-definite")
+    return covariance
+
+
+def _class_probabilities(values: object) -> dict[str, float]:
+    probabilities = {str(name): float(value) for name, value in dict(values or {}).items()}  # type: ignore[call-overload]
+    if not all(0.0 <= value < math.inf for value in probabilities.values()):
+        raise ValueError("class probabilities must be finite and not negative")
+    if probabilities and not any(probabilities.values()):
+        raise ValueError("class probabilities are all zero")
+    return probabilities
