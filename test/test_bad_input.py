@@ -253,6 +253,13 @@ def test_wrong_usage_is_one_line(command, options, text):
     assert text in line
 
 
+def test_an_output_folder_that_cannot_be_made(command, tmp_path):
+    (tmp_path / "file").touch()
+    code, (line,), _ = command(input_entries(1), "--out", str(tmp_path / "file" / "out"))
+    assert code == 2
+    assert "cannot be written (Not a directory); name another output folder" in line
+
+
 def test_a_message_that_does_not_decode_is_counted(command, tmp_path):
     bag = write_bag(tmp_path / "bag", input_entries(NUM_FRAMES))
     entries = input_entries(NUM_FRAMES)

@@ -1,6 +1,8 @@
 """Write rosbag2 folders: mcap, chunks compressed with zstd, the definitions of all types embedded."""
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -49,16 +51,18 @@ class BagWriter:
     """
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when ``path`` exists and is something other than a bag; an old bag is replaced."""
+        """Raises InputError where ``path`` is no bag or cannot be written; an old bag is replaced."""
         self.path = Path(path)
-        _make_room(self.path)
+        with _faults_of(self.path):
+            _make_room(self.path)
         self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._store = extended_typestore({})
         self._connections: dict[str, Connection] = {}
 
     def __enter__(self) -> Self:
-        self._writer.open()
+        with _faults_of(self.path):
+            self._writer.open()
         return self
 
     def __exit__(
@@ -93,6 +97,14 @@ class BagWriter:
             typestore=self._store,
             offered_qos_profiles=[LATCHED_QOS] if name in _LATCHED else [],
         )
+
+
+@contextmanager
+def _faults_of(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as fault:
+        raise InputError(f"{path}: cannot be written ({fault.strerror}); name another output folder") from None
 
 
 def _make_room(path: Path) -> None:
