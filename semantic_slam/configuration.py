@@ -15,7 +15,7 @@ from semantic_slam.errors import InputError
 
 
 def parameter(default: Any, text: str, **limits: Any) -> Any:
-    """A dataclass field with its description; ``minimum``, ``maximum`` or ``choices`` bound its value."""
+    """A dataclass field with its description; ``minimum``, ``maximum``, ``choices`` or ``lengths`` bound its value."""
     metadata = {"description": text, **limits}
     if isinstance(default, tuple):
         return field(default_factory=lambda: default, metadata=metadata)
@@ -106,7 +106,9 @@ class PerceptionConfiguration:
     architecture: str = parameter("compact", "network of those weights", choices=("compact", "alexnet"))
     alexnet_components: tuple[int, ...] = parameter((0,), "ImageNet classes used as features with alexnet")
     num_passes: int = parameter(50, "dropout passes T", minimum=1)
-    extrinsics: tuple[float, ...] = parameter((), "T_base_camera as x y z qx qy qz qw; empty: from /tf_static")
+    extrinsics: tuple[float, ...] = parameter(
+        (), "T_base_camera as x y z qx qy qz qw; empty: from /tf_static", lengths=(0, 7)
+    )
     base_frame: str = parameter("base_link", "the robot's body frame")
     sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
     sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
@@ -124,7 +126,7 @@ class PerceptionConfiguration:
 class Configuration:
     """The effective configuration of a run. Distances in metres, angles in radians."""
 
-    seed: int = parameter(0, "seed of every random draw", minimum=0)
+    seed: int = parameter(0, "seed of every random draw", minimum=0, maximum=2**63 - 1)
     association: str = parameter(
         "enumerated", "data association: enumerated, or given with the detections' ids", choices=("enumerated", "given")
     )
@@ -167,7 +169,12 @@ def load_configuration(path: Path) -> Configuration:
         raise InputError(f"{path}: not a readable YAML file ({reason}); see config/default.yaml") from None
     if not isinstance(values, dict):
         raise InputError(f"{path}: a mapping is expected; see config/default.yaml")
-    return from_dict(values.get("/**", {}).get("ros__parameters", {}) if "/**" in values else values, str(path))
+    if "/**" in values:
+        for key in ("/**", "ros__parameters"):
+            values = values.get(key) or {}
+            if not isinstance(values, dict):
+                raise InputError(f"{path}: '{key}' must be a mapping; see config/default.yaml")
+    return from_dict(values, str(path))
 
 
 def _build(cls: Any, values: Any, origin: str, prefix: str) -> Any:
@@ -199,6 +206,11 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
     limits = item.metadata
     if "choices" in limits and result not in limits["choices"]:
         raise InputError(f"{origin}: parameter '{name}' is {result!r}; choose one of {', '.join(limits['choices'])}")
+    if "lengths" in limits and len(result) not in limits["lengths"]:
+        raise InputError(
+            f"{origin}: parameter '{name}' has {len(result)} numbers;"
+            f" give {' or '.join(str(length) for length in limits['lengths'])}"
+        )
     if result < limits.get("minimum", result) or result > limits.get("maximum", result):
         raise InputError(
             f"{origin}: parameter '{name}' is {result}; it must lie in"

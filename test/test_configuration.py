@@ -83,6 +83,33 @@ def test_changed_parameters_rebuild_the_configuration(ros: None) -> None:
     assert declared(**overrides)[0] == changed
 
 
+@pytest.mark.parametrize("text", ["", "/**:", "/**:\n  ros__parameters:", "seed: 0"])
+def test_empty_mappings_are_the_defaults(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "configuration.yaml"
+    path.write_text(text)
+    assert load_configuration(path) == Configuration()
+
+
+def test_parameters_that_are_no_mapping_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "configuration.yaml"
+    path.write_text("/**: [1]")
+    with pytest.raises(InputError, match=r"'/\*\*' must be a mapping"):
+        load_configuration(path)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"perception": {"extrinsics": [0.0] * 6}}, "'perception.extrinsics' has 6 numbers; give 0 or 7"),
+        ({"seed": 2**63}, "'seed' is 9223372036854775808; it must lie in"),
+    ],
+)
+def test_impossible_values_are_refused(values: dict, text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        from_dict(values)
+    assert text in str(caught.value)
+
+
 @pytest.mark.parametrize("name", ["pruning.ration", "associaton", "prunning.ratio"])
 def test_mistyped_parameter_is_refused(ros: None, name: str) -> None:
     with pytest.raises(InputError, match=f"unknown parameter '{re.escape(name)}'"):
