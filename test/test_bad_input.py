@@ -242,6 +242,7 @@ def test_a_bag_that_does_not_exist(command, tmp_path):
     [
         (["--max-keyframes", "0"], "--max-keyframes 0: must be at least 1"),
         (["--seed", "-1"], "--seed -1: must be at least 0"),
+        (["--seed", str(2**63)], "--seed: parameter 'seed' is 9223372036854775808; it must lie in"),
         (["--seed", "many"], "argument --seed: invalid int value: 'many'"),
         (["--map-prior", "nowhere.json"], "nowhere.json: No such file"),
         (["--frobnicate"], "unrecognized arguments: --frobnicate"),

@@ -13,6 +13,7 @@ import pytest
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.perception.classifier import Classifier
+from semantic_slam.perception.training import TrainingConfiguration
 from semantic_slam.perception.turntables import class_names_of, load_views
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
 from semantic_slam.viewpoint.store import read_model, read_provenance
@@ -103,6 +104,22 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     seen_red = model.predict(np.array([1]), front).mean[0]
     likelihood = log_likelihood(model, seen_red, np.zeros((2, 2)), front)
     assert likelihood[1] > likelihood[0] + 1.0
+
+
+@pytest.mark.parametrize("command", ["train_classifier", "fit_viewpoint_models", "make_scene"])
+def test_wrong_usage_is_one_line(command: str) -> None:
+    result = call(command, "--frobnicate")
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert command in result.stderr
+
+
+def test_help_of_train_classifier_tells_the_defaults() -> None:
+    text = " ".join(call("train_classifier", "--help").stdout.split())
+    defaults = TrainingConfiguration()
+    degrees = round(np.rad2deg(defaults.largest_azimuth_rad))
+    for value in ("NP1,NP2,NP3,NP4,NP5", defaults.epochs, defaults.crops_per_epoch, degrees, defaults.seed):
+        assert f"(default: {value})" in text
 
 
 @pytest.mark.parametrize("command", ["train_classifier", "fit_viewpoint_models"])

@@ -1,7 +1,6 @@
 """``bag_to_report BAG --out DIR``: a report of an input bag, by running the pipeline on it, or of a belief bag."""
 
 from argparse import Namespace
-from dataclasses import replace
 from pathlib import Path
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
@@ -56,14 +55,14 @@ def command() -> None:
 
 def run(arguments: Namespace) -> InputError | None:
     """The pipeline, from the bag to DIR/belief; returns what ended the input early. Raises InputError."""
-    from semantic_slam.configuration import Configuration, load_configuration
+    from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
     from semantic_slam.inference.map_prior import read_map_prior
     from semantic_slam.pipeline.offline import run_bag
 
     path = arguments.config or (DEFAULT_CONFIGURATION if DEFAULT_CONFIGURATION.is_file() else None)
     configuration = load_configuration(path) if path else Configuration()
     if arguments.seed is not None:
-        configuration = replace(configuration, seed=arguments.seed)
+        configuration = from_dict({**to_dict(configuration), "seed": arguments.seed}, "--seed")
     prior = read_map_prior(arguments.map_prior) if arguments.map_prior else None
     summary = run_bag(arguments.bag, arguments.out / "belief", configuration, prior, arguments.max_keyframes)
     print(f"{summary.num_keyframes} keyframes of {summary.num_frames} frames")

@@ -5,13 +5,13 @@ import json
 import os
 from pathlib import Path
 
-from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
 
 def parse() -> argparse.Namespace:
-    """The arguments; exits with code 2 on bad usage."""
-    parser = argparse.ArgumentParser(
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
         prog="fit_viewpoint_models",
         description="Fit a Gaussian process per class and feature over the direction of view (BigBIRD's format).",
     )
@@ -19,10 +19,17 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")
     parser.add_argument("--weights", type=Path, help="network to fit the models of; default: the shipped one")
     parser.add_argument(
-        "--cameras", default="NP1,NP2,NP3,NP4", help="cameras of the turntable, low ones see as robots do"
+        "--cameras",
+        default="NP1,NP2,NP3,NP4",
+        help="cameras of the turntable, low ones see as robots do (default: %(default)s)",
     )
-    parser.add_argument("--draws", type=int, default=8, help="crops per direction, each in another room and light")
-    parser.add_argument("--seed", type=int, default=0, help="seed of every random draw")
+    parser.add_argument(
+        "--draws",
+        type=int,
+        default=8,
+        help="crops per direction, each in another room and light (default: %(default)s)",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
     return parser.parse_args()
 
 

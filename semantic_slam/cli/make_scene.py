@@ -3,12 +3,12 @@
 import argparse
 from pathlib import Path
 
-from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
 
 def parse() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="make_scene",
         description="Render furniture that looks alike from some sides: a room in the format of the Active Vision"
         " Dataset (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every"

@@ -38,6 +38,8 @@ def command() -> None:
     if arguments.list:
         print("\n".join(STUDIES))
         return
+    if arguments.name is None:
+        raise InputError(f"run_study: name a study; there are: {', '.join(STUDIES)}")
     if arguments.name not in STUDIES:
         raise InputError(f"run_study: no study {arguments.name!r}; there are: {', '.join(STUDIES)}")
     if arguments.out is None:

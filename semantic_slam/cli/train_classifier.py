@@ -6,24 +6,26 @@ import math
 from pathlib import Path
 from typing import Any
 
-from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
 
 def parse() -> argparse.Namespace:
-    """The arguments; exits with code 2 on bad usage."""
-    parser = argparse.ArgumentParser(
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
         prog="train_classifier", description="Train the compact network on turntable views (BigBIRD's format)."
     )
     parser.add_argument("--turntables", type=Path, required=True, help="folder with one folder per class")
     parser.add_argument("--out", type=Path, required=True, help="weights to write (.safetensors)")
-    parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras of the turntable to learn from")
-    parser.add_argument("--epochs", type=int, help="passes over the drawn crops")
-    parser.add_argument("--crops-per-epoch", type=int, help="crops drawn for each of them")
+    parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
+    parser.add_argument("--epochs", type=int, help="passes over the drawn crops (default: 14)")
+    parser.add_argument("--crops-per-epoch", type=int, help="crops drawn for each of them (default: 4000)")
     parser.add_argument(
-        "--max-azimuth-deg", type=float, help="views further from an object's front are not shown to the network"
+        "--max-azimuth-deg",
+        type=float,
+        help="views further from an object's front are not shown to the network (default: 109)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of every random draw")
+    parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
     return parser.parse_args()
 
 
