@@ -17,6 +17,20 @@ from semantic_slam.ros.node_set import node_set
 from semantic_slam.ros.transport import is_installed
 
 
+def end_of(name, last):
+    """What happens when the node ``name`` ends: the last of the chain, or any that died, ends the launch.
+
+    Without one of them the others would wait for ever.
+    """
+
+    def on_exit(event, context):
+        if event.returncode:
+            return [Shutdown(reason=f"{name} has died with exit code {event.returncode}")]
+        return [Shutdown(reason=f"{name} has ended")] if name == last else []
+
+    return on_exit
+
+
 def start_nodes(context):
     """Actions of all nodes, once the arguments' values are known."""
     bag, config, backends, rate, record = (
@@ -34,7 +48,7 @@ def start_nodes(context):
             parameters=[spec.parameters],
             output="screen",
             emulate_tty=True,
-            on_exit=Shutdown(reason=f"{spec.name} has ended") if spec.name == last else None,
+            on_exit=end_of(spec.name, last),
         )
         for spec in specs
     ]

@@ -116,4 +116,18 @@ def test_launch_file_starts_the_node_set(launch_file: dict[str, Any], bag: Path,
     assert {node.name: (node.executable, node.parameters) for node in nodes} == {
         spec.name: (spec.executable, [spec.parameters]) for spec in expected.values()
     }
-    assert [node.name for node in nodes if node.on_exit is not None] == ["bag_recorder"]
+
+
+def test_end_of_the_recorder_and_death_of_any_node_end_the_launch(
+    launch_file: dict[str, Any], bag: Path, configuration: Path
+) -> None:
+    context = {"bag": str(bag), "config": str(configuration), "backends": "1", "rate": "0.0", "record": "out/belief"}
+    nodes = launch_file["start_nodes"](context)
+
+    def ending(returncode: int) -> set[str]:
+        event = SimpleNamespace(returncode=returncode)
+        actions = {node.name: node.on_exit(event, context) for node in nodes}
+        return {name for name, shut in actions.items() if [action.kind for action in shut] == ["Shutdown"]}
+
+    assert ending(0) == {"bag_recorder"}
+    assert ending(2) == ending(-9) == {node.name for node in nodes}
