@@ -17,7 +17,7 @@ class PlanarDetection:
     covariance: Array  # (2, 2) of [range, bearing]
     sensor: Array  # (2,) camera in the body frame, metres
     feature: Array  # (F,) z_sem
-    feature_covariance: Array  # (F, F) of the dropout samples' mean
+    feature_covariance: Array  # (F, F) covariance of the dropout samples
 
     @property
     def has_range(self) -> bool:
