@@ -74,7 +74,7 @@ def fans(file: Path, rows: Mapping[str, Mapping[str, Array]], true_class: int) -
             axis.axhline(1.0 / len(CLASSES), color="#555", linestyle="--", linewidth=0.8)
             axis.set(title=f"{title}: {label}", ylabel="P(true class)", ylim=(-0.02, 1.02), xlabel="view")
         line[-1].set(title=title, yscale="symlog", ylabel="log MGR [nats]", xlabel="view")
-        line[-1].set_ylim(bottom=0.0)
+        line[-1].set_ylim(0.0, max(line[-1].get_ylim()[1], 1.0))
         line[-1].legend(fontsize=8, frameon=False)
     canvas.savefig(file, dpi=110)
     return file
