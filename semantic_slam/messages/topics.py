@@ -63,3 +63,12 @@ TYPES = {
 }
 LATCHED = frozenset({TF_STATIC, RUN_CONFIGURATION, GROUND_TRUTH_OBJECTS, INITIAL_POSE})
 """Topics whose last message a late subscriber still receives (TRANSIENT_LOCAL)."""
+KEPT_INPUTS = (
+    ODOMETRY,
+    INITIAL_POSE,
+    TF_STATIC,
+    GROUND_TRUTH_ODOMETRY,
+    GROUND_TRUTH_OBJECTS,
+    GROUND_TRUTH_ASSOCIATIONS,
+)
+"""Inputs that a belief bag keeps: without them a report could not tell how good the belief is."""

@@ -9,17 +9,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.topics import TYPES
 
-COPIED = tuple(
-    absolute(topic)
-    for topic in (
-        topics.ODOMETRY,
-        topics.INITIAL_POSE,
-        topics.TF_STATIC,
-        topics.GROUND_TRUTH_ODOMETRY,
-        topics.GROUND_TRUTH_OBJECTS,
-        topics.GROUND_TRUTH_ASSOCIATIONS,
-    )
-)
+COPIED = tuple(absolute(topic) for topic in topics.KEPT_INPUTS)
 """Topics that a belief bag takes over from its input."""
 
 

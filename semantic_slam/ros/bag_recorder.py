@@ -22,14 +22,6 @@ from semantic_slam.ros.transport import is_installed
 
 RESULTS = (topics.MEASUREMENTS, topics.BELIEF, topics.POSE)
 NEWEST = (topics.RUN_CONFIGURATION, topics.PATH, topics.MARKERS)
-INPUTS = (
-    topics.ODOMETRY,
-    topics.INITIAL_POSE,
-    topics.TF_STATIC,
-    topics.GROUND_TRUTH_ODOMETRY,
-    topics.GROUND_TRUTH_OBJECTS,
-    topics.GROUND_TRUTH_ASSOCIATIONS,
-)
 
 
 class BagRecorder(PipelineNode):
@@ -50,7 +42,7 @@ class BagRecorder(PipelineNode):
         for topic in NEWEST:
             self._record(topic, qos.latched())
         self._record(topics.DIAGNOSTICS, qos.everything(), ends=False)
-        for topic in INPUTS:
+        for topic in topics.KEPT_INPUTS:
             self._record(topic, qos.sensor_input(topic, self.lossless))
         self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched())
 
