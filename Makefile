@@ -51,6 +51,7 @@ test: $(BUILT)
 bags: $(BUILT)
 	rm -rf build/scenes; source ./env.sh; make_scene --out build/scenes --seed 0 --tour-only; \
 	import_dataset avd build/scenes/Gen_000_1 --out bags/aliased_room --seed 2
+	source ./env.sh; make_scene --standing --out bags --seed 0
 
 clean:
 	rm -rf build install log out

@@ -1,4 +1,4 @@
-"""``make_scene --out DIR [--seed N] [--turntable]``: a simulated room in AVD's format, or turntables in BigBIRD's."""
+"""``make_scene --out DIR [--seed N] [--turntable | --standing]``: a room as AVD, turntables as BigBIRD, or a bag."""
 
 import argparse
 from pathlib import Path
@@ -12,11 +12,20 @@ def parse() -> argparse.Namespace:
         prog="make_scene",
         description="Render furniture that looks alike from some sides: a room in the format of the Active Vision"
         " Dataset (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every"
-        " class on a turntable in BigBIRD's format (DIR/<class>). Needs EGL or OSMesa, not a screen.",
+        " class on a turntable in BigBIRD's format (DIR/<class>), or with --standing the bag DIR/standing.mcap of a"
+        " robot that stands still in the room of seed 0 (its map prior beside it). Needs EGL or OSMesa, not a screen.",
     )
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="data set folder to write into")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="layout of the room, 0 to 999 (default: 0)")
-    parser.add_argument("--turntable", action="store_true", help="write turntable views instead of a room")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="layout of the room, 0 to 999, or noise of --standing (default: 0)",
+    )
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument("--turntable", action="store_true", help="write turntable views instead of a room")
+    instead.add_argument("--standing", action="store_true", help="write the bag of a standing robot instead")
     parser.add_argument(
         "--tour-only", action="store_true", help="render only the images of tour.txt and between, a tenth of the time"
     )
@@ -31,6 +40,8 @@ def command() -> None:
     arguments = parse()
     if arguments.turntable:
         _turntables(arguments)
+    elif arguments.standing:
+        _standing(arguments)
     else:
         _room(arguments)
 
@@ -42,6 +53,15 @@ def _turntables(arguments: argparse.Namespace) -> None:
         raise InputError(f"--step-deg {arguments.step_deg}: must divide 360")
     folders = write_turntables(arguments.out, TurntableSettings(step_deg=arguments.step_deg))
     print(f"{arguments.out}: turntable views of {', '.join(folder.name for folder in folders)}")
+
+
+def _standing(arguments: argparse.Namespace) -> None:
+    from semantic_slam.simulation.standing import write_standing
+
+    if arguments.seed < 0:
+        raise InputError(f"--seed {arguments.seed}: must be at least 0; correct the number")
+    bag = write_standing(arguments.out, arguments.seed)
+    print(f"{bag}: report it with bag_to_report; its map prior lies beside it")
 
 
 def _room(arguments: argparse.Namespace) -> None:

@@ -25,8 +25,13 @@ def compressed_image(path: Path, scale: float, stamp_ns: int, frame_id: str, int
         raise InputError(f"{path}: {fault.strerror}; restore it from the data set") from None
     if scale != 1.0:
         data = _scaled(path, scale, interpolation)
+    return encoded_image(data, path.suffix, stamp_ns, frame_id)
+
+
+def encoded_image(data: bytes, suffix: str, stamp_ns: int, frame_id: str) -> Any:
+    """sensor_msgs/CompressedImage of an encoded picture, ``.jpg`` in colour or ``.png`` with depth."""
     return message_class("sensor_msgs/msg/CompressedImage")(
-        header=header_message(stamp_ns, frame_id), format=FORMATS[path.suffix], data=np.frombuffer(data, dtype=np.uint8)
+        header=header_message(stamp_ns, frame_id), format=FORMATS[suffix], data=np.frombuffer(data, dtype=np.uint8)
     )
 
 

@@ -65,12 +65,17 @@ def camera_poses(positions: Array, seed: int) -> Array:
     yaws = np.arange(count) % VIEWS_PER_POSITION * (2.0 * np.pi / VIEWS_PER_POSITION) + rng.normal(
         0.0, SIGMA_YAW_RAD, count
     )
-    poses = np.tile(np.eye(4), (count, 1, 1))
-    zero = np.zeros(count)
-    poses[:, :3, 0] = np.stack([np.sin(yaws), -np.cos(yaws), zero], axis=1)
+    return level_cameras(places, yaws)
+
+
+def level_cameras(places: Array, yaws_rad: Array) -> Array:
+    """(N, 4, 4) T_map_camera of optical frames at (N, 2) places that look level into the directions (N,)."""
+    zero = np.zeros(len(yaws_rad))
+    poses = np.tile(np.eye(4), (len(yaws_rad), 1, 1))
+    poses[:, :3, 0] = np.stack([np.sin(yaws_rad), -np.cos(yaws_rad), zero], axis=1)
     poses[:, :3, 1] = [0.0, 0.0, -1.0]
-    poses[:, :3, 2] = np.stack([np.cos(yaws), np.sin(yaws), zero], axis=1)
-    poses[:, :3, 3] = np.column_stack([places, np.full(count, CAMERA_HEIGHT_M)])
+    poses[:, :3, 2] = np.stack([np.cos(yaws_rad), np.sin(yaws_rad), zero], axis=1)
+    poses[:, :3, 3] = np.column_stack([places, zero + CAMERA_HEIGHT_M])
     return poses
 
 
