@@ -2,10 +2,16 @@
 
 from argparse import Namespace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
+if TYPE_CHECKING:
+    from semantic_slam.configuration import Configuration
+
+MOST_COMPARED = 4
+"""Runs beside the main one: what the report's charts can tell apart."""
 DEFAULT_CONFIGURATION = Path(__file__).parents[2] / "config" / "default.yaml"
 """In a checkout; it holds the built-in defaults, which are used where the file is missing."""
 
@@ -27,6 +33,14 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument(
         "--map-prior", type=Path, metavar="objects.json", help="objects known before (default: objects.json beside BAG)"
     )
+    parser.add_argument(
+        "--compare",
+        type=Path,
+        action="append",
+        metavar="YAML",
+        help="run the bag with this configuration, too, and set the runs side by side; may be given up to"
+        f" {MOST_COMPARED} times (beliefs go to DIR/belief_<name of the file>)",
+    )
     arguments = parser.parse_args(words)
     for name, least in (("seed", 0), ("max_keyframes", 1)):
         value = getattr(arguments, name)
@@ -34,7 +48,26 @@ def parse(words: list[str] | None = None) -> Namespace:
             raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}; correct the number")
     if arguments.out.exists() and not arguments.out.is_dir():
         raise InputError(f"{arguments.out}: is a file; name a folder for the report")
+    check_names(arguments)
     return arguments
+
+
+def check_names(arguments: Namespace) -> None:
+    """Raises InputError when the compared runs are too many or would share a name."""
+    compared = arguments.compare or []
+    if len(compared) > MOST_COMPARED:
+        raise InputError(
+            f"--compare: given {len(compared)} times; at most {MOST_COMPARED} runs fit beside the main one"
+        )
+    names = [run_name(arguments.config), *(run_name(path) for path in compared)]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"--compare {twice[0]}.yaml: two configurations have that name; rename one of the files")
+
+
+def run_name(configuration: Path | None) -> str:
+    """What a run is called: as its configuration's file."""
+    return configuration.stem if configuration else DEFAULT_CONFIGURATION.stem
 
 
 def command() -> None:
@@ -47,24 +80,38 @@ def command() -> None:
         print_files(make_report(arguments.bag, arguments.out))
         check_whole(arguments.bag)
         return
-    fault = run(arguments)
-    print_files(make_report(arguments.out / "belief", arguments.out, source_bag=arguments.bag))
-    if fault is not None:
-        raise fault
+    paths = [arguments.config, *(arguments.compare or [])]
+    runs = {run_name(path): effective_configuration(path, arguments.seed) for path in paths}
+    names = list(runs)
+    beliefs = {name: arguments.out / (f"belief_{name}" if name != names[0] else "belief") for name in names}
+    faults = [run(arguments, name, runs[name], beliefs[name]) for name in names]
+    compared = {name: beliefs[name] for name in names[1:]}
+    print_files(make_report(beliefs[names[0]], arguments.out, arguments.bag, names[0], compared))
+    if faults[0] is not None:
+        raise faults[0]
 
 
-def run(arguments: Namespace) -> InputError | None:
-    """The pipeline, from the bag to DIR/belief; returns what ended the input early. Raises InputError."""
+def effective_configuration(path: Path | None, seed: int | None) -> "Configuration":
+    """The configuration of a run; raises InputError."""
     from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
+
+    path = path or (DEFAULT_CONFIGURATION if DEFAULT_CONFIGURATION.is_file() else None)
+    configuration = load_configuration(path) if path else Configuration()
+    return configuration if seed is None else from_dict({**to_dict(configuration), "seed": seed}, "--seed")
+
+
+def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs: Path) -> InputError | None:
+    """The pipeline with one configuration, from the bag to ``beliefs``; returns what ended the input early.
+
+    Raises InputError.
+    """
     from semantic_slam.inference.map_prior import read_map_prior
     from semantic_slam.pipeline.offline import run_bag
 
-    path = arguments.config or (DEFAULT_CONFIGURATION if DEFAULT_CONFIGURATION.is_file() else None)
-    configuration = load_configuration(path) if path else Configuration()
-    if arguments.seed is not None:
-        configuration = from_dict({**to_dict(configuration), "seed": arguments.seed}, "--seed")
+    if arguments.compare:
+        print(f"run: {name}")
     prior = read_map_prior(arguments.map_prior) if arguments.map_prior else None
-    summary = run_bag(arguments.bag, arguments.out / "belief", configuration, prior, arguments.max_keyframes)
+    summary = run_bag(arguments.bag, beliefs, configuration, prior, arguments.max_keyframes)
     print(f"{summary.num_keyframes} keyframes of {summary.num_frames} frames")
     for reason, count in sorted(summary.dropped.items()):
         print(f"not used: {reason} ({count})")
@@ -96,7 +143,7 @@ def print_files(files: list[Path]) -> None:
 
 def _announce_unused(arguments: Namespace) -> None:
     """A recorded belief is not computed again, so what steers a run has no effect."""
-    for name in ("config", "seed", "max_keyframes", "map_prior"):
+    for name in ("config", "seed", "max_keyframes", "map_prior", "compare"):
         if getattr(arguments, name) is not None:
             print(
                 f"--{name.replace('_', '-')} has no effect: {arguments.bag} holds beliefs, which are not computed again"

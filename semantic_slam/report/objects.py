@@ -36,6 +36,7 @@ class ObjectView:
     in_coverage: bool
     detections: int
     course: Markup | None
+    doubt: Markup | None  # mutual information against keyframe, None where the run does not state it
 
     @property
     def certain(self) -> bool:
@@ -47,12 +48,18 @@ def object_views(analysis: Analysis, colours: list[str]) -> list[ObjectView]:
     last = analysis.record.beliefs[-1]
     drawn = set(_worth_a_picture(analysis))
     return [
-        _view(analysis, last, row, courses_svg(analysis, int(number), colours) if int(number) in drawn else None)
+        _view(
+            analysis,
+            last,
+            row,
+            courses_svg(analysis, int(number), colours) if int(number) in drawn else None,
+            doubt_svg(analysis, int(number)) if int(number) in drawn else None,
+        )
         for row, number in enumerate(last.object_ids)
     ]
 
 
-def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | None) -> ObjectView:
+def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | None, doubt: Markup | None) -> ObjectView:
     number = int(last.object_ids[row])
     probabilities = last.class_probabilities[row]
     best = int(np.argmax(probabilities)) if len(probabilities) else -1
@@ -74,6 +81,7 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
         in_coverage=bool(last.in_coverage[row]),
         detections=analysis.detection_counts[number],
         course=course,
+        doubt=doubt,
     )
 
 
@@ -120,4 +128,24 @@ def courses_svg(analysis: Analysis, number: int, colours: list[str]) -> Markup:
     edges = np.hstack([np.zeros((len(rows), 1)), np.cumsum(rows, axis=1)])
     for index, colour in enumerate(colours):
         plot.area([belief.keyframe for belief in moments], edges[:, index], edges[:, index + 1], colour)
+    return plot.svg()
+
+
+def doubt_svg(analysis: Analysis, number: int) -> Markup | None:
+    """Mutual information of one object over the keyframes [nats]; None where no belief states it."""
+    beliefs = analysis.record.beliefs
+    values = np.array(
+        [
+            next(iter(belief.mutual_information[belief.object_ids == number].tolist()), float("nan"))
+            for belief in beliefs
+        ]
+    )
+    if not np.isfinite(values).any():
+        return None
+    options = {"width": 300, "height": 84, "margins": (16, 8, 20, 34)}
+    high = max(float(np.nanmax(values)) * 1.1, 0.01)
+    plot = time_plot(beliefs, 0.0, high, f"mutual information of object {number} in nats", **options)
+    plot.axes(x_label="", y_ticks=(0, float(f"{high / 1.1:.1g}")), x_count=4)
+    plot.caption("model doubt [nats]")
+    plot.line([belief.keyframe for belief in beliefs], values, "line first")
     return plot.svg()

@@ -1,13 +1,15 @@
 """The page: one HTML file with everything inside, readable without a network."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
 from semantic_slam.report.charts import time_charts, truth_charts
-from semantic_slam.report.document import Analysis
+from semantic_slam.report.comparison import Run
+from semantic_slam.report.comparison_view import comparison_view
 from semantic_slam.report.frames import frame_views
 from semantic_slam.report.metrics_table import metric_rows
 from semantic_slam.report.objects import object_views
@@ -18,10 +20,12 @@ from semantic_slam.report.verdict import verdict, warnings
 from semantic_slam.report.wording import number, percent
 
 
-def render_page(analysis: Analysis, source_bag: Path | None) -> str:
-    """The text of ``report.html``. Whatever comes from a bag is escaped."""
+def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
+    """The text of ``report.html``: of the first run, the others beside it. Whatever comes from a bag is escaped."""
+    analysis = runs[0].analysis
     record, evaluation = analysis.record, analysis.evaluation
     colours = class_colours(len(record.beliefs[-1].class_names))
+    classes = list(zip(record.beliefs[-1].class_names, colours, strict=True))
     objects = object_views(analysis, colours)
     frames, no_frames = frame_views(analysis, source_bag, colours)
     return (
@@ -38,8 +42,9 @@ def render_page(analysis: Analysis, source_bag: Path | None) -> str:
             detections=sum(len(belief.detection_ids) for belief in record.beliefs),
             verdict=verdict(analysis, objects),
             warnings=warnings(analysis, objects),
-            classes=list(zip(record.beliefs[-1].class_names, colours, strict=True)),
+            classes=classes,
             objects=objects,
+            comparison=comparison_view(runs, classes),
             charts=time_charts(analysis),
             truth_charts=truth_charts(evaluation, record.beliefs) if evaluation else [],
             metrics=metric_rows(evaluation.metrics) if evaluation else [],

@@ -132,6 +132,10 @@ class Plot:
         shift = 5 if anchor == "start" else -5
         self._add('<text class="note" text-anchor="{}" x="{}" y="{}">{}</text>', anchor, x + shift, self.top + 12, text)
 
+    def caption(self, text: str) -> None:
+        """What the plot shows, in its upper left corner."""
+        self._add('<text class="note" x="{}" y="{}">{}</text>', self.left + 4, self.top - 4, text)
+
     def svg(self) -> Markup:
         """The finished picture, with the line that follows the chosen keyframe."""
         cursor = Markup('<line class="cursor" y1="{}" y2="{}" visibility="hidden"/>').format(self.top, self.bottom)
