@@ -24,11 +24,22 @@ def parameter(default: Any, text: str, **limits: Any) -> Any:
 
 @dataclass(frozen=True)
 class SemanticModelConfiguration:
-    kind: str = parameter("gp_independent", "class models of Eq. 4.2", choices=("none", "parametric", "gp_independent"))
-    path: str = parameter("", "viewpoint model file of gp_independent; empty: the shipped one")
+    kind: str = parameter(
+        "gp_independent",
+        "class models of Eq. 4.2; gp_correlated: views share their errors",
+        choices=("none", "parametric", "gp_independent", "gp_correlated"),
+    )
+    path: str = parameter("", "viewpoint model file of gp_independent and gp_correlated; empty: the shipped one")
     class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
     correlated_views: float = parameter(
         4.0, "gp_independent: so many consecutive views tell as much as one, they repeat their errors", minimum=1.0
+    )
+    num_tracks: int = parameter(200, "gp_correlated: samples of the track that a hypothesis averages over", minimum=4)
+    window: int = parameter(20, "gp_correlated: views of an object that a new view is correlated with", minimum=1)
+    track_average: str = parameter(
+        "evidence",
+        "gp_correlated: tracks count by their evidence, or evenly with normalised posteriors (thesis, Eq. 3.20)",
+        choices=("evidence", "thesis"),
     )
     alpha: float = parameter(0.25, "viewpoint dependency of the parametric model (Eq. 4.22)", minimum=0.0, maximum=1.0)
     concentration: float = parameter(15.0, "K of R = K [[1, -0.5], [0, 1]]; covariance (R^T R)^-1", minimum=1e-6)

@@ -16,7 +16,8 @@ from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.problem import ObjectEntry, Problem, Step
+from semantic_slam.inference.problem import ObjectEntry, Problem
+from semantic_slam.inference.step import Step
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.viewpoint.parametric import ParametricModel
 

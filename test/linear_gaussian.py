@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Linearisation
-from semantic_slam.inference.problem import Step
+from semantic_slam.inference.step import Step
 
 LOG_2PI = np.log(2.0 * np.pi)
 

@@ -69,7 +69,8 @@ def candidates(k=2, d=3, p=1):
 def components(s=2, o=3, lost=1):
     return Components(
         "run", 4, 1, numbers(s, dtype=np.uint64), numbers(s, 7), numbers(s, 6, 6), numbers(o, dtype=np.uint32),
-        numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, dtype=np.int32) - 2, numbers(lost, dtype=np.uint64),
+        numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, 4 if s and o else 0), numbers(s, o), numbers(s, o) > 1,
+        numbers(lost, dtype=np.uint64),
     )  # fmt: skip
 
 

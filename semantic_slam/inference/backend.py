@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.class_knowledge import ClassKnowledge, class_knowledge
 from semantic_slam.inference.component import Component, LostComponentError, Observed, object_key, robot_key
 from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.objects import ObjectRegistry
-from semantic_slam.inference.problem import Problem, Step
+from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep, RunConfiguration
 from semantic_slam.inference.run import problem_of
+from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
 
@@ -184,28 +186,40 @@ class Backend:
             object_ids=np.array(self.registry.ids, dtype=np.uint32),
             object_poses=np.array([row[1][1:] for row in rows]).reshape(count, objects, 7),
             object_covariances=np.array([row[2][1:] for row in rows]).reshape(count, objects, 6, 6),
-            classes=np.array([row[3] for row in rows], dtype=np.int32).reshape(count, objects),
+            class_probabilities=np.array([row[3].probabilities for row in rows]).reshape(
+                count, objects, len(self.problem.class_names)
+            ),
+            mutual_information=np.array([row[3].mutual_information for row in rows]).reshape(count, objects),
+            in_coverage=np.array([row[3].in_coverage for row in rows], dtype=bool).reshape(count, objects),
             lost_ids=np.array(sorted(lost), dtype=np.uint64),
         )
 
-    def _component_row(self, component: Component) -> tuple[Array, Array, list[int]]:
-        """Poses (1 + O, 7) and covariances (1 + O, 6, 6), the robot's first, and O classes; NaN for absent objects."""
+    def _component_row(self, component: Component) -> tuple[Array, Array, ClassKnowledge]:
+        """Poses (1 + O, 7) and covariances (1 + O, 6, 6), the robot's first, NaN for absent objects; classes."""
         present = [i for i, n in enumerate(self.registry.ids) if n in component.object_ids]
         keys = [robot_key(component.keyframe), *(object_key(self.registry.ids[i]) for i in present)]
-        states, covariances = component.states(keys), component.covariances(keys)
+        states, covariances = component.corrected(keys)
         poses = np.full((1 + len(self.registry.ids), 7), np.nan)
         spread = np.full((1 + len(self.registry.ids), 6, 6), np.nan)
         rows = [0, *(1 + i for i in present)]
         poses[rows] = self.problem.reader.poses(states)
         spread[rows] = self.problem.reader.covariances(states, covariances)
-        return poses, spread, [component.classes.get(n, -1) for n in self.registry.ids]
+        return poses, spread, class_knowledge(component, self.registry)
 
 
 def _extended(component: Component, step: Step, found: Continuations, at: int) -> Component:
     taken = found.steps[at]
     observed = [Observed(step.detections[i], taken.association[i], taken.class_assignment[i]) for i in found.used]
     new = found.new_objects[found.parents[at]]
-    return component.extended(step.motion, observed, new, found.robot[at], list(found.objects[at]))
+    return component.extended(
+        step.motion,
+        observed,
+        new,
+        found.robot[at],
+        list(found.objects[at]),
+        found.views[at],
+        found.robot_corrections[at],
+    )
 
 
 def _rows(rows: list[tuple[int, ...]], width: int) -> NDArray[np.int32]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manifold import Manifold
+from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.stack import Predicted
 
@@ -67,6 +68,8 @@ class Component:
     keyframe: int  # newest, -1 before the first
     classes: dict[int, int] = field(default_factory=dict)  # object id -> enumerated class
     object_ids: frozenset[int] = frozenset()
+    views: dict[int, ObjectViews] = field(default_factory=dict)  # object id -> record of its semantic views
+    robot_correction: Correction | None = None  # of the newest robot pose, by semantics that have no factor
 
     @classmethod
     def root(
@@ -105,6 +108,17 @@ class Component:
             raise LostComponentError(f"marginals are not to be had ({_first_line(fault)})") from None
         return np.array(blocks).reshape(len(keys), self.manifold.dimension, self.manifold.dimension)
 
+    def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
+        """(n, d) estimates and (n, d, d) covariances with what semantics without factors have to say of them."""
+        states, covariances = self.states(keys), self.covariances(keys)
+        corrections = {object_key(n): views.correction for n, views in self.views.items()}
+        corrections[robot_key(self.keyframe)] = self.robot_correction
+        for row, key in enumerate(keys):
+            correction = corrections.get(key)
+            if correction is not None:
+                states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
+        return states, covariances
+
     def predict(self, motion: Motion, object_ids: Sequence[int]) -> Predicted:
         """b^-[x_k, O] (Eqs. 4.11, 4.21) for one parent, over the robot and the objects named."""
         keys = [robot_key(self.keyframe), *(object_key(n) for n in object_ids)]
@@ -124,11 +138,14 @@ class Component:
         new_objects: dict[int, GaussianPrior],
         robot: Array,
         objects: Sequence[Array],
+        views: dict[int, ObjectViews],
+        robot_correction: Correction | None,
     ) -> "Component":
         """The child of Eqs. 4.9-4.11 for one continuation.
 
         ``robot`` (d,) and ``objects`` (one (d,) per entry of ``observed``) are the continuation's mode, where the
-        new factors are created. Raises LostComponentError when the system is indeterminate.
+        new factors are created; ``views`` are the new records of those objects. Raises LostComponentError when the
+        system is indeterminate.
         """
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         keyframe = self.keyframe + 1
@@ -149,7 +166,8 @@ class Component:
         isam = _updated(self.manifold, isam, graph, values, touched, jumped)
         classes = self.classes | {item.object_id: item.assigned_class for item in observed if item.assigned_class >= 0}
         object_ids = self.object_ids | new_objects.keys()
-        return Component(self.manifold, self.model, isam, keyframe, classes, object_ids)
+        known = self.views | views
+        return Component(self.manifold, self.model, isam, keyframe, classes, object_ids, known, robot_correction)
 
 
 def _updated(

@@ -18,11 +18,14 @@ from semantic_slam.inference.enumeration import (
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import generator, hypothesis_id
 from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.objects import ObjectRegistry
-from semantic_slam.inference.problem import Problem, Step
+from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.sampled import sample_evidence
+from semantic_slam.inference.semantics import Moment, Weighed
 from semantic_slam.inference.stack import Predicted, Stack
+from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -44,6 +47,8 @@ class Continuations:
     used: Index  # (n,) detections that take part; the others are clutter in every continuation
     log_left_out: Array  # (P,) estimate of the mass not weighed, relative to the parent's weight
     new_objects: list[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
+    views: list[dict[int, ObjectViews]]  # K: new records of the objects seen
+    robot_corrections: list[Correction | None]  # K
 
 
 class Expander:
@@ -68,7 +73,9 @@ class Expander:
         stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
         if setting.model.num_classes > 0 and len(used):
             mode = find_modes(stack, enumerated.start)
-        return self._weighed(step, parent_ids, enumerated, stack, mode, used, object_ids, new)
+        prior = self.registry.log_class_prior()[[self.registry.index(n) for n in object_ids]]
+        moment = Moment(step, components, stack, mode, used, object_ids, prior, new)
+        return self._weighed(moment, parent_ids, enumerated)
 
     def _used(self, step: Step, given: list[int] | None) -> Index:
         """Detections that can be an object: with an identity, or the best-scored where there are more than objects."""
@@ -124,26 +131,17 @@ class Expander:
             enumerated = enumerate_classes(setting, predicted, enumerated)
         return enumerated, mode
 
-    def _weighed(
-        self,
-        step: Step,
-        parent_ids: Sequence[int],
-        enumerated: Enumerated,
-        stack: Stack,
-        mode: Mode,
-        used: Index,
-        object_ids: list[int],
-        new: list[dict[int, GaussianPrior]],
-    ) -> Continuations:
-        rows = enumerated.rows
-        steps = _lineage_steps(rows.objects, rows.classes, used, object_ids, len(step.names))
+    def _weighed(self, moment: Moment, parent_ids: Sequence[int], enumerated: Enumerated) -> Continuations:
+        rows, step, stack, mode, used = enumerated.rows, moment.step, moment.stack, moment.mode, moment.used
+        steps = _lineage_steps(rows.objects, rows.classes, used, moment.object_ids, len(step.names))
         ids = [
             hypothesis_id(parent_ids[p], step.stamp_ns, s.association, s.class_assignment, s.mode)
             for p, s in zip(rows.parents, steps, strict=True)
         ]
         log_psi, effective = self._evidence(step, ids, stack, mode)
         states, covariances = _marginals(stack, mode)
-        log_psi = log_psi + enumerated.log_class_prior
+        weighed = self._semantics(moment)
+        log_psi = log_psi + enumerated.log_class_prior + weighed.log_weights
         best = np.full(len(parent_ids), -np.inf)
         np.maximum.at(best, rows.parents, log_psi)
         return Continuations(
@@ -151,15 +149,23 @@ class Expander:
             parents=rows.parents,
             steps=steps,
             log_psi=log_psi,
-            effective_sample_sizes=effective,
+            effective_sample_sizes=np.fmin(effective, weighed.effective_sample_sizes),
             robot=states[:, 0],
             robot_covariance=covariances[:, 0],
             objects=_of_detections(stack, states),
             object_covariances=_of_detections(stack, covariances),
             used=used,
             log_left_out=enumerated.log_left_out + best,
-            new_objects=new,
+            new_objects=list(moment.new),
+            views=weighed.views,
+            robot_corrections=weighed.robot,
         )
+
+    def _semantics(self, moment: Moment) -> Weighed:
+        count = len(moment.stack.mean)
+        if self.problem.semantics is None or not len(moment.used):
+            return Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
+        return self.problem.semantics.weigh(moment)
 
     def _evidence(self, step: Step, ids: list[int], stack: Stack, mode: Mode) -> tuple[Array, Array]:
         if self.problem.weights.method == "sampled":
@@ -186,7 +192,7 @@ def _path(path: LineageStep, used: Index, object_ids: list[int]) -> tuple[Index,
 
 
 def _lineage_steps(
-    objects: Index, classes: Index | None, used: Index, object_ids: list[int], count: int
+    objects: Index, classes: Index | None, used: Index, object_ids: Sequence[int], count: int
 ) -> list[LineageStep]:
     association = np.full((len(objects), count), -1)
     association[:, used] = np.array([*object_ids, -1], dtype=int)[objects]

@@ -69,7 +69,6 @@ class HypothesisManager:
         children, components = self._update(step.index, children)
         self._accept(children, components, pruned.discarded)
         mixture = self._mixture(components)
-        self.registry.note_coverage(mixture.associations(), step.in_coverage)
         discarded = max(0.0, float(-np.expm1(self.log_kept_mass)))
         return state_belief(step, mixture, self.registry, self.problem.class_names, len(merged.ids), discarded)
 
@@ -159,7 +158,9 @@ class HypothesisManager:
             pose_covariances=np.array([row.covariance for row in rows]),
             object_poses=np.array([row.object_poses for row in rows]),
             object_covariances=np.array([row.object_covariances for row in rows]),
-            classes=np.array([row.classes for row in rows]),
+            class_probabilities=np.array([row.class_probabilities for row in rows]),
+            mutual_information=np.array([row.mutual_information for row in rows]),
+            in_coverage=np.array([row.in_coverage for row in rows]),
         )
 
 
@@ -180,7 +181,9 @@ class _Row:
     covariance: Array
     object_poses: Array
     object_covariances: Array
-    classes: NDArray[np.int32]
+    class_probabilities: Array
+    mutual_information: Array
+    in_coverage: NDArray[np.bool_]
 
 
 def _merged(answers: list[Candidates]) -> _Merged:
@@ -207,7 +210,9 @@ def _by_id(answers: list[Components]) -> dict[int, _Row]:
             answer.pose_covariances[i],
             answer.object_poses[i],
             answer.object_covariances[i],
-            answer.classes[i],
+            answer.class_probabilities[i],
+            answer.mutual_information[i],
+            answer.in_coverage[i],
         )
         for answer in answers
         for i, number in enumerate(answer.ids)

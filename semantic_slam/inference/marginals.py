@@ -10,8 +10,8 @@ from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.objects import ObjectRegistry
-from semantic_slam.inference.problem import Step
 from semantic_slam.inference.protocol import LineageStep
+from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,9 @@ class Mixture:
     pose_covariances: Array  # (H, 6, 6)
     object_poses: Array  # (H, O, 7)
     object_covariances: Array  # (H, O, 6, 6)
-    classes: NDArray[np.int32]  # (H, O), -1 while carried lazily
+    class_probabilities: Array  # (H, O, C)
+    mutual_information: Array  # (H, O)
+    in_coverage: NDArray[np.bool_]  # (H, O)
 
     def association_history(self, row: int) -> tuple[tuple[int, ...], ...]:
         """beta_{1:k} of one hypothesis."""
@@ -39,13 +41,12 @@ class Mixture:
         return np.array([lineage[-1].association for lineage in self.lineages], dtype=np.int64)
 
 
-def class_probabilities(classes: NDArray[np.int32], priors: Array) -> Array:
-    """(H, O, C): one-hot where a class is enumerated, the prior (O, C) where it is carried lazily."""
-    num_classes = priors.shape[1]
-    if num_classes == 0:
-        return np.zeros((*classes.shape, 0))
-    one_hot = np.eye(num_classes)[np.maximum(classes, 0)]
-    return np.where(classes[..., None] >= 0, one_hot, priors)
+def epistemic_part(weights: Array, by_hypothesis: Array) -> Array:
+    """(O,) average of (H, O) mutual information over the hypotheses that have seen the object, NaN where none has."""
+    seen = weights[:, None] * np.isfinite(by_hypothesis)
+    total = seen.sum(axis=0)
+    summed = (seen * np.nan_to_num(by_hypothesis)).sum(axis=0)
+    return np.where(total > 0.0, summed / np.where(total > 0.0, total, 1.0), np.nan)
 
 
 def state_belief(
@@ -58,7 +59,6 @@ def state_belief(
 ) -> HybridBelief:
     """The belief after one keyframe."""
     weights = np.exp(mixture.log_weights)
-    by_hypothesis = class_probabilities(mixture.classes, registry.class_prior())
     poses, covariances = _object_moments(weights, mixture)
     count = len(registry.ids)
     return HybridBelief(
@@ -77,13 +77,13 @@ def state_belief(
         associations=registry.indices(mixture.associations()),
         object_ids=np.array(registry.ids, dtype=np.uint32),
         object_names=tuple(registry.names),
-        hypothesis_class_probabilities=by_hypothesis,
+        hypothesis_class_probabilities=mixture.class_probabilities,
         existence=registry.existence(),
-        class_probabilities=np.einsum("h,hoc->oc", weights, by_hypothesis),
+        class_probabilities=np.einsum("h,hoc->oc", weights, mixture.class_probabilities),
         object_poses=poses,
         object_covariances=covariances,
-        mutual_information=np.full(count, np.nan),
-        in_coverage=registry.in_coverage(),
+        mutual_information=epistemic_part(weights, mixture.mutual_information),
+        in_coverage=weights @ mixture.in_coverage >= 0.5,
         descriptors=np.zeros((count, 0)),
         descriptor_covariances=np.zeros((count, 0)),
         association_entropy=association_entropy(weights, [mixture.association_history(h) for h in range(len(weights))]),

@@ -24,7 +24,6 @@ class ObjectRegistry:
         self._existence = [entry.existence for entry in entries]
         self._uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
         self._by_name = {name: n for n, name in zip(self.ids, self.names, strict=True)}
-        self._outside: set[int] = set()
         self._by_name |= {str(n): n for n in self.ids}
 
     def identify(self, name: str) -> int:
@@ -61,11 +60,3 @@ class ObjectRegistry:
         """(O, C) natural logs."""
         with np.errstate(divide="ignore"):
             return np.log(self.class_prior())
-
-    def note_coverage(self, associations: NDArray[np.int64], in_coverage: NDArray[np.bool_]) -> None:
-        """Remember the objects that some hypothesis (H, D) gives a view (D,) outside the class models' coverage."""
-        self._outside |= {int(n) for n in associations[:, ~in_coverage].ravel()}
-
-    def in_coverage(self) -> NDArray[np.bool_]:
-        """(O,) whether every view lay inside the coverage."""
-        return np.array([n not in self._outside for n in self.ids], dtype=bool)

@@ -189,6 +189,12 @@ def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
     return _turn_back(o[:, 2], camera - o[:, :2])
 
 
+def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
+    """From where the camera of (B, 3) robots sees (B, 3) objects."""
+    distance, azimuth = _polar(camera_in_object(x, o, sensor))
+    return Viewpoints(azimuth, np.zeros_like(azimuth), distance)
+
+
 def _turn_back(angle: Array, vector: Array) -> Array:
     cos, sin = np.cos(angle), np.sin(angle)
     return np.stack([cos * vector[:, 0] + sin * vector[:, 1], cos * vector[:, 1] - sin * vector[:, 0]], -1)

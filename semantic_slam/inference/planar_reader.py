@@ -14,7 +14,7 @@ from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.planar_detection import PlanarDetection
-from semantic_slam.inference.problem import Step
+from semantic_slam.inference.step import Step
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 Array = NDArray[np.float64]

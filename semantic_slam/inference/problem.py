@@ -1,6 +1,5 @@
 """What a run is about: models, priors and settings, built once from the run's configuration."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -8,27 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
-from semantic_slam.inference.component import Component, Motion
+from semantic_slam.inference.component import Component
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.semantics import Semantics
+from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Step:
-    """A keyframe as the engine sees it."""
-
-    index: int
-    stamp_ns: int
-    motion: Motion
-    detections: Sequence[Any]  # D, for the observation model
-    detection_ids: NDArray[np.uint32]  # (D,) index in the detector's message
-    scores: Array  # (D,) detector's confidence
-    names: tuple[str, ...]  # (D,) identities given, "" for none
-    in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
-    dropped: int = 0  # inputs not used so far
 
 
 class KeyframeReader(Protocol):
@@ -68,6 +54,7 @@ class Problem:
     seed: int
     association: str  # enumerated | given
     distinct: bool
+    semantics: Semantics | None = None  # records of the objects' views; None without class models
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
 

@@ -78,7 +78,7 @@ class Commit:
 
 @dataclass(frozen=True)
 class Components:
-    """S smoothed components that a backend now holds; O objects."""
+    """S smoothed components that a backend now holds; O objects, C classes."""
 
     run_id: str
     keyframe: int
@@ -89,7 +89,9 @@ class Components:
     object_ids: NDArray[np.uint32]  # (O,)
     object_poses: Array  # (S, O, 7)
     object_covariances: Array  # (S, O, 6, 6)
-    classes: NDArray[np.int32]  # (S, O) enumerated class, -1 while lazy
+    class_probabilities: Array  # (S, O, C) one-hot where classes are enumerated
+    mutual_information: Array  # (S, O) nats, NaN for objects not seen
+    in_coverage: NDArray[np.bool_]  # (S, O) every view lay inside the class models' coverage
     lost_ids: NDArray[np.uint64]
 
 

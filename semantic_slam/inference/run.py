@@ -5,7 +5,7 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.configuration import Configuration, from_dict, to_dict
+from semantic_slam.configuration import Configuration, SemanticModelConfiguration, from_dict, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
@@ -15,9 +15,15 @@ from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.inference.planar_reader import PlanarReader
+from semantic_slam.inference.planar_tracks import CorrelatedTracks
+from semantic_slam.inference.planar_views import IndependentViews
 from semantic_slam.inference.problem import ObjectEntry, Problem
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.semantics import Semantics
+from semantic_slam.viewpoint.correlated import CorrelatedModel
+from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.load import load_model
+from semantic_slam.viewpoint.model import ViewpointModel
 
 Array = NDArray[np.float64]
 
@@ -75,13 +81,10 @@ def problem_of(run: RunConfiguration) -> Problem:
     return Problem(
         manifold=PlanarPoses(),
         model=PlanarObservation(
-            model,
+            None if configuration.semantic_model.kind == "gp_correlated" else model,
             PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
             configuration.new_objects,
-            # The parametric model is exact by definition; fitted models meet the same error in view after view.
-            configuration.semantic_model.correlated_views
-            if configuration.semantic_model.kind == "gp_independent"
-            else 1.0,
+            _correlated_views(configuration.semantic_model),
         ),
         reader=PlanarReader(model.num_features if model is not None else 0),
         robot=_planar_prior(run.initial_pose, run.initial_covariance),
@@ -89,10 +92,28 @@ def problem_of(run: RunConfiguration) -> Problem:
         class_names=run.class_names,
         seed=configuration.seed,
         association=configuration.association,
+        semantics=_semantics(configuration, model),
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
         pruning=configuration.pruning,
     )
+
+
+def _semantics(configuration: Configuration, model: ViewpointModel | None) -> Semantics | None:
+    settings = configuration.semantic_model
+    if model is None:
+        return None
+    if isinstance(model, GaussianProcessModel) and settings.kind == "gp_correlated":
+        correlated = CorrelatedModel(model)
+        return CorrelatedTracks(
+            correlated, settings.num_tracks, settings.window, settings.track_average, configuration.seed
+        )
+    return IndependentViews(model, _correlated_views(settings))
+
+
+def _correlated_views(settings: SemanticModelConfiguration) -> float:
+    """The parametric model is exact by definition; fitted models meet the same error in view after view."""
+    return settings.correlated_views if settings.kind == "gp_independent" else 1.0
 
 
 def _planar_prior(pose: Array, covariance: Array) -> GaussianPrior:

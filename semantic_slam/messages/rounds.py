@@ -64,7 +64,9 @@ COMPONENTS_LAYOUT: Layout = {
     "object_ids": ("O",),
     "object_poses": ("S", "O", 7),
     "object_covariances": ("S", "O", 6, 6),
-    "classes": ("S", "O"),
+    "class_probabilities": ("S", "O", "C"),
+    "mutual_information": ("S", "O"),
+    "in_coverage": ("S", "O"),
     "lost_ids": ("X",),
 }
 

@@ -55,8 +55,11 @@ def log_likelihood(model: ViewpointModel, feature: Array, feature_covariance: Ar
         *(np.repeat(value, count) for value in (viewpoint.azimuth_rad, viewpoint.elevation_rad, viewpoint.range_m))
     )
     prediction = model.predict(np.arange(count), repeated)
-    residual = feature - prediction.mean
-    covariance = prediction.covariance + feature_covariance
+    return log_density(feature - prediction.mean, prediction.covariance + feature_covariance)
+
+
+def log_density(residual: Array, covariance: Array) -> Array:
+    """(...,) log N(residual; 0, covariance) of (..., F) and (..., F, F), in nats."""
     _, logdet = np.linalg.slogdet(covariance)
-    squared = np.einsum("bi,bi->b", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
-    return np.asarray(-0.5 * (squared + logdet + feature.size * np.log(2.0 * np.pi)))
+    squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=-1)
+    return np.asarray(-0.5 * (squared + logdet + residual.shape[-1] * np.log(2.0 * np.pi)))

@@ -1,0 +1,61 @@
+"""What the views of an object, associated as one hypothesis has it, tell of its class."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.manifold import Manifold
+
+Array = NDArray[np.float64]
+
+LEAST_SHARE = 1e-3
+"""Semantic views narrow a variance to this share of the geometric one at most."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """How semantic views move and narrow a state's Gaussian, in units of its own standard deviations."""
+
+    shift: Array  # (d,)
+    covariance: Array  # (d, d), I where nothing changes
+
+    @classmethod
+    def of_samples(cls, deviations: Array, weights: Array) -> "Correction":
+        """From (P, d) deviations of samples, P > d, and their (P,) normalised weights.
+
+        Weighted moments are set against the even ones of the same samples, so that their scatter cancels.
+        """
+        centred = deviations - deviations.mean(axis=0)
+        root = np.linalg.cholesky(centred.T @ centred / len(centred))
+        whitened = np.linalg.solve(root, centred.T).T
+        shift = weights @ whitened
+        spread = whitened - shift
+        values, vectors = np.linalg.eigh((spread * weights[:, None]).T @ spread)
+        return cls(shift, (vectors * np.maximum(values, LEAST_SHARE)) @ vectors.T)
+
+    def applied(self, manifold: Manifold, state: Array, covariance: Array) -> tuple[Array, Array]:
+        """A state (d,) and its covariance (d, d), corrected."""
+        root = np.linalg.cholesky(covariance)
+        return manifold.retract(state, root @ self.shift), root @ self.covariance @ root.T
+
+
+@dataclass(frozen=True)
+class ObjectViews:
+    """The semantic record of one object in one hypothesis; C classes."""
+
+    log_likelihood: Array  # (C,) log p(z_1:k | c) of the object's semantic measurements, tracks averaged out
+    mutual_information: float  # nats, between class and the network's weights at the newest view
+    in_coverage: bool  # every view lay inside the class models' coverage
+    recent: tuple[Any, ...] = ()  # views that later ones correlate with, oldest first
+    log_dropped: Array | None = None  # (C,) share of log_likelihood of the views no longer in ``recent``
+    dropped: int = 0  # number of those views
+    correction: Correction | None = None  # of the object's pose
+
+
+def class_posterior(log_prior: Array, log_likelihood: Array) -> Array:
+    """(..., C) probabilities."""
+    joint = log_prior + log_likelihood
+    weight = np.exp(joint - joint.max(axis=-1, keepdims=True))
+    return np.asarray(weight / weight.sum(axis=-1, keepdims=True))

@@ -1,0 +1,48 @@
+"""What a run asks of its semantics besides factors: the record of each object's views, and evidence from tracks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.component import Component
+from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.laplace import Mode
+from semantic_slam.inference.object_views import Correction, ObjectViews
+from semantic_slam.inference.stack import Stack
+from semantic_slam.inference.step import Step
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """K continuations of some parents at their geometric modes."""
+
+    step: Step
+    parents: Sequence[Component]
+    stack: Stack
+    mode: Mode
+    used: NDArray[np.int_]  # (n,) detections that take part
+    object_ids: Sequence[int]  # O that ``stack.rows.objects`` refers to
+    log_class_prior: Array  # (O, C)
+    new: Sequence[dict[int, GaussianPrior]]  # for each parent, the objects that this keyframe introduces
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """What semantics say of K continuations."""
+
+    log_weights: Array  # (K,) evidence besides that of the factors
+    effective_sample_sizes: Array  # (K,) NaN where nothing was sampled
+    views: list[dict[int, ObjectViews]]  # K: object id -> record, for the objects of this keyframe
+    robot: list[Correction | None]  # K
+
+
+class Semantics(Protocol):
+    """Records the views of a keyframe."""
+
+    def weigh(self, moment: Moment) -> Weighed:
+        """A pure function of the continuations."""

@@ -1,0 +1,27 @@
+"""A keyframe as the engine sees it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.component import Motion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One keyframe: motion since the one before, and D detections."""
+
+    index: int
+    stamp_ns: int
+    motion: Motion
+    detections: Sequence[Any]  # D, for the observation model
+    detection_ids: NDArray[np.uint32]  # (D,) index in the detector's message
+    scores: Array  # (D,) detector's confidence
+    names: tuple[str, ...]  # (D,) identities given, "" for none
+    in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
+    dropped: int = 0  # inputs not used so far
