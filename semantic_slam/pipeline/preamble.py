@@ -51,14 +51,16 @@ def checked_initial_pose(estimate: PoseEstimate) -> PoseEstimate:
 
 
 def find_map_prior(bag: Path) -> MapPrior | None:
-    """The map prior that lies beside the bag's data, announced in a line; None when there is none.
-
-    That is objects.json in a bag's folder; for a bare file NAME.mcap NAME.objects.json, else objects.json beside it.
-    """
-    names = [MAP_PRIOR_FILE] if bag.is_dir() else [f"{bag.stem}.{MAP_PRIOR_FILE}", MAP_PRIOR_FILE]
-    folder = bag if bag.is_dir() else bag.parent
-    path = next((folder / name for name in names if (folder / name).is_file()), None)
+    """The map prior that lies beside the bag's data, announced in a line; None when there is none."""
+    path = map_prior_path(bag)
     if path is None:
         return None
     print(f"map prior: {path}")
     return read_map_prior(path)
+
+
+def map_prior_path(bag: Path) -> Path | None:
+    """``objects.json`` in a bag's folder; for a bare file NAME.mcap, NAME.objects.json beside it, else objects.json."""
+    folder = bag if bag.is_dir() else bag.parent
+    names = (MAP_PRIOR_FILE,) if bag.is_dir() else (f"{bag.stem}.{MAP_PRIOR_FILE}", MAP_PRIOR_FILE)
+    return next((folder / name for name in names if (folder / name).is_file()), None)

@@ -11,6 +11,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.charts import time_plot
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.ellipse import ellipses
+from semantic_slam.report.plot import short
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
@@ -142,10 +143,10 @@ def doubt_svg(analysis: Analysis, number: int) -> Markup | None:
     )
     if not np.isfinite(values).any():
         return None
-    options = {"width": 300, "height": 84, "margins": (16, 8, 20, 34)}
+    options = {"width": 300, "height": 84, "margins": (20, 8, 20, 34)}
     high = max(float(np.nanmax(values)) * 1.1, 0.01)
     plot = time_plot(beliefs, 0.0, high, f"mutual information of object {number} in nats", **options)
-    plot.axes(x_label="", y_ticks=(0, float(f"{high / 1.1:.1g}")), x_count=4)
-    plot.caption("model doubt [nats]")
+    plot.axes(x_label="", y_ticks=(0,), x_count=4)
+    plot.caption(f"model doubt, up to {short(float(np.nanmax(values)))} nats")
     plot.line([belief.keyframe for belief in beliefs], values, "line first")
     return plot.svg()

@@ -11,7 +11,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
-from semantic_slam.pipeline.preamble import MAP_PRIOR_FILE, read_preamble
+from semantic_slam.pipeline.preamble import map_prior_path, read_preamble
 from semantic_slam.ros.parameters import changed_parameters
 
 LOSSLESS = 0.0
@@ -41,12 +41,11 @@ def node_set(
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
         extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
-    prior = (bag if bag.is_dir() else bag.parent) / MAP_PRIOR_FILE
     common = {"lossless": rate == LOSSLESS, "use_sim_time": True}
     configured = common | changed_parameters(configuration)
     manager = configured | {
         "backends": backends,
-        "map_prior": str(prior) if prior.is_file() else "",
+        "map_prior": str(map_prior_path(bag) or ""),
         "source_bag": str(bag),
     }
     nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager)]
