@@ -34,6 +34,9 @@ class SemanticModelConfiguration:
     correlated_views: float = parameter(
         4.0, "gp_independent: so many consecutive views tell as much as one, they repeat their errors", minimum=1.0
     )
+    sigma_view: float = parameter(
+        0.03, "gp_correlated: standard deviation of a score between views from the same direction", minimum=1e-3
+    )
     num_tracks: int = parameter(200, "gp_correlated: samples of the track that a hypothesis averages over", minimum=4)
     window: int = parameter(20, "gp_correlated: views of an object that a new view is correlated with", minimum=1)
     track_average: str = parameter(

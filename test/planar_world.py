@@ -12,8 +12,8 @@ from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.run import make_run_configuration
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import Viewpoints
-from semantic_slam.viewpoint.parametric import ParametricModel
 
 OBJECTS = np.array([[3.0, 1.5, 2.6], [3.0, -1.5, -2.0], [6.0, 1.5, 0.4], [6.0, -1.5, 1.2], [9.5, 0.5, -0.6]])
 SIGMA_RANGE, SIGMA_BEARING = 0.1, 0.05
@@ -70,6 +70,14 @@ def _map_prior(random: np.random.Generator, sigma_heading_rad: float | None) -> 
     return MapPrior(tuple(objects))
 
 
+def _noise(random: np.random.Generator, seen: np.ndarray, covariances: np.ndarray, *, shared: bool) -> np.ndarray:
+    """Errors of the features; ``shared``: every view of an object repeats its error, whatever the direction."""
+    if not shared:
+        return np.array([random.multivariate_normal(np.zeros(len(c)), c) for c in covariances])
+    normals = [np.random.default_rng(int(n)).standard_normal(covariances.shape[-1]) for n in seen]
+    return np.array([np.linalg.cholesky(c) @ normal for c, normal in zip(covariances, normals, strict=True)])
+
+
 def _visible(x: np.ndarray) -> np.ndarray:
     relative = se2.between(np.broadcast_to(x, OBJECTS.shape), OBJECTS)
     distance, bearing = np.hypot(relative[:, 0], relative[:, 1]), np.arctan2(relative[:, 1], relative[:, 0])
@@ -83,10 +91,12 @@ def _measurements(
     count = len(seen)
     relative = se2.between(np.broadcast_to(x, (count, 3)), OBJECTS[seen])
     camera = se2.between(OBJECTS[seen], np.broadcast_to(x, (count, 3)))
-    model = ParametricModel(configuration.semantic_model.alpha, configuration.semantic_model.concentration)
+    model = load_model(configuration.semantic_model)
+    assert model is not None
+    size = model.num_features
     views = Viewpoints(np.arctan2(camera[:, 1], camera[:, 0]), np.zeros(count), np.hypot(camera[:, 0], camera[:, 1]))
     prediction = model.predict(np.zeros(count, dtype=int), views)
-    noise = np.array([random.multivariate_normal(np.zeros(2), c) for c in prediction.covariance]).reshape(count, 2)
+    noise = _noise(random, seen, prediction.covariance, shared=configuration.semantic_model.kind == "gp_correlated")
     noise_geometric = random.normal(size=(count, 2)) * [SIGMA_RANGE, SIGMA_BEARING]
     given = configuration.association == "given"
     return SemanticMeasurements(
@@ -99,9 +109,9 @@ def _measurements(
         labels=("object",) * count,
         scores=np.ones(count),
         track_ids=tuple(f"tree_{n}" for n in seen) if given else ("",) * count,
-        class_probability_samples=np.zeros((count, 1, 2)),
-        features=prediction.mean + noise,
-        feature_covariances=np.zeros((count, 2, 2)),
+        class_probability_samples=np.zeros((count, 1, size)),
+        features=prediction.mean + noise.reshape(count, size),
+        feature_covariances=np.zeros((count, size, size)),
         predictive_entropy=np.zeros(count),
         mutual_information=np.zeros(count),
         ranges_m=np.hypot(relative[:, 0], relative[:, 1]) + noise_geometric[:, 0],

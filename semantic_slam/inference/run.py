@@ -104,7 +104,7 @@ def _semantics(configuration: Configuration, model: ViewpointModel | None) -> Se
     if model is None:
         return None
     if isinstance(model, GaussianProcessModel) and settings.kind == "gp_correlated":
-        correlated = CorrelatedModel(model)
+        correlated = CorrelatedModel(model, settings.sigma_view)
         return CorrelatedTracks(
             correlated, settings.num_tracks, settings.window, settings.track_average, configuration.seed
         )

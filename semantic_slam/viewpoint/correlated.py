@@ -1,21 +1,20 @@
 """Class models whose error repeats: the views of an object under one class are jointly Gaussian (Eqs. 3.13-3.17).
 
-The scores of V views are N(mu_s, Sigma_s + Sigma_z) (the coherent noisy process), with Sigma_s the posterior
-covariance of the process plus the noise of single views. That noise has the kernel's correlation between views,
-so that a view from where one was before brings next to nothing. Components are independent of each other.
+The scores of V views are N(mu_s, Sigma_s + Sigma_e) (the coherent noisy process), with Sigma_s the posterior
+covariance of the process. The error Sigma_e of a view is the noise of single views and the network's own uncertainty
+Sigma_z, which is about its weights and so the same in a view that repeats: both have the kernel's correlation between
+views. What differs between views from one direction is the same for all classes: if it were not, a hundred equal
+images would speak for the class that expects the least of it. Components are independent of each other.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, even_azimuths, kernel
 from semantic_slam.viewpoint.model import Array
 
 LOG_2PI = float(np.log(2.0 * np.pi))
-SIGMA_REPEAT = 0.01
-"""Standard deviation of a score about itself when everything else is the same: images are never quite equal."""
 MAX_BATCH_NUMBERS = 4_000_000
 """Matrices of so many numbers altogether are factored at once."""
 
@@ -37,13 +36,17 @@ class Evidence:
 
 
 class CorrelatedModel:
-    """Tables over azimuth of the mean, and over pairs of azimuths of the covariance, of every class and component."""
+    """Tables over azimuth of mean and noise, and over pairs of azimuths of the covariance, of every class."""
 
-    def __init__(self, model: GaussianProcessModel) -> None:
+    def __init__(self, model: GaussianProcessModel, sigma_view: float) -> None:
+        """``sigma_view``: standard deviation of a score between views from the same direction."""
         self.class_names, self.num_features = model.class_names, model.num_features
         self.independent = model
+        self._view_variance = sigma_view**2
         self._mean = np.stack([table.mean.T for table in model.tables])  # (C, F, GRID)
-        self._covariance = np.stack([_covariance(fit) for fit in model.fits])  # (C, F, GRID, GRID)
+        self._covariance = np.stack([_posterior_covariance(fit) for fit in model.fits])  # (C, F, GRID, GRID)
+        self._noise = np.stack([_noise_variance(fit) for fit in model.fits])  # (C, F, GRID)
+        self._correlation = np.stack([_correlation(fit) for fit in model.fits])  # (C, F, GRID), over the difference
 
     def evidence(self, azimuth_rad: Array, features: Array, variances: Array) -> Evidence:
         """Of V views, the newest last: azimuths (B, V), features (B, V, F) and their dropout variances (B, V, F)."""
@@ -58,33 +61,45 @@ class CorrelatedModel:
 
     def _batch(self, azimuth_rad: Array, features: Array, variances: Array) -> Evidence:
         cell = np.round(azimuth_rad * (GRID / (2.0 * np.pi))).astype(np.int64) % GRID  # (B, V)
-        spread = np.moveaxis(variances, -1, 1)[:, None] + SIGMA_REPEAT**2  # (B, 1, F, V)
         residual = np.moveaxis(features, -1, 1)[:, None] - np.moveaxis(self._mean[:, :, cell], 2, 0)  # (B, C, F, V)
-        covariance = np.moveaxis(self._covariance[:, :, cell[:, :, None], cell[:, None, :]], 2, 0)
+        first, second = cell[:, :, None], cell[:, None, :]
+        covariance = np.moveaxis(self._covariance[:, :, first, second], 2, 0)  # (B, C, F, V, V)
+        correlation = np.moveaxis(self._correlation[:, :, (first - second) % GRID], 2, 0)
+        own = np.moveaxis(variances, -1, 1)[:, None]  # (B, 1, F, V)
+        noise = np.moveaxis(self._noise[:, :, cell], 2, 0)
+        for error in (np.broadcast_to(own, noise.shape), noise):
+            sigma = np.sqrt(error)
+            covariance += correlation * sigma[..., :, None] * sigma[..., None, :]
         diagonal = np.arange(cell.shape[1])
-        covariance[..., diagonal, diagonal] += spread
+        covariance[..., diagonal, diagonal] += self._view_variance
         root = np.linalg.cholesky(covariance)
         whitened = np.linalg.solve(root, residual[..., None])[..., 0]
         scale = root[..., diagonal, diagonal]
         terms = (-0.5 * (whitened**2 + LOG_2PI) - np.log(scale)).sum(axis=2)  # (B, C, V)
         newest_scale = scale[..., -1]
-        own = variances[:, None, -1, :]
-        variance = np.maximum(newest_scale**2 - own, SIGMA_REPEAT**2)
+        variance = np.maximum(newest_scale**2 - own[..., -1], self._view_variance)
         return Evidence(terms.sum(axis=-1), terms[..., -1], whitened[..., -1] * newest_scale, variance)
 
 
-def _covariance(fit: ClassFit) -> NDArray[np.float64]:
-    """(F, GRID, GRID) covariance of single views at pairs of azimuths: that of the mean, and of the noise."""
+def _posterior_covariance(fit: ClassFit) -> Array:
+    """(F, GRID, GRID) covariance of the mean at pairs of azimuths (Eq. 3.16)."""
     grid = even_azimuths(GRID)
     parts = []
     for component in range(fit.targets.shape[1]):
         sigma, length = float(fit.signal_sigma[component]), float(fit.length_scale[component])
         gram = kernel(fit.azimuth_rad, fit.azimuth_rad, sigma, length) + np.diag(fit.target_variances[:, component])
         cross = np.linalg.solve(np.linalg.cholesky(gram), kernel(fit.azimuth_rad, grid, sigma, length))
-        of_mean = kernel(grid, grid, sigma, length) - cross.T @ cross
-        noise = np.interp(
-            grid, even_azimuths(len(fit.noise_covariance)), np.sqrt(fit.noise_covariance[:, component, component]),
-            period=2.0 * np.pi,
-        )  # fmt: skip
-        parts.append(of_mean + kernel(grid, grid, 1.0, length) * np.outer(noise, noise))
+        parts.append(kernel(grid, grid, sigma, length) - cross.T @ cross)
     return np.stack(parts)
+
+
+def _noise_variance(fit: ClassFit) -> Array:
+    """(F, GRID) variance of single views about the mean."""
+    variances = np.diagonal(fit.noise_covariance, axis1=-2, axis2=-1).T  # (F, G)
+    known = even_azimuths(variances.shape[1])
+    return np.stack([np.interp(even_azimuths(GRID), known, row, period=2.0 * np.pi) for row in variances])
+
+
+def _correlation(fit: ClassFit) -> Array:
+    """(F, GRID) of the kernel between directions that lie so many cells apart."""
+    return np.stack([kernel(even_azimuths(GRID), np.zeros(1), 1.0, float(length))[:, 0] for length in fit.length_scale])
