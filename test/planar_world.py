@@ -14,6 +14,7 @@ from semantic_slam.inference.run import make_run_configuration
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.parametric import ParametricModel
 
 OBJECTS = np.array([[3.0, 1.5, 2.6], [3.0, -1.5, -2.0], [6.0, 1.5, 0.4], [6.0, -1.5, 1.2], [9.5, 0.5, -0.6]])
 SIGMA_RANGE, SIGMA_BEARING = 0.1, 0.05
@@ -91,8 +92,8 @@ def _measurements(
     count = len(seen)
     relative = se2.between(np.broadcast_to(x, (count, 3)), OBJECTS[seen])
     camera = se2.between(OBJECTS[seen], np.broadcast_to(x, (count, 3)))
-    model = load_model(configuration.semantic_model)
-    assert model is not None
+    settings = configuration.semantic_model
+    model = load_model(settings) or ParametricModel(settings.alpha, settings.concentration)
     size = model.num_features
     views = Viewpoints(np.arctan2(camera[:, 1], camera[:, 0]), np.zeros(count), np.hypot(camera[:, 0], camera[:, 1]))
     prediction = model.predict(np.zeros(count, dtype=int), views)
