@@ -11,7 +11,6 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.charts import time_plot
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.ellipse import ellipses
-from semantic_slam.report.plot import short
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
@@ -147,6 +146,6 @@ def doubt_svg(analysis: Analysis, number: int) -> Markup | None:
     high = max(float(np.nanmax(values)) * 1.1, 0.01)
     plot = time_plot(beliefs, 0.0, high, f"mutual information of object {number} in nats", **options)
     plot.axes(x_label="", y_ticks=(0,), x_count=4)
-    plot.caption(f"model doubt, up to {short(float(np.nanmax(values)))} nats")
+    plot.caption(f"model doubt, up to {np.nanmax(values):.2g} nats")
     plot.line([belief.keyframe for belief in beliefs], values, "line first")
     return plot.svg()

@@ -133,8 +133,8 @@ class Plot:
         self._add('<text class="note" text-anchor="{}" x="{}" y="{}">{}</text>', anchor, x + shift, self.top + 12, text)
 
     def caption(self, text: str) -> None:
-        """What the plot shows, in its upper left corner."""
-        self._add('<text class="note" x="{}" y="{}">{}</text>', self.left + 4, self.top - 4, text)
+        """What the plot shows, above its upper left corner."""
+        self._add('<text class="note" x="{}" y="{}">{}</text>', 2, self.top - 4, text)
 
     def svg(self) -> Markup:
         """The finished picture, with the line that follows the chosen keyframe."""
