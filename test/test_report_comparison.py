@@ -89,7 +89,7 @@ def test_the_page_shows_both_runs(made: Path) -> None:
     text = (made / "report.html").read_text()
     assert "Runs side by side" in text and "crate or desk" in text
     assert "pruned at keyframe 7" in text
-    assert "change by 0.00 nats with steady." in text
+    assert "change by 0.00 nats with steady and beyond measure with doubling (pruned at keyframe 7)." in text
     chart = text[text.index("crate or desk") :]
     chart = chart[: chart.index("</figure>")]
     assert chart.count("<polyline") == 2

@@ -81,11 +81,7 @@ def comparison_view(runs: Sequence[Run], classes: Sequence[tuple[str, str]]) -> 
 
 def _sentence(runs: Sequence[Run], cells: Sequence[Course]) -> str:
     """What the views after the first ones changed, run by run."""
-    parts = [
-        f"{number(abs(course.change), 1 if abs(course.change) >= 10 else 2)} nats with {run.name}"
-        for run, course in zip(runs, cells, strict=True)
-        if np.isfinite(course.change)
-    ]
+    parts = [_told(run, course) for run, course in zip(runs, cells, strict=True) if not np.isnan(course.change)]
     if not parts:
         return ""
     first, second = cells[0].pair
@@ -93,6 +89,12 @@ def _sentence(runs: Sequence[Run], cells: Sequence[Course]) -> str:
         f"Object {_label(runs[0], cells[0].object_id)}: from view {FIRST_VIEWS} to the last one the log-odds of {first}"
         f" over {second} change by {listed(parts)}."
     )
+
+
+def _told(run: Run, course: Course) -> str:
+    if course.pruned_at is not None:
+        return f"beyond measure with {run.name} (pruned at keyframe {run.beliefs[course.pruned_at].keyframe})"
+    return f"{number(abs(course.change), 1 if abs(course.change) >= 10 else 2)} nats with {run.name}"
 
 
 def _odds_chart(runs: Sequence[Run], cells: Sequence[Course]) -> Chart:
