@@ -9,12 +9,15 @@ from semantic_slam.errors import InputError
 
 STUDIES = {
     "aliased_scenes": "semantic_slam.studies.aliased_scenes",
+    "avd_bigbird": "semantic_slam.studies.avd_bigbird",
     "ch3_localization": "semantic_slam.studies.ch3_localization",
     "ch3_model_uncertainty": "semantic_slam.studies.ch3_model_uncertainty",
     "rendered_localization": "semantic_slam.studies.rendered_localization",
     "rendered_model_uncertainty": "semantic_slam.studies.rendered_model_uncertainty",
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
+STUDIES_OF_DATA = ("avd_bigbird",)
+"""Those whose ``run`` also takes ``avd`` and ``bigbird``, folders of data sets or None."""
 
 
 def parse(words: list[str] | None = None) -> Namespace:
@@ -29,6 +32,9 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: 1)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of every random draw (default: 0)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the work (default: none)")
+    for name in ("avd", "bigbird"):
+        text = f"folder in {name.upper()}'s layout, for {', '.join(STUDIES_OF_DATA)} (default: simulated)"
+        parser.add_argument(f"--{name}", type=Path, metavar="DIR", help=text)
     return parser.parse_args(words)
 
 
@@ -46,11 +52,14 @@ def command() -> None:
         raise InputError("run_study: --out is missing; name a folder for the results")
     if arguments.jobs < 1 or arguments.seed < 0:
         raise InputError("run_study: --jobs must be at least 1 and --seed at least 0; correct the number")
+    data = {"avd": arguments.avd, "bigbird": arguments.bigbird} if arguments.name in STUDIES_OF_DATA else {}
+    if not data and (arguments.avd or arguments.bigbird):
+        raise InputError(f"run_study: {arguments.name} reads no data set; leave --avd and --bigbird out")
     from semantic_slam.studies.repetitions import scheduler
 
     study = importlib.import_module(STUDIES[arguments.name])
     with scheduler(arguments.scheduler):
-        paths = study.run(arguments.out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed)
+        paths = study.run(arguments.out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed, **data)
     for path in paths:
         print(path)
 

@@ -72,9 +72,9 @@ def map_places(size: int = MAP_SIZE) -> tuple[Array, int]:
     return np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2), size
 
 
-def fit_model(locations_m: Array, scores: Array) -> ClassModel:
+def fit_model(locations_m: Array, scores: Array, input_map: str = INPUT_MAP) -> ClassModel:
     """Hyperparameters of each component by marginal likelihood; (M, 2) locations and (M, F) mean scores."""
-    inputs = INPUT_MAPS[INPUT_MAP](locations_m)
+    inputs = INPUT_MAPS[input_map](locations_m)
     fitted = np.array([_hyperparameters(inputs, column) for column in scores.T])  # (F, 2 + D)
     lengths = fitted[:, 2:]
     return ClassModel(
