@@ -72,6 +72,7 @@ def small_belief(
         object_covariances=covariance_from_planar(np.tile(0.04 * np.eye(3), (count, 1, 1))),
         mutual_information=np.full(count, np.nan),
         in_coverage=np.ones(count, dtype=bool),
+        forgotten_views=np.zeros(count, dtype=np.uint32),
         descriptors=np.zeros((count, 0)),
         descriptor_covariances=np.zeros((count, 0)),
         association_entropy=0.0,

@@ -51,7 +51,8 @@ def belief(h=2, d=3, o=2, c=3, length=0):
         associations=numbers(h, d, dtype=np.int32) - 2, object_ids=numbers(o, dtype=np.uint32),
         object_names=("n",) * o, hypothesis_class_probabilities=numbers(h, o, c), existence=numbers(o),
         class_probabilities=numbers(o, c), object_poses=numbers(o, 7), object_covariances=numbers(o, 6, 6),
-        mutual_information=np.full(o, np.nan), in_coverage=numbers(o) > 1, descriptors=numbers(o, length),
+        mutual_information=np.full(o, np.nan), in_coverage=numbers(o) > 1, forgotten_views=numbers(o, dtype=np.uint32),
+        descriptors=numbers(o, length),
         descriptor_covariances=numbers(o, length), association_entropy=0.5, component_entropy=float("nan"),
         discarded_mass=0.25, dropped=2,
     )  # fmt: skip
@@ -69,7 +70,8 @@ def candidates(k=2, d=3, p=1):
 def components(s=2, o=3, lost=1):
     return Components(
         "run", 4, 1, numbers(s, dtype=np.uint64), numbers(s, 7), numbers(s, 6, 6), numbers(o, dtype=np.uint32),
-        numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, 4 if s and o else 0), numbers(s, o), numbers(s, o) > 1,
+        numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, 4 if s and o else 0), numbers(s, o),
+        numbers(s, o) > 1, numbers(s, o, dtype=np.uint32),
         numbers(lost, dtype=np.uint64),
     )  # fmt: skip
 

@@ -276,6 +276,14 @@ def test_a_lost_robot_finds_itself_and_the_classes() -> None:
     seen = sorted({n for frame in world.associations for n in frame})
     assert (belief.class_probabilities[seen].argmax(axis=1) == 0).all()
     assert np.isfinite(belief.mutual_information[seen]).all()
+    assert not belief.forgotten_views.any()
+
+
+def test_views_that_leave_the_window_are_counted_in_the_belief() -> None:
+    world = make_world(4, sigma_start_m=0.1, semantic_model={"kind": "gp_correlated", "window": 2})
+    belief = beliefs(world, 1)[-1]
+    seen = np.bincount([n for frame in world.associations for n in frame], minlength=5)
+    np.testing.assert_array_equal(belief.forgotten_views, np.maximum(seen - 2, 0))
 
 
 def test_the_number_of_backends_changes_nothing() -> None:

@@ -191,6 +191,7 @@ class Backend:
             ),
             mutual_information=np.array([row[3].mutual_information for row in rows]).reshape(count, objects),
             in_coverage=np.array([row[3].in_coverage for row in rows], dtype=bool).reshape(count, objects),
+            forgotten_views=np.array([row[3].forgotten_views for row in rows], dtype=np.uint32).reshape(count, objects),
             lost_ids=np.array(sorted(lost), dtype=np.uint64),
         )
 

@@ -34,6 +34,7 @@ class HybridBelief:
     object_covariances: Array  # (O, 6, 6)
     mutual_information: Array  # (O,) nats
     in_coverage: NDArray[np.bool_]  # (O,)
+    forgotten_views: NDArray[np.uint32]  # (O,)
     descriptors: Array  # (O, L)
     descriptor_covariances: Array  # (O, L)
     association_entropy: float  # nats

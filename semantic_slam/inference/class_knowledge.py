@@ -19,6 +19,7 @@ class ClassKnowledge:
     probabilities: Array  # (O, C) one-hot where the class is enumerated, the prior where nothing was seen
     mutual_information: Array  # (O,) nats, NaN where nothing was seen
     in_coverage: NDArray[np.bool_]  # (O,)
+    forgotten_views: NDArray[np.uint32]  # (O,)
 
 
 def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnowledge:
@@ -26,6 +27,7 @@ def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnow
     probabilities, log_prior = registry.class_prior(), registry.log_class_prior()
     information = np.full(len(registry.ids), np.nan)
     inside = np.ones(len(registry.ids), dtype=np.bool_)
+    forgotten = np.zeros(len(registry.ids), dtype=np.uint32)
     for row, number in enumerate(registry.ids):
         views = component.views.get(number)
         if number in component.classes:
@@ -34,4 +36,5 @@ def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnow
             probabilities[row] = class_posterior(log_prior[row], views.log_likelihood)
         if views is not None:
             information[row], inside[row] = views.mutual_information, views.in_coverage
-    return ClassKnowledge(probabilities, information, inside)
+            forgotten[row] = views.dropped
+    return ClassKnowledge(probabilities, information, inside, forgotten)

@@ -161,6 +161,7 @@ class HypothesisManager:
             class_probabilities=np.array([row.class_probabilities for row in rows]),
             mutual_information=np.array([row.mutual_information for row in rows]),
             in_coverage=np.array([row.in_coverage for row in rows]),
+            forgotten_views=np.array([row.forgotten_views for row in rows]),
         )
 
 
@@ -184,6 +185,7 @@ class _Row:
     class_probabilities: Array
     mutual_information: Array
     in_coverage: NDArray[np.bool_]
+    forgotten_views: NDArray[np.uint32]
 
 
 def _merged(answers: list[Candidates]) -> _Merged:
@@ -213,6 +215,7 @@ def _by_id(answers: list[Components]) -> dict[int, _Row]:
             answer.class_probabilities[i],
             answer.mutual_information[i],
             answer.in_coverage[i],
+            answer.forgotten_views[i],
         )
         for answer in answers
         for i, number in enumerate(answer.ids)

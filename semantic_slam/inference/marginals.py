@@ -31,6 +31,7 @@ class Mixture:
     class_probabilities: Array  # (H, O, C)
     mutual_information: Array  # (H, O)
     in_coverage: NDArray[np.bool_]  # (H, O)
+    forgotten_views: NDArray[np.uint32]  # (H, O)
 
     def association_history(self, row: int) -> tuple[tuple[int, ...], ...]:
         """beta_{1:k} of one hypothesis."""
@@ -84,6 +85,7 @@ def state_belief(
         object_covariances=covariances,
         mutual_information=epistemic_part(weights, mixture.mutual_information),
         in_coverage=weights @ mixture.in_coverage >= 0.5,
+        forgotten_views=mixture.forgotten_views[int(np.argmax(weights))],
         descriptors=np.zeros((count, 0)),
         descriptor_covariances=np.zeros((count, 0)),
         association_entropy=association_entropy(weights, [mixture.association_history(h) for h in range(len(weights))]),

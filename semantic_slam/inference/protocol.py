@@ -92,6 +92,7 @@ class Components:
     class_probabilities: Array  # (S, O, C) one-hot where classes are enumerated
     mutual_information: Array  # (S, O) nats, NaN for objects not seen
     in_coverage: NDArray[np.bool_]  # (S, O) every view lay inside the class models' coverage
+    forgotten_views: NDArray[np.uint32]  # (S, O) views that a new one is no longer correlated with
     lost_ids: NDArray[np.uint64]
 
 

@@ -28,6 +28,7 @@ BELIEF_LAYOUT: Layout = {
     "object_covariances": ("O", 6, 6),
     "mutual_information": ("O",),
     "in_coverage": ("O",),
+    "forgotten_views": ("O",),
     "descriptors": ("O", "L"),
     "descriptor_covariances": ("O", "L"),
 }

@@ -67,6 +67,7 @@ COMPONENTS_LAYOUT: Layout = {
     "class_probabilities": ("S", "O", "C"),
     "mutual_information": ("S", "O"),
     "in_coverage": ("S", "O"),
+    "forgotten_views": ("S", "O"),
     "lost_ids": ("X",),
 }
 

@@ -118,6 +118,7 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
             "covariance": last.object_covariances[row],
             "mutual_information": last.mutual_information[row],
             "in_coverage": bool(last.in_coverage[row]),
+            "forgotten_views": int(last.forgotten_views[row]),
             "n_detections": analysis.detection_counts[int(number)],
         }
         for row, number in enumerate(last.object_ids)
