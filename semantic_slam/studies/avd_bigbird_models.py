@@ -14,6 +14,7 @@ from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.datasets.avd import AvdScene
 from semantic_slam.datasets.bigbird import turntable_views
+from semantic_slam.errors import InputError
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.mc_dropout import class_probability_samples
 from semantic_slam.perception.weights import load_network
@@ -137,8 +138,6 @@ def _measure_turntable(folder: Path, seed: int) -> TurntableScores:
         samples.append(measure_crop(view.image, view.box, ("turntable", seed, folder.name, view.stem)))
         picture = square_crop(view.image, view.box, CROP_PX) if picture is None else picture
     if picture is None:
-        from semantic_slam.errors import InputError
-
         raise InputError(f"{folder}: every mask of {CAMERA} is empty; restore the masks of the data set")
     return TurntableScores(folder.name, np.array(directions), np.stack(samples), picture)
 
