@@ -62,8 +62,8 @@ def _of_set(part: Mapping[str, Any], where: str) -> list[Claim]:
             SOURCE,
             "no number",
             f"least P(true class) on the way: ours {least['ours']:.3f}, Model Based {least['model_based']:.3g}; at the"
-            f" end {last['ours']:.3f}, {last['model_based']:.3f}. Without the bias the least is {min(without['ours']):.3f}"
-            f", {min(without['model_based']):.3g}",
+            f" end {last['ours']:.3f}, {last['model_based']:.3f}. Without the bias the least is"
+            f" {min(without['ours']):.3f}, {min(without['model_based']):.3g}",
             least["model_based"] < 0.5 * min(without["model_based"])
             and least["ours"] > least["model_based"]
             and last["ours"] > 0.5
