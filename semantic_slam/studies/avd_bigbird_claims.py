@@ -14,9 +14,13 @@ TENFOLD = 2.302585
 
 
 def claims(result: Mapping[str, Any]) -> list[Claim]:
-    """For both sets of features."""
-    found = []
+    """For every set of features that differs from those before: the same four twice would be no second witness."""
+    found: list[Claim] = []
+    seen: list[Any] = []
     for name, part in result["feature_sets"].items():
+        if part["components"] in seen:
+            continue
+        seen.append(part["components"])
         found += _of_set(part, f"features by {name.replace('_', ' ')}")
     shares, known = result["wrong_share_of_bias_map"], result["right_without_bias"]
     misled = [share for share, right in zip(shares, known, strict=True) if right and share > 0.0]
