@@ -1,4 +1,4 @@
-# make demo | make test [PYTEST_ARGS=...] | make bags | make setup; each does the set-up that is still missing.
+# make demo | make test [PYTEST_ARGS=...] | make bench [BENCH_ARGS=--quick] | make bags | make setup; each does the set-up that is still missing.
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
@@ -7,6 +7,7 @@ SHELL := /bin/bash
 PYTHON ?= $(shell for p in python3.11 python3.12 python3; do \
   $$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null && { echo $$p; break; }; done)
 PYTEST_ARGS ?=
+BENCH_ARGS ?=
 
 # Two cores are used: the messages are built while the rest is installed. Each step leaves a stamp behind.
 MAKEFLAGS += --jobs=2
@@ -18,7 +19,7 @@ INSTALLED := .venv/.installed
 MESSAGES_BUILT := install/.messages-built
 BUILT := install/.built
 
-.PHONY: setup demo test bags clean
+.PHONY: setup demo test bench bags clean
 
 setup: $(BUILT)
 
@@ -47,6 +48,9 @@ demo: $(BUILT)
 
 test: $(BUILT)
 	source ./env.sh; python -m pytest $(PYTEST_ARGS)
+
+bench: $(BUILT)
+	source ./env.sh; bench --out out/bench.json $(BENCH_ARGS)
 
 bags: $(BUILT)
 	rm -rf build/scenes; source ./env.sh; make_scene --out build/scenes --seed 0 --tour-only; \

@@ -6,7 +6,15 @@ from setuptools import find_packages, setup
 
 NAME = "semantic_slam"
 NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node", "demo")
-COMMANDS = ("make_scene", "import_dataset", "bag_to_report", "train_classifier", "fit_viewpoint_models", "run_study")
+COMMANDS = (
+    "make_scene",
+    "import_dataset",
+    "bag_to_report",
+    "train_classifier",
+    "fit_viewpoint_models",
+    "run_study",
+    "bench",
+)
 
 setup(
     name=NAME,
