@@ -105,7 +105,7 @@ def dense_evidence(model: GaussianProcessModel, azimuth: np.ndarray, features: n
             shared = kernel(azimuth, azimuth, 1.0, length) * (np.outer(noise, noise) + spread**2)
             covariance += shared + SIGMA_VIEW**2 * np.eye(len(azimuth))
             total += multivariate_normal.logpdf(features[:, f], posterior(fit, f, azimuth)[0], covariance)
-        result.append(total)
+        result.append(0.5 * total)  # two components share each error
     return np.array(result)
 
 

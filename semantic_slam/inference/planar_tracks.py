@@ -113,7 +113,7 @@ class CorrelatedTracks:
             evidence = self._of_views(group, slice(None))
             for at, sight in enumerate(group):
                 rows = slice(at * self._num_tracks, (at + 1) * self._num_tracks)
-                found.append((sight, Evidence(*(value[rows] for value in vars(evidence).values()))))
+                found.append((sight, evidence.rows(rows)))
         return found
 
     def _of_views(self, sights: list[Sight], selection: slice) -> Evidence:

@@ -4,7 +4,10 @@ The scores of V views are N(mu_s, Sigma_s + Sigma_e) (the coherent noisy process
 covariance of the process. The error Sigma_e of a view is the noise of single views and the network's own uncertainty
 Sigma_z, which is about its weights and so the same in a view that repeats: both have the kernel's correlation between
 views. What differs between views from one direction is the same for all classes: if it were not, a hundred equal
-images would speak for the class that expects the least of it. Components are independent of each other.
+images would speak for the class that expects the least of it.
+
+Components are taken one by one. They sum to one, so where a view confuses two classes, what one component gains the
+other loses: counted as independent they would tell every error twice. Log densities are therefore shared between two.
 """
 
 from dataclasses import dataclass
@@ -27,12 +30,34 @@ class Evidence:
     newest: Array  # (B, C) of the newest given the others
     innovation: Array  # (B, C, F) newest feature minus its prediction from the others
     variance: Array  # (B, C, F) of that prediction, without the newest view's own dropout variance
+    share: float  # by which the components' log densities count
 
     def of_newest(self, offsets: Array) -> Array:
         """(B, C, M) log density of the newest feature moved by (M, F) offsets, known exactly."""
         moved = self.innovation[:, :, None, :] + offsets
         variance = self.variance[:, :, None, :]
-        return np.asarray(-0.5 * (moved**2 / variance + np.log(variance) + LOG_2PI).sum(axis=-1))
+        return np.asarray(self.share * -0.5 * (moved**2 / variance + np.log(variance) + LOG_2PI).sum(axis=-1))
+
+    def rows(self, selection: slice) -> "Evidence":
+        """Of some of the B."""
+        return Evidence(
+            self.log_likelihood[selection],
+            self.newest[selection],
+            self.innovation[selection],
+            self.variance[selection],
+            self.share,
+        )
+
+
+def joined(parts: list[Evidence]) -> Evidence:
+    """One after the other."""
+    return Evidence(
+        np.concatenate([part.log_likelihood for part in parts]),
+        np.concatenate([part.newest for part in parts]),
+        np.concatenate([part.innovation for part in parts]),
+        np.concatenate([part.variance for part in parts]),
+        parts[0].share,
+    )
 
 
 class CorrelatedModel:
@@ -57,7 +82,7 @@ class CorrelatedModel:
             self._batch(azimuth_rad[i : i + step], features[i : i + step], variances[i : i + step])
             for i in range(0, count, step)
         ]
-        return Evidence(*(np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])))
+        return joined(parts)
 
     def _batch(self, azimuth_rad: Array, features: Array, variances: Array) -> Evidence:
         cell = np.round(azimuth_rad * (GRID / (2.0 * np.pi))).astype(np.int64) % GRID  # (B, V)
@@ -75,10 +100,11 @@ class CorrelatedModel:
         root = np.linalg.cholesky(covariance)
         whitened = np.linalg.solve(root, residual[..., None])[..., 0]
         scale = root[..., diagonal, diagonal]
-        terms = (-0.5 * (whitened**2 + LOG_2PI) - np.log(scale)).sum(axis=2)  # (B, C, V)
+        share = 1.0 / min(self.num_features, 2)
+        terms = share * (-0.5 * (whitened**2 + LOG_2PI) - np.log(scale)).sum(axis=2)  # (B, C, V)
         newest_scale = scale[..., -1]
         variance = np.maximum(newest_scale**2 - own[..., -1], self._view_variance)
-        return Evidence(terms.sum(axis=-1), terms[..., -1], whitened[..., -1] * newest_scale, variance)
+        return Evidence(terms.sum(axis=-1), terms[..., -1], whitened[..., -1] * newest_scale, variance, share)
 
 
 def _posterior_covariance(fit: ClassFit) -> Array:
