@@ -14,6 +14,7 @@ from semantic_slam.viewpoint.calibration import held_out_report, residuals
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel, posterior
 from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_likelihood
+from semantic_slam.viewpoint.novelty import KnownViews
 from semantic_slam.viewpoint.parametric import ParametricModel
 from semantic_slam.viewpoint.regression import fit_class, left_out_means
 from semantic_slam.viewpoint.samples import ClassSamples
@@ -168,6 +169,22 @@ class TestGaussianProcess(ViewpointModelContract):
         model = GaussianProcessModel(("one",), FEATURES, [fit_class(seen)])
         inside = model.in_coverage(np.zeros(4, dtype=int), looking_from(np.array([0.0, -1.0, 2.1, np.pi])))
         assert inside.tolist() == [True, True, True, False]
+
+    def test_features_that_no_class_shows_are_not_known(self, fitted: GaussianProcessModel) -> None:
+        known, tight = KnownViews(fitted), 1e-4 * np.eye(3)
+        mean = fitted.predict(np.zeros(8, dtype=int), looking_from(np.arange(8) * 0.7)).mean
+        assert all(known.explain(feature, tight) for feature in mean)
+        assert not known.explain(np.full(3, 4.0), tight)
+        assert known.explain(np.full(3, 4.0), 100.0 * np.eye(3))  # nothing is said about it
+
+    def test_only_directions_that_were_fitted_explain(self) -> None:
+        data = synthetic_samples(0.0, seed=1)
+        whole = GaussianProcessModel(("one",), FEATURES, [fit_class(data)])
+        behind = whole.predict(np.zeros(1, dtype=int), looking_from(np.array([np.pi]))).mean[0]
+        seen = data.select(np.cos(data.azimuth_rad) > 0.5)
+        front = GaussianProcessModel(("one",), FEATURES, [fit_class(seen)])
+        assert KnownViews(whole).explain(behind, 1e-6 * np.eye(3))
+        assert not KnownViews(front).explain(behind, 1e-6 * np.eye(3))
 
     def test_file_round_trip(self, fitted: GaussianProcessModel, tmp_path: Path) -> None:
         path = tmp_path / "models.safetensors"

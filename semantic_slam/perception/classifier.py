@@ -13,6 +13,9 @@ from semantic_slam.perception.mc_dropout import class_probability_samples, dropo
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.range_bearing import RangeBearing, range_and_bearing
 from semantic_slam.perception.weights import load_network
+from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
+from semantic_slam.viewpoint.load import load_model
+from semantic_slam.viewpoint.novelty import KnownViews
 
 Array = NDArray[np.float64]
 
@@ -24,10 +27,12 @@ class Classifier:
     """
 
     def __init__(self, configuration: Configuration) -> None:
-        """Load the network. Raises InputError when its weights are missing or wrong."""
+        """Load the network and the class models. Raises InputError when their files are missing or wrong."""
         self._configuration = configuration.perception
         self._seed = configuration.seed
         self._loaded = load_network(configuration.perception)
+        model = load_model(configuration.semantic_model)
+        self._known = KnownViews(model) if isinstance(model, GaussianProcessModel) else None
         self.dropped: Counter[str] = Counter()
 
     @property
@@ -45,6 +50,7 @@ class Classifier:
         kept = self._usable_detections(frame)
         boxes = frame.detections.boxes[kept].reshape(-1, 4)
         samples, total_entropy, model_part = self._dropout_samples(frame, kept)
+        features, covariances = samples.mean(axis=1), uncertainty.sample_covariance(samples)
         geometry = [
             range_and_bearing(box, frame.depth_m, frame.camera, T_base_camera, self._configuration) for box in boxes
         ]
@@ -59,17 +65,24 @@ class Classifier:
             scores=frame.detections.scores[kept].astype(np.float64),
             track_ids=tuple(frame.detections.track_ids[index] for index in kept),
             class_probability_samples=samples,
-            features=samples.mean(axis=1),
-            feature_covariances=uncertainty.sample_covariance(samples),
+            features=features,
+            feature_covariances=covariances,
             predictive_entropy=total_entropy,
             mutual_information=model_part,
             ranges_m=np.array([item.range_m for item in geometry], dtype=np.float64),
             bearings_rad=np.array([item.bearing_rad for item in geometry], dtype=np.float64),
             geometric_covariances=_stacked_covariances(geometry),
             sensor_position=np.asarray(T_base_camera[:3], dtype=np.float64),
-            in_coverage=np.ones(len(kept), dtype=bool),  # the viewpoint, on which coverage depends, is not known here
+            in_coverage=self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
         )
+
+    def _in_coverage(self, features: Array, covariances: Array) -> NDArray[np.bool_]:
+        """(D,) whether some class model shows such a feature in some direction; true without models to ask."""
+        if self._known is None or self._known.num_features != self.num_features:
+            return np.ones(len(features), dtype=np.bool_)
+        rows = zip(features, covariances, strict=True)
+        return np.array([self._known.explain(feature, covariance) for feature, covariance in rows], dtype=np.bool_)
 
     def _usable_detections(self, frame: Frame) -> list[int]:
         height, width = frame.image.shape[:2]

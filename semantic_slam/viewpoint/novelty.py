@@ -1,0 +1,31 @@
+"""Whether any class model knows a measurement: the viewpoint is not known to who only sees the picture."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from semantic_slam.viewpoint.gaussian_process import even_azimuths
+from semantic_slam.viewpoint.model import Array, ViewpointModel, Viewpoints
+
+NUM_AZIMUTHS = 72
+QUANTILE = 0.999
+"""Of the views that the models describe so many count as known."""
+
+
+class KnownViews:
+    """What C class models predict in the directions that they were fitted on."""
+
+    def __init__(self, model: ViewpointModel) -> None:
+        azimuth = np.tile(even_azimuths(NUM_AZIMUTHS), len(model.class_names))
+        classes = np.repeat(np.arange(len(model.class_names)), NUM_AZIMUTHS)
+        viewpoints = Viewpoints(azimuth, np.zeros_like(azimuth), np.ones_like(azimuth))
+        covered = model.in_coverage(classes, viewpoints)
+        prediction = model.predict(classes, viewpoints)
+        self.num_features = model.num_features
+        self._mean, self._covariance = prediction.mean[covered], prediction.covariance[covered]
+        self._limit = float(chi2.ppf(QUANTILE, model.num_features))
+
+    def explain(self, feature: Array, feature_covariance: Array) -> bool:
+        """Whether a feature (F,) with its dropout covariance (F, F) is one that some class shows in some direction."""
+        residual = feature - self._mean
+        whitened = np.linalg.solve(self._covariance + feature_covariance, residual[..., None])[..., 0]
+        return bool(np.any((residual * whitened).sum(axis=-1) <= self._limit))
