@@ -17,8 +17,8 @@ from semantic_slam.inference.planar_observation import PlanarObservation, Planar
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.problem import ObjectEntry, Problem
-from semantic_slam.inference.step import Step
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.step import Step
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 NO_PRUNING = PruningConfiguration(ratio=np.inf, max_hypotheses=10**9)
