@@ -1,9 +1,11 @@
-"""``fit_viewpoint_models --turntables DIR --out FILE``: class models of Eq. 4.2 from turntable views."""
+"""``fit_viewpoint_models {--turntables DIR | --avd SCENE | --bag BAG} --out FILE``: class models from known views."""
 
 import argparse
 import json
 import os
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
@@ -13,9 +15,12 @@ def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
         prog="fit_viewpoint_models",
-        description="Fit a Gaussian process per class and feature over the direction of view (BigBIRD's format).",
+        description="Fit a Gaussian process per class and feature over the direction of view.",
     )
-    parser.add_argument("--turntables", type=Path, required=True, help="folder with one folder per class")
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--turntables", type=Path, help="folder with one BigBIRD-format folder per class")
+    source.add_argument("--avd", type=Path, metavar="SCENE", help="AVD-format scene: views along a drive through it")
+    source.add_argument("--bag", type=Path, help="bag with images, detections and the /ground_truth topics")
     parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")
     parser.add_argument("--weights", type=Path, help="network to fit the models of; default: the shipped one")
     parser.add_argument(
@@ -41,21 +46,28 @@ def command() -> None:
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
-    from semantic_slam.perception.turntables import load_views
-
-    views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network
-    from semantic_slam.viewpoint.fit import FitSettings, fit_models
+    from semantic_slam.report.viewpoint_page import write_page
+    from semantic_slam.viewpoint.fit import fit_samples
     from semantic_slam.viewpoint.store import save_model
 
-    classifier = load_network(PerceptionConfiguration(network=str(arguments.weights or "")))
-    settings = FitSettings(draws=arguments.draws, seed=arguments.seed)
-    model, report = fit_models(views, classifier, settings)
-    provenance = {"command": "fit_viewpoint_models", "seed": settings.seed, "draws": settings.draws, "report": report}
+    perception = PerceptionConfiguration(network=str(arguments.weights or ""))
+    samples, left_out = _samples(arguments, perception)
+    model, report = fit_samples(samples, load_network(perception).class_names)
+    provenance = {
+        "command": "fit_viewpoint_models",
+        "seed": arguments.seed,
+        "draws": arguments.draws,
+        "report": report,
+        "left_out": left_out,
+    }
     save_model(model, arguments.out, provenance)
-    report_path = arguments.out.with_suffix(".json")
+    report_path, page = arguments.out.with_suffix(".json"), arguments.out.with_suffix(".html")
     report_path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    write_page(page, model, samples, report)
+    for reason, count in sorted(left_out.items()):
+        print(f"left out: {reason} ({count})")
     for name, numbers in report.items():
         print(
             f"{name}: {numbers['coverage']['views']:.0f} directions, widest gap"
@@ -63,7 +75,28 @@ def command() -> None:
             f" {numbers['fraction_within_1_sigma']:.2f} and {numbers['fraction_within_2_sigma']:.2f}, mean squared"
             f" whitened residual {numbers['mean_squared_whitened_residual']:.2f} of {model.num_features}"
         )
-    print(f"{arguments.out}: {len(model.class_names)} classes; report in {report_path}")
+    print(f"{arguments.out}: {len(model.class_names)} classes; report in {report_path} and {page}")
+
+
+def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, Any], dict[str, int]]:
+    """Samples of each class by name from whichever source was given, and what was left out."""
+    if arguments.turntables:
+        from semantic_slam.perception.turntables import load_views
+        from semantic_slam.perception.weights import load_network
+        from semantic_slam.viewpoint.fit import FitSettings, measure_views
+
+        views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
+        settings = FitSettings(draws=arguments.draws, seed=arguments.seed)
+        return measure_views(views, load_network(perception), settings), {}
+    from semantic_slam.pipeline.known_poses import views_of_bag
+
+    if arguments.bag:
+        return views_of_bag(arguments.bag, perception)
+    from semantic_slam.datasets.avd_import import import_avd
+
+    with TemporaryDirectory() as folder:
+        import_avd(arguments.avd, Path(folder) / "drive", seed=arguments.seed)
+        return views_of_bag(Path(folder) / "drive", perception)
 
 
 def main() -> None:

@@ -44,22 +44,26 @@ def residuals(model: GaussianProcessModel, class_index: int, samples: ClassSampl
     return Residuals(whitened_squared(difference, covariance), difference / sigma, gaussian_nll(difference, covariance))
 
 
+def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Residuals:
+    """Residuals of views left out of the fit, ``FOLDS`` fits in turn, fold by fold."""
+    fold = np.arange(data.azimuth_rad.size) % FOLDS
+    parts = []
+    for left_out in range(FOLDS):
+        model = GaussianProcessModel(("class",), feature_names, [fit_class(data.select(fold != left_out))])
+        parts.append(residuals(model, 0, data.select(fold == left_out)))
+    return Residuals(
+        np.concatenate([part.squared for part in parts]),
+        np.concatenate([part.standardised for part in parts]),
+        float(np.mean([part.nll for part in parts])),
+    )
+
+
 def held_out_report(samples: dict[str, ClassSamples], feature_names: tuple[str, ...]) -> dict[str, Any]:
-    """For each class its coverage and the residuals of views left out of the fit, ``FOLDS`` fits in turn."""
-    report: dict[str, Any] = {}
-    for name, data in samples.items():
-        fold = np.arange(data.azimuth_rad.size) % FOLDS
-        parts = []
-        for left_out in range(FOLDS):
-            model = GaussianProcessModel((name,), feature_names, [fit_class(data.select(fold != left_out))])
-            parts.append(residuals(model, 0, data.select(fold == left_out)))
-        joined = Residuals(
-            np.concatenate([part.squared for part in parts]),
-            np.concatenate([part.standardised for part in parts]),
-            float(np.mean([part.nll for part in parts])),
-        )
-        report[name] = {"coverage": coverage(data.azimuth_rad), **joined.summary()}
-    return report
+    """For each class its coverage and the residuals of views left out of the fit."""
+    return {
+        name: {"coverage": coverage(data.azimuth_rad), **left_out_residuals(data, feature_names).summary()}
+        for name, data in samples.items()
+    }
 
 
 def coverage(azimuth_rad: Array) -> dict[str, float]:

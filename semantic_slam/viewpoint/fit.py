@@ -31,15 +31,13 @@ class FitSettings:
     seed: int = 0
 
 
-def fit_models(
-    views: Sequence[ObjectView], classifier: ClassifierNetwork, settings: FitSettings
+def fit_samples(
+    samples: dict[str, ClassSamples], feature_names: tuple[str, ...]
 ) -> tuple[GaussianProcessModel, dict[str, Any]]:
-    """Model of every class among the views, and a report on views left out of the fit."""
-    samples = measure_views(views, classifier, settings)
+    """Model of every class, and a report on views left out of the fit."""
     names = tuple(samples)
     fits = [fit_class(samples[name]) for name in tqdm(names, desc="fitting", unit="class")]
-    model = GaussianProcessModel(names, classifier.class_names, fits)
-    return model, held_out_report(samples, classifier.class_names)
+    return GaussianProcessModel(names, feature_names, fits), held_out_report(samples, feature_names)
 
 
 def measure_views(

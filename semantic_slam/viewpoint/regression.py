@@ -22,8 +22,7 @@ LENGTH_BOUNDS = (0.1, 3.0)
 def fit_class(samples: ClassSamples) -> ClassFit:
     """Model of one class: a Gaussian process per component, and the noise of single views about it."""
     targets = samples.features.mean(axis=1)
-    spread: Array = samples.features.var(axis=1, ddof=1)
-    within = _smoothed(samples.azimuth_rad, spread, samples.azimuth_rad)
+    within = _smoothed(samples.azimuth_rad, _spread(samples), samples.azimuth_rad)
     variances = (within + SIGMA_FLOOR**2) / samples.features.shape[1]
     prior_mean = targets.mean(axis=0)
     signal, length = _hyperparameters(samples.azimuth_rad, targets - prior_mean, variances)
@@ -31,6 +30,14 @@ def fit_class(samples: ClassSamples) -> ClassFit:
     coverage = 1.5 * _widest_regular_gap(samples.azimuth_rad)
     fit = ClassFit(samples.azimuth_rad, targets, variances, prior_mean, signal, length, noise, coverage)
     return with_noise(fit, samples)
+
+
+def _spread(samples: ClassSamples) -> Array:
+    """(M, F) variance of single views: over the draws, or about the views nearby where each direction has one."""
+    if samples.features.shape[1] > 1:
+        return np.asarray(samples.features.var(axis=1, ddof=1))
+    single = samples.features[:, 0]
+    return np.asarray((single - _smoothed(samples.azimuth_rad, single, samples.azimuth_rad)) ** 2)
 
 
 def with_noise(fit: ClassFit, samples: ClassSamples) -> ClassFit:
