@@ -20,6 +20,8 @@ METRICS = (
     "num_hypotheses",
     "discarded_mass",
     "p_true_association",
+    "confidence",
+    "likeliest_is_true",
 )
 Row = Mapping[str, Array]
 """Metric -> (K,) values of one run, NaN from where it was lost on; no probability is left to the truth from there."""
@@ -47,6 +49,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         **overall,
         "p_true_association_final": final["p_true_association"],
+        "runs": len(rows),
         "runs_lost": int(sum(row["lost"][0] for row in rows)),
         "truth_lost": int((stacked["p_true_association"][:, -1] == 0.0).sum()),
         "seconds_per_keyframe": _mean(np.array([row["seconds"] for row in rows])),

@@ -28,19 +28,21 @@ CURVES = {
     "error_weighted_m": "weighted error [m]",
 }
 LOGARITHMIC = ("det_position_covariance",)
+VARIANTS = {"samples": ":", "pruned": "--"}
+"""Words in a method's name -> line style."""
 MOST_BARS = 10
 """Association histories with a bar of their own."""
 
 
 def curves_figure(file: Path, steps: Mapping[str, Mapping[str, Any]], banded: Sequence[str]) -> Path:
     """PNG with a panel per metric: method -> metric -> mean and percentiles over the runs at each keyframe."""
-    canvas = Canvas(figsize=(13, 7), layout="constrained")
+    canvas = Canvas(figsize=(13, 7.4), layout="constrained")
     colours = _method_colours(list(steps))
     for axis, (metric, label) in zip(canvas.subplots(2, 3, sharex=True).flat, CURVES.items(), strict=True):
         for name, curves in steps.items():
             mean = _array(curves[metric]["mean"])
             keyframes = np.arange(1, len(mean) + 1)
-            style = ":" if "samples" in name else "-"
+            style = next((mark for word, mark in VARIANTS.items() if word in name), "-")
             axis.plot(keyframes, mean, style, color=colours[name], linewidth=1.8, label=name)
             if name in banded:
                 quartiles = np.array([row or [np.nan] * 5 for row in curves[metric]["percentiles"]], dtype=float)
@@ -50,14 +52,15 @@ def curves_figure(file: Path, steps: Mapping[str, Mapping[str, Any]], banded: Se
         _bare(axis)
     for axis in canvas.axes[-3:]:
         axis.set_xlabel("k")
-    canvas.axes[2].legend(fontsize=8, frameon=False)
+    handles, names = canvas.axes[0].get_legend_handles_labels()
+    canvas.legend(handles, names, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     canvas.savefig(file, dpi=110)
     return file
 
 
 def tracks_figure(file: Path, scenario: Scenario, runs: Sequence[Run]) -> Path:
     """PNG of objects and true tracks of runs in one world."""
-    canvas = Canvas(figsize=(9, 5), layout="constrained")
+    canvas = Canvas(figsize=(9, 4.2), layout="constrained")
     axis = canvas.subplots()
     cycle = colormaps["turbo"](np.linspace(0.05, 0.95, len(runs)))
     for colour, run in zip(cycle, runs, strict=True):
@@ -76,14 +79,16 @@ def draw_world(axis: Any, scenario: Scenario) -> None:
     axis.quiver(x, y, np.cos(heading), np.sin(heading), color=OBJECT, **_quiver(1.4))
     for n, (left, top) in enumerate(zip(x, y, strict=True)):
         axis.annotate(f"O{n + 1}", (left, top), textcoords="offset points", xytext=(5, 6), fontsize=8)
+    axis.update_datalim(np.stack([x + 1.6 * np.cos(heading), y + 1.6 * np.sin(heading)], axis=-1))
     axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     _bare(axis)
 
 
 def posterior_figure(file: Path, run: Run, moments: Mapping[str, Sequence[Moment]], keyframes: Sequence[int]) -> Path:
     """PNG with a row per method and a column per k (1 is the first): components' ellipses, bolder for more weight."""
-    canvas = Canvas(figsize=(4.2 * len(keyframes), 3.0 * len(moments)), layout="constrained")
+    canvas = Canvas(figsize=(4.2 * len(keyframes), 2.7 * len(moments)), layout="constrained")
     grid = canvas.subplots(len(moments), len(keyframes), sharex=True, sharey=True, squeeze=False)
+    bounds = _bounds(run, moments)
     for line, (name, of_run) in zip(grid, moments.items(), strict=True):
         colour = WITHOUT if "without" in name else WITH
         for axis, k in zip(line, keyframes, strict=True):
@@ -93,7 +98,7 @@ def posterior_figure(file: Path, run: Run, moments: Mapping[str, Sequence[Moment
             _robot(axis, run.poses[k - 1], TRUTH)
             if k <= len(of_run):
                 _components(axis, of_run[k - 1], colour)
-            axis.set(title=f"k = {k}, {name}", xlabel="", ylabel="")
+            axis.set(title=f"k = {k}, {name}", xlabel="", ylabel="", xlim=bounds[0], ylim=bounds[1])
     canvas.savefig(file, dpi=100)
     return file
 
@@ -140,6 +145,13 @@ def disambiguation_figure(file: Path, moments: Mapping[str, Sequence[Moment]]) -
     return file
 
 
+def _bounds(run: Run, moments: Mapping[str, Sequence[Moment]]) -> list[tuple[float, float]]:
+    """Ranges of x and y [m] that hold the objects, the track and what the components make of the robot."""
+    believed = [moment.poses[:, :2] for of_run in moments.values() for moment in of_run]
+    points = np.vstack([run.scenario.objects[:, :2], run.poses[:, :2], *believed])
+    return [(low - 3.0, high + 3.0) for low, high in zip(points.min(axis=0), points.max(axis=0), strict=True)]
+
+
 def _histories(kept: Mapping[str, Mapping[History, float]], truth: History) -> list[History]:
     """The likeliest histories of any method in their order, the true one among them."""
     greatest: dict[History, float] = {truth: 0.0}
@@ -174,16 +186,20 @@ def _quiver(length_m: float) -> dict[str, Any]:
 
 
 def _method_colours(names: Sequence[str]) -> dict[str, Any]:
-    """Red without semantics, blues that darken with alpha; the thesis's samples in the colour of their alpha."""
-    strengths = [name for name in names if "without" not in name and "samples" not in name]
+    """Red without semantics, darker for larger alpha; what differs in more than alpha in the colour of its alpha."""
+    strengths = [name for name in names if "without" not in name and not _is_variant(name)]
     shades = colormaps["viridis_r"](np.linspace(0.12, 1.0, len(strengths))) if len(strengths) > 1 else [WITH]
     found: dict[str, Any] = dict(zip(strengths, shades, strict=True))
     for name in names:
-        if "samples" in name:
+        if _is_variant(name):
             found[name] = found[name.split(",")[0]]
         elif "without" in name:
             found[name] = WITHOUT
     return found
+
+
+def _is_variant(name: str) -> bool:
+    return any(word in name for word in VARIANTS)
 
 
 def _array(values: Sequence[float | None]) -> Array:

@@ -1,13 +1,12 @@
 """A simulated run through the engine of the nodes, and what Fig. 4.5 asks of every keyframe."""
 
-from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.configuration import WeightsConfiguration
+from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.evaluation.mixture import heaviest_position_error, position_determinant, weighted_position_error
 from semantic_slam.inference.belief import HybridBelief
@@ -34,13 +33,16 @@ class Method:
     """How the engine is asked: with which class models and which weights."""
 
     alpha: float | None  # of Eq. 4.22; None: no semantics (DA-BSP)
-    weights: str = "laplace"  # or the thesis's samples
+    sampled: bool = False  # weights by the thesis's samples of the prior
+    pruning_ratio: float = PruningConfiguration().ratio
 
     @property
     def name(self) -> str:
         """Its key in results."""
         name = "no_semantics" if self.alpha is None else f"{self.alpha:g}" if self.alpha != 1.0 else "1.0"
-        return name if self.weights == "laplace" else f"{name}_{self.weights}"
+        if self.pruning_ratio != PruningConfiguration().ratio:
+            name += f"_pruned_{self.pruning_ratio:g}"
+        return f"{name}_sampled" if self.sampled else name
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ class Moment:
     pose_covariances: Array  # (H, 6, 6)
     associations: dict[History, float]  # beta_{1:k} -> P(beta_{1:k} | H_k), Eq. 4.8
     p_true_association: float
+    confidence: float  # probability of the likeliest association history
+    likeliest_is_true: bool
     association_entropy: float
     component_entropy: float
     det_position_covariance: float  # m^4
@@ -115,7 +119,8 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
         seed=seed,
         association="enumerated",
         distinct=True,
-        weights=replace(WeightsConfiguration(), method=method.weights),
+        weights=replace(WeightsConfiguration(), **({"method": "sampled"} if method.sampled else {})),
+        pruning=replace(PruningConfiguration(), ratio=method.pruning_ratio),
     )
 
 
@@ -141,13 +146,16 @@ def _step(run: Run, k: int, frame: Frame, model: ParametricModel | None) -> Step
 
 def _moment(run: Run, k: int, belief: HybridBelief, manager: HypothesisManager, seconds: float) -> Moment:
     weights, truth = np.exp(belief.log_weights), run.poses[k]
-    histories = association_marginal(manager)
+    histories, true_history = association_marginal(manager), run.associations[: k + 1]
+    likeliest = max(histories, key=lambda history: histories[history])
     return Moment(
         log_weights=belief.log_weights,
         poses=belief.poses,
         pose_covariances=belief.pose_covariances,
         associations=histories,
-        p_true_association=histories.get(run.associations[: k + 1], 0.0),
+        p_true_association=histories.get(true_history, 0.0),
+        confidence=histories[likeliest],
+        likeliest_is_true=likeliest == true_history,
         association_entropy=belief.association_entropy,
         component_entropy=belief.component_entropy,
         det_position_covariance=position_determinant(weights, belief.pose_covariances),
@@ -161,7 +169,7 @@ def _moment(run: Run, k: int, belief: HybridBelief, manager: HypothesisManager, 
 
 def association_marginal(manager: HypothesisManager) -> dict[History, float]:
     """P(beta_{1:k} | H_k): hypotheses that differ in classes or modes alone are summed."""
-    found: dict[Hashable, float] = {}
+    found: dict[History, float] = {}
     for live in manager.live.values():
         history = tuple(step.association for step in live.lineage)
         found[history] = found.get(history, 0.0) + float(np.exp(live.log_weight))

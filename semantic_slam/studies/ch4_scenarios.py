@@ -21,7 +21,7 @@ LEAST_CLEARANCE_M = 1.5
 """Between the objects of a random layout and the path."""
 MARGIN_M = 5.0
 """How far beyond the path a random layout reaches."""
-LONG_TURNS = (-0.125, -0.125, *[0.0] * 23)
+LONG_TURNS = (-0.125, -0.125, *[0.0] * 15, *[0.09] * 8)
 """Turns [rad] of the example's 25 steps: past the row of objects to the two that stand apart, as in Fig. 4.3a."""
 
 
