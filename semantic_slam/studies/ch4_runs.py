@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ class Method:
     @property
     def name(self) -> str:
         """Its key in results."""
-        name = "no_semantics" if self.alpha is None else f"{self.alpha:g}" if self.alpha != 1.0 else "1.0"
+        name = "no_semantics" if self.alpha is None else str(self.alpha)
         if self.pruning_ratio != PruningConfiguration().ratio:
             name += f"_pruned_{self.pruning_ratio:g}"
         return f"{name}_sampled" if self.sampled else name
@@ -77,8 +78,8 @@ class Followed:
 class HandMadeReader(PlanarReader):
     """The keyframes are steps already; poses as in the nodes."""
 
-    def step(self, keyframe: Step) -> Step:
-        return keyframe
+    def step(self, keyframe: Any) -> Step:
+        return cast(Step, keyframe)
 
 
 def follow(run: Run, method: Method, seed: int) -> Followed:
@@ -119,7 +120,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
         seed=seed,
         association="enumerated",
         distinct=True,
-        weights=replace(WeightsConfiguration(), **({"method": "sampled"} if method.sampled else {})),
+        weights=WeightsConfiguration(method="sampled") if method.sampled else WeightsConfiguration(),
         pruning=replace(PruningConfiguration(), ratio=method.pruning_ratio),
     )
 
