@@ -56,12 +56,10 @@ def tables(worlds: Mapping[str, Summaries], words: Mapping[str, str]) -> list[Ta
 
 
 def _requirements(worlds: Mapping[str, Summaries]) -> list[Claim]:
-    lost = {
-        world: sum(methods[method.name]["runs_lost"] for method in METHODS_OF[world] if not method.sampled)
-        for world, methods in worlds.items()
-    }
-    runs = {world: sum(not method.sampled for method in METHODS_OF[world]) for world in worlds}
-    counted = [f"{lost[w]} of {runs[w] * worlds[w][OURS.name]['runs']} ({w.replace('_', ' ')})" for w in worlds]
+    chosen = {world: [m.name for m in METHODS_OF[world] if m.weights != SAMPLED.weights] for world in worlds}
+    lost = {w: sum(worlds[w][name]["runs_lost"] for name in names) for w, names in chosen.items()}
+    runs = {w: sum(worlds[w][name]["runs"] for name in names) for w, names in chosen.items()}
+    counted = [f"{lost[world]} of {runs[world]} ({world.replace('_', ' ')})" for world in worlds]
     none = Claim(
         "No run loses all its hypotheses, with semantics of any alpha or without",
         REQUIREMENT,

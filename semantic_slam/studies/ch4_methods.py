@@ -7,24 +7,27 @@ from semantic_slam.studies.ch4_runs import Method
 
 DEFAULT_ALPHA = 0.25
 ALPHAS = (0.05, DEFAULT_ALPHA, 0.5, 0.75, 1.0)
-THESIS_PRUNING, PATIENT_PRUNING = 150.0, 1e4
 WITH = tuple(Method(alpha) for alpha in ALPHAS)
-WITHOUT = Method(None)
-OURS, SAMPLED = Method(DEFAULT_ALPHA), Method(DEFAULT_ALPHA, sampled=True)
-PRUNED = tuple(
-    method
-    for method in (Method(DEFAULT_ALPHA, pruning_ratio=ratio) for ratio in (THESIS_PRUNING, PATIENT_PRUNING))
-    if method != OURS
-)
-"""Without the one that is the default."""
-METHODS = (*WITH, WITHOUT, SAMPLED, *PRUNED)
+WITHOUT, OURS = Method(None), Method(DEFAULT_ALPHA)
+SAMPLED = Method(DEFAULT_ALPHA, weights="sampled")
+OTHERS = {
+    SAMPLED: "the thesis's 1000 samples",
+    Method(DEFAULT_ALPHA, weights="laplace"): "Laplace weights alone",
+    Method(DEFAULT_ALPHA, pruning_ratio=150.0): "pruned below max / 150",
+    Method(DEFAULT_ALPHA, pruning_ratio=1e4): "pruned below max / 10 000",
+}
+"""What differs from the default in weights or pruning, in words; one of them may be the default."""
+VARIANTS = tuple(method for method in OTHERS if method != OURS)
 WORLDS = {
     "given": "given layout, errors of the map drawn from its prior",
     "exact_map": "given layout, every object exactly where the map has it",
     "random": "random layouts, errors of the map and the start drawn from their priors",
 }
-FEW = (OURS, WITHOUT, SAMPLED, *PRUNED)
-METHODS_OF = {"given": METHODS, "exact_map": FEW, "random": FEW}
+METHODS_OF = {
+    "given": (*WITH, WITHOUT, *VARIANTS),
+    "exact_map": (OURS, WITHOUT, SAMPLED),
+    "random": (OURS, WITHOUT, SAMPLED),
+}
 COLUMNS = {
     "association_entropy": "H(associations) [nats]",
     "component_entropy": "H(components) [nats]",
@@ -46,9 +49,7 @@ Summaries = Mapping[str, Mapping[str, Any]]
 
 def words(name: str) -> str:
     """A method's name as a page shows it."""
-    special = {
-        WITHOUT.name: "without semantics (DA-BSP)",
-        SAMPLED.name: f"alpha {DEFAULT_ALPHA}, the thesis's 1000 samples",
-        **{m.name: f"alpha {DEFAULT_ALPHA}, pruned below max / {m.pruning_ratio:g}" for m in PRUNED},
-    }
-    return special.get(name, f"alpha {name}")
+    if name == WITHOUT.name:
+        return "without semantics (DA-BSP)"
+    of_variants = {method.name: f"alpha {method.alpha}, {OTHERS[method]}" for method in VARIANTS}
+    return of_variants.get(name, f"alpha {name}")

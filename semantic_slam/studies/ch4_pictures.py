@@ -28,7 +28,7 @@ CURVES = {
     "error_weighted_m": "weighted error [m]",
 }
 LOGARITHMIC = ("det_position_covariance",)
-VARIANTS = {"samples": ":", "pruned": "--"}
+VARIANTS = {"samples": ":", "pruned": "--", "Laplace": "-."}
 """Words in a method's name -> line style."""
 MOST_BARS = 10
 """Association histories with a bar of their own."""

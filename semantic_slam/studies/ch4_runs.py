@@ -34,7 +34,7 @@ class Method:
     """How the engine is asked: with which class models and which weights."""
 
     alpha: float | None  # of Eq. 4.22; None: no semantics (DA-BSP)
-    sampled: bool = False  # weights by the thesis's samples of the prior
+    weights: str = WeightsConfiguration().method  # "sampled": the thesis's samples of the prior
     pruning_ratio: float = PruningConfiguration().ratio
 
     @property
@@ -43,7 +43,7 @@ class Method:
         name = "no_semantics" if self.alpha is None else str(self.alpha)
         if self.pruning_ratio != PruningConfiguration().ratio:
             name += f"_pruned_{self.pruning_ratio:g}"
-        return f"{name}_sampled" if self.sampled else name
+        return name if self.weights == WeightsConfiguration().method else f"{name}_{self.weights}"
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
         seed=seed,
         association="enumerated",
         distinct=True,
-        weights=WeightsConfiguration(method="sampled") if method.sampled else WeightsConfiguration(),
+        weights=WeightsConfiguration(method=method.weights),
         pruning=replace(PruningConfiguration(), ratio=method.pruning_ratio),
     )
 

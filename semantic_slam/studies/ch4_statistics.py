@@ -25,9 +25,9 @@ from semantic_slam.studies.repetitions import keyed_generator, repeat
 from semantic_slam.studies.result import Figure, write_result
 
 NAME = "ch4_statistics"
-RUNS = {"given": 100, "exact_map": 50, "random": 50}
-"""The 50 given paths twice, with noise of their own each; the same paths; random layouts."""
-QUICK_RUNS = {"given": 5, "exact_map": 2, "random": 2}
+RUNS = {"given": 50, "exact_map": 50, "random": 50}
+"""The 50 given paths with noise of their own each; the same with an exact map; random layouts."""
+QUICK_RUNS = {"given": 3, "exact_map": 1, "random": 1}
 
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
