@@ -98,7 +98,8 @@ def proposal(modes: Array, hessians: Array, log_evidence: Array) -> Gaussians:
     """Laplace modes (M, n) with shares by their evidence (M,), and the prior last."""
     shares: Array = np.exp(log_evidence - np.logaddexp.reduce(log_evidence))
     shares = (1.0 - LEAST_MODE_SHARE) * shares + LEAST_MODE_SHARE / len(modes)
-    return Gaussians(modes, np.linalg.cholesky(hessians), np.log((1.0 - PRIOR_SHARE) * shares)).with_prior()
+    roots: Array = np.asarray(np.linalg.cholesky(hessians), dtype=np.float64)
+    return Gaussians(modes, roots, np.log((1.0 - PRIOR_SHARE) * shares)).with_prior()
 
 
 def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians:

@@ -20,13 +20,15 @@ from semantic_slam.inference.importance import (
     normal_points,
     proposal,
 )
-from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.laplace import RANKING_ITERATIONS, Mode, find_modes
 from semantic_slam.inference.object_views import Correction
 
 Array = NDArray[np.float64]
 
 NUM_STARTS = 8
 """Searches from the prior, besides the one from where the hypothesis was."""
+SEARCHED_LINKS = 2
+"""Keyframes since the anchor up to which the prior is searched: later on, modes have been told apart."""
 START_SPREAD = 0.7
 """Standard deviations of the starts: modes far out have no weight."""
 SAME_MODE = 0.05
@@ -94,8 +96,13 @@ def _sampled(history: History, chain: Chain, modes: Mode, count: int) -> tuple[G
 
 
 def _search(chain: Chain, start: Array) -> Mode:
-    spread = START_SPREAD * normal_points(NUM_STARTS, chain.size)
-    return find_modes(chain, np.concatenate([start[None], spread]))
+    """Modes from ``start`` and, while the history is short, from the prior; what is far behind is not followed."""
+    starts = start[None]
+    if len(chain.links) <= SEARCHED_LINKS:
+        starts = np.concatenate([starts, START_SPREAD * normal_points(NUM_STARTS, chain.size)])
+    rough = find_modes(chain, starts, RANKING_ITERATIONS)
+    near = rough.log_evidence >= rough.log_evidence.max() - 2.0 * NEGLIGIBLE
+    return find_modes(chain, rough.y[near])
 
 
 def _distinct(history: History, chain: Chain, modes: Mode) -> Mode:
