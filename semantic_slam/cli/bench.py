@@ -25,7 +25,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
     import torch
     from tqdm import tqdm
 
-    from semantic_slam.benchmarks import classification, mc_dropout
+    from semantic_slam.benchmarks import classification, mc_dropout, weights_accuracy
 
     torch.set_num_threads(1)
     benchmarks = (
@@ -33,6 +33,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
         classification.against_literal,
         classification.window_loss,
         mc_dropout.passes,
+        weights_accuracy.accuracy,
     )
     return [row for benchmark in tqdm(benchmarks, desc="benchmarks") for row in benchmark(quick, seed)]
 
