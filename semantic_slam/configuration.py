@@ -64,7 +64,7 @@ class WeightsConfiguration:
         7.0, "importance: nats below the best candidate of its parent at which one is not sampled", minimum=0.0
     )
     gaussian_share: float = parameter(
-        0.97,
+        0.95,
         "importance: effective share of samples from which on a hypothesis counts as Gaussian",
         minimum=0.0,
         maximum=1.0,

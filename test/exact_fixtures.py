@@ -138,5 +138,8 @@ def _outcome(manager: HypothesisManager, belief: HybridBelief, num_classes: int)
             if share > 0.0:
                 log_evidence = live.log_weight + manager.log_evidence + np.log(share * num_classes**num_objects)
                 before = hypotheses.get((beta, assignment), (0.0, -np.inf))  # of another mode
-                hypotheses[beta, assignment] = (before[0] + weight * share, float(np.logaddexp(before[1], log_evidence)))
+                hypotheses[beta, assignment] = (
+                    before[0] + weight * share,
+                    float(np.logaddexp(before[1], log_evidence)),
+                )
     return Outcome(belief, hypotheses, associations, betas)

@@ -26,7 +26,9 @@ from semantic_slam.inference.object_views import Correction
 Array = NDArray[np.float64]
 
 NUM_STARTS = 8
-"""Searches from the prior, besides the one from where the hypothesis was."""
+"""Searches from the prior, besides those from where the hypothesis was."""
+NUDGE = 0.3
+"""Whitened distance from the given start on either side: on a saddle between two modes, a search would stay."""
 SEARCHED_LINKS = 2
 """Keyframes since the anchor up to which the prior is searched: later on, modes have been told apart."""
 START_SPREAD = 0.7
@@ -97,10 +99,11 @@ def _sampled(history: History, chain: Chain, modes: Mode, count: int) -> tuple[G
 
 def _search(chain: Chain, start: Array) -> Mode:
     """Modes from ``start`` and, while the history is short, from the prior; what is far behind is not followed."""
-    starts = start[None]
+    aside = NUDGE * normal_points(1, chain.size)
+    starts = [start + aside, start - aside]
     if len(chain.links) <= SEARCHED_LINKS:
-        starts = np.concatenate([starts, START_SPREAD * normal_points(NUM_STARTS, chain.size)])
-    rough = find_modes(chain, starts, RANKING_ITERATIONS)
+        starts.append(START_SPREAD * normal_points(NUM_STARTS, chain.size))
+    rough = find_modes(chain, np.concatenate(starts), RANKING_ITERATIONS)
     near = rough.log_evidence >= rough.log_evidence.max() - 2.0 * NEGLIGIBLE
     return find_modes(chain, rough.y[near])
 
