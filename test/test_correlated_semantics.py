@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from test_hypotheses import ForgetfulPool, assert_same, beliefs
 
 from semantic_slam.configuration import SemanticModelConfiguration
-from semantic_slam.inference.component import Component, Motion, Observed, object_key, robot_key
+from semantic_slam.inference.component import Component, Continued, Motion, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.laplace import find_modes
 from semantic_slam.inference.manager import HypothesisManager
@@ -80,9 +80,8 @@ class OneObject:
         weighed = semantics.weigh(moment)
         states = moment.stack.states(moment.mode.y)[0]
         observed = [Observed(step.detections[0], 0, -1)]
-        self.component = self.component.extended(
-            step.motion, observed, {}, states[0], [states[1]], weighed.views[0], weighed.robot[0]
-        )
+        continued = Continued(states[0], [states[1]], {}, weighed.views[0], weighed.robot[0], None, {}, {})
+        self.component = self.component.extended(step.motion, observed, continued)
         return weighed
 
 

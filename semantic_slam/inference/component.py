@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gtsam
 import numpy as np
@@ -14,6 +14,9 @@ from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.stack import Predicted
+
+if TYPE_CHECKING:
+    from semantic_slam.inference.history import History
 
 Array = NDArray[np.float64]
 
@@ -58,6 +61,20 @@ class Observed:
     assigned_class: int
 
 
+@dataclass(frozen=True)
+class Continued:
+    """What a continuation is, besides its motion and detections."""
+
+    robot: Array  # (d,) mode of the robot, where the new factors are created
+    objects: Sequence[Array]  # one (d,) for each observed object, too
+    new_objects: dict[int, GaussianPrior]
+    views: dict[int, ObjectViews]  # new records of those objects
+    robot_correction: Correction | None
+    history: "History | None"  # since the component was last Gaussian
+    smoothed: dict[int, Array]  # GTSAM key -> (d,) mode, where the whole history was looked at
+    corrections: dict[int, Correction]  # GTSAM key -> of the Gaussian at that mode
+
+
 @dataclass
 class Component:
     """iSAM2, the newest robot key and the classes enumerated so far. :meth:`extended` leaves it as it was."""
@@ -70,6 +87,8 @@ class Component:
     object_ids: frozenset[int] = frozenset()
     views: dict[int, ObjectViews] = field(default_factory=dict)  # object id -> record of its semantic views
     robot_correction: Correction | None = None  # of the newest robot pose, by semantics that have no factor
+    history: "History | None" = None  # None: the component is Gaussian
+    corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of a Gaussian that does not suffice
 
     @classmethod
     def root(
@@ -109,14 +128,14 @@ class Component:
         return np.array(blocks).reshape(len(keys), self.manifold.dimension, self.manifold.dimension)
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
-        """(n, d) estimates and (n, d, d) covariances with what semantics without factors have to say of them."""
+        """(n, d) estimates and (n, d, d) covariances with what their Gaussians and their factors do not say."""
         states, covariances = self.states(keys), self.covariances(keys)
-        corrections = {object_key(n): views.correction for n, views in self.views.items()}
-        corrections[robot_key(self.keyframe)] = self.robot_correction
+        semantic = {object_key(n): views.correction for n, views in self.views.items()}
+        semantic[robot_key(self.keyframe)] = self.robot_correction
         for row, key in enumerate(keys):
-            correction = corrections.get(key)
-            if correction is not None:
-                states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
+            for correction in (self.corrections.get(key), semantic.get(key)):
+                if correction is not None:
+                    states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
         return states, covariances
 
     def predict(self, motion: Motion, object_ids: Sequence[int]) -> Predicted:
@@ -131,61 +150,59 @@ class Component:
         covariance[:dimension, :dimension] += motion.covariance
         return Predicted(mean[None], covariance[None])
 
-    def extended(
-        self,
-        motion: Motion,
-        observed: Sequence[Observed],
-        new_objects: dict[int, GaussianPrior],
-        robot: Array,
-        objects: Sequence[Array],
-        views: dict[int, ObjectViews],
-        robot_correction: Correction | None,
-    ) -> "Component":
-        """The child of Eqs. 4.9-4.11 for one continuation.
-
-        ``robot`` (d,) and ``objects`` (one (d,) per entry of ``observed``) are the continuation's mode, where the
-        new factors are created; ``views`` are the new records of those objects. Raises LostComponentError when the
-        system is indeterminate.
-        """
+    def extended(self, motion: Motion, observed: Sequence[Observed], continued: Continued) -> "Component":
+        """The child of Eqs. 4.9-4.11 for one continuation. Raises LostComponentError when it is indeterminate."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         keyframe = self.keyframe + 1
         key = robot_key(keyframe)
-        predicted = self.manifold.compose(self.newest_robot(), motion.control)
         graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
-        self.manifold.insert(values, key, robot)
-        for number, prior in new_objects.items():
+        self.manifold.insert(values, key, continued.robot)
+        for number, prior in continued.new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
             self.manifold.insert(values, object_key(number), prior.mean)
-        for item, state in zip(observed, objects, strict=True):
+        for item, state in zip(observed, continued.objects, strict=True):
             keys = (key, object_key(item.object_id))
-            for factor in self.model.factors(item.detection, keys, item.assigned_class, robot, state):
+            for factor in self.model.factors(item.detection, keys, item.assigned_class, continued.robot, state):
                 graph.add(factor)
-        isam = gtsam.ISAM2(self.isam)
-        jumped = float(np.abs(self.manifold.local(predicted, robot)).max()) > JUMP
         touched = sorted({key, *(object_key(item.object_id) for item in observed)})
-        isam = _updated(self.manifold, isam, graph, values, touched, jumped)
-        classes = self.classes | {item.object_id: item.assigned_class for item in observed if item.assigned_class >= 0}
-        object_ids = self.object_ids | new_objects.keys()
-        known = self.views | views
-        return Component(self.manifold, self.model, isam, keyframe, classes, object_ids, known, robot_correction)
+        isam = self._updated(graph, values, touched, motion, continued)
+        return Component(
+            self.manifold,
+            self.model,
+            isam,
+            keyframe,
+            self.classes | {item.object_id: item.assigned_class for item in observed if item.assigned_class >= 0},
+            self.object_ids | continued.new_objects.keys(),
+            self.views | continued.views,
+            continued.robot_correction,
+            continued.history,
+            continued.corrections,
+        )
 
-
-def _updated(
-    manifold: Manifold,
-    isam: gtsam.ISAM2,
-    graph: gtsam.NonlinearFactorGraph,
-    values: gtsam.Values,
-    keys: list[int],
-    jumped: bool,
-) -> gtsam.ISAM2:
-    """iSAM2 updates until they converge; Levenberg-Marquardt over the whole graph where they cannot."""
-    try:
-        isam.update(graph, values)
-        if not jumped and _settled(manifold, isam, keys):
-            return isam
-        return _optimised(isam)
-    except RuntimeError as fault:
-        raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
+    def _updated(
+        self,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        touched: list[int],
+        motion: Motion,
+        continued: Continued,
+    ) -> gtsam.ISAM2:
+        """A fork with updates until they converge; Levenberg-Marquardt over the whole graph where they cannot."""
+        isam = gtsam.ISAM2(self.isam)
+        predicted = self.manifold.compose(self.newest_robot(), motion.control)
+        past = [key for key in continued.smoothed if self.isam.valueExists(key)]
+        moved = [self.manifold.local(predicted, continued.robot)]
+        moved += [
+            self.manifold.local(state, continued.smoothed[key])
+            for key, state in zip(past, self.states(past), strict=True)
+        ]
+        try:
+            isam.update(graph, values)
+            if np.abs(moved).max() <= JUMP and _settled(self.manifold, isam, touched):
+                return isam
+            return _optimised(self.manifold, isam, continued.smoothed)
+        except RuntimeError as fault:
+            raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
 
 
 def _settled(manifold: Manifold, isam: gtsam.ISAM2, keys: list[int]) -> bool:
@@ -204,10 +221,14 @@ def _states(manifold: Manifold, isam: gtsam.ISAM2, keys: Sequence[int]) -> Array
     return np.array([manifold.state(values, key) for key in keys]).reshape(len(keys), manifold.dimension)
 
 
-def _optimised(isam: gtsam.ISAM2) -> gtsam.ISAM2:
-    """A new iSAM2 of the same factors, linearised at their Levenberg-Marquardt optimum."""
+def _optimised(manifold: Manifold, isam: gtsam.ISAM2, start: dict[int, Array]) -> gtsam.ISAM2:
+    """A new iSAM2 of the same factors, linearised at their Levenberg-Marquardt optimum, sought from ``start``."""
     factors = gtsam.NonlinearFactorGraph(isam.getFactorsUnsafe())
-    optimum = gtsam.LevenbergMarquardtOptimizer(factors, isam.calculateEstimate()).optimize()
+    values = isam.calculateEstimate()
+    for key, state in start.items():
+        values.erase(key)
+        manifold.insert(values, key, state)
+    optimum = gtsam.LevenbergMarquardtOptimizer(factors, values).optimize()
     renewed = _new_isam()
     renewed.update(factors, optimum)
     return renewed
@@ -225,3 +246,11 @@ def _new_isam() -> gtsam.ISAM2:
 
 def _first_line(fault: BaseException) -> str:
     return next((line for line in str(fault).splitlines() if line.strip()), type(fault).__name__)
+
+
+@dataclass(frozen=True)
+class Held:
+    """A hypothesis as a backend holds it."""
+
+    component: Component
+    log_weight: float

@@ -25,6 +25,9 @@ class Manifold(Protocol):
     def local(self, state: Array, other: Array) -> Array:
         """Log(state^-1 other)."""
 
+    def mean(self, states: Array, weights: Array) -> Array:
+        """(d,) mean of (P, d) states with (P,) normalised weights, in map: of positions and of directions."""
+
     def retract_jacobian(self, tangent: Array) -> Array:
         """(..., d, d): change of retract(state, t) in its own tangent space per change of t."""
 
@@ -57,6 +60,10 @@ class PlanarPoses:
 
     def local(self, state: Array, other: Array) -> Array:
         return se2.log(se2.between(state, other))
+
+    def mean(self, states: Array, weights: Array) -> Array:
+        heading = np.arctan2(weights @ np.sin(states[:, 2]), weights @ np.cos(states[:, 2]))
+        return np.append(weights @ states[:, :2], heading)
 
     def retract_jacobian(self, tangent: Array) -> Array:
         return se2.right_jacobian(tangent)
@@ -92,6 +99,9 @@ class PlanarPositions:
 
     def local(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
+
+    def mean(self, states: Array, weights: Array) -> Array:
+        return np.asarray(weights @ states)
 
     def retract_jacobian(self, tangent: Array) -> Array:
         return np.broadcast_to(np.eye(2), (*tangent.shape[:-1], 2, 2))

@@ -83,6 +83,11 @@ class Stack:
         """(B, 1 + n, d) states."""
         return self.manifold.retract(self.mean, self.tangent(y))
 
+    def coordinates(self, states: Array) -> Array:
+        """(B, n) whitened y of (B, 1 + n, d) states."""
+        tangent = self.manifold.local(self.mean, states).reshape(len(states), -1)
+        return np.asarray(np.linalg.solve(self.root, tangent[..., None])[..., 0])
+
     def objects_of(self, states: Array, detection: int) -> Array:
         """(B, d) states of the objects that detection ``detection`` is associated with."""
         return states[np.arange(len(states)), 1 + self.slots[:, detection]]
