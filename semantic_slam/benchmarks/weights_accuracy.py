@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.benchmarks.grid_run import keyframes_of, run_of
 from semantic_slam.benchmarks.grid_world import World, grid_world
-from semantic_slam.benchmarks.prior_samples import NUM_SAMPLES, candidates_of, sampled_weights
+from semantic_slam.benchmarks.prior_samples import NUM_SAMPLES, candidates_of, shared_weights
 from semantic_slam.benchmarks.row import Row
 from semantic_slam.benchmarks.weights_reference import Reference, reference_posterior, total_variation
 from semantic_slam.inference.backend import Backend
@@ -76,8 +76,8 @@ def belief_posterior(world: World, reference: Reference) -> tuple[Array, float]:
 
 def thesis_error(world: World, reference: Reference, seed: int) -> float:
     """Of samples from the prior; 1 where none of them explains the frame, so that there is no posterior."""
-    objects, classes = candidates_of(len(world.frames[0].objects), len(world.object_means))
-    psi = sampled_weights(world, world.predicted_robot(), objects, classes, keyed_generator("thesis", seed))
+    objects, _ = candidates_of(len(world.frames[0].objects), len(world.object_means))
+    psi = shared_weights(world, world.predicted_robot(), keyed_generator("thesis", seed))
     if psi.sum() == 0.0:
         return 1.0
     return total_variation(_added_up(objects, psi / psi.sum(), reference), reference.probabilities)

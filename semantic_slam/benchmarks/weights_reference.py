@@ -30,7 +30,7 @@ SHARES = np.array([0.75, 0.15, 0.1])
 SCALES = (1.1, 1.8)
 """Standard deviations of the first two parts, relative to the mode's curvature."""
 LEAST_REPLICATES = 4
-NEWTON_STEPS = 60
+NEWTON_STEPS, CONVERGED = 60, 1e-3
 EDGE = (0.1, 0.05)
 """Metres and radians: how softly range and field of view bound the search for a mode."""
 
@@ -163,10 +163,13 @@ class _Integrand:
             trial = y - np.linalg.solve(damped, gradient[..., None])[..., 0]
             new_residual, new_jacobian = self._linearised(trial, associations)
             better = _energy(trial, new_residual) <= _energy(y, residual)
+            longest = np.abs(trial - y).max()
             y = np.where(better[:, None], trial, y)
             residual = np.where(better[:, None], new_residual, residual)
             jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
             damping = np.clip(np.where(better, 0.3 * damping, 5.0 * damping), 1e-9, 1e9)
+            if longest < CONVERGED:
+                break
         measured = jacobian[:, : 2 * self.count]
         hessian = np.swapaxes(measured, 1, 2) @ measured + identity
         return y, np.swapaxes(np.linalg.inv(np.linalg.cholesky(hessian)), 1, 2)

@@ -25,7 +25,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
     import torch
     from tqdm import tqdm
 
-    from semantic_slam.benchmarks import classification, mc_dropout, weights_accuracy
+    from semantic_slam.benchmarks import classification, mc_dropout, weights_accuracy, weights_time
 
     torch.set_num_threads(1)
     benchmarks = (
@@ -34,6 +34,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
         classification.window_loss,
         mc_dropout.passes,
         weights_accuracy.accuracy,
+        weights_time.weights,
     )
     return [row for benchmark in tqdm(benchmarks, desc="benchmarks") for row in benchmark(quick, seed)]
 
