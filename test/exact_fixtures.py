@@ -75,7 +75,7 @@ def _problem(data: dict, semantics: bool, method: str) -> tuple[Problem, list[St
             method=method,
             gate=np.inf,
             max_candidates=10**9,
-            importance_samples=8192,
+            importance_samples=4096,
             importance_gate=np.inf,
             gaussian_share=0.9999,
             max_history=100,

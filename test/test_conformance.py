@@ -137,6 +137,7 @@ def _check_models(row: dict, data: dict, tolerance: float) -> None:
     observation = PlanarObservation(model, PlanarVisibility())
     noise = np.diag([data["Sigma_v"]["range"], data["Sigma_v"]["bearing"]])
     detection = PlanarDetection(*row["z_geo"], noise, np.zeros(2), np.array(row["z_sem"]), np.zeros((2, 2)))
+    seen = observation.collect([detection])
     x, o, classes = np.array([row["x"]]), np.array([row["o"]]), np.array([row["c"]])
     d, v = object_in_body(x, o)[0], camera_in_object(x, o, np.zeros(2))[0]
     azimuth = np.arctan2(v[1], v[0])
@@ -146,8 +147,8 @@ def _check_models(row: dict, data: dict, tolerance: float) -> None:
     np.testing.assert_allclose(prediction.mean[0], row["h"], rtol=0, atol=tolerance)
     np.testing.assert_allclose(prediction.covariance[0], data["sem"]["Sigma_c"], rtol=0, atol=tolerance)
     for name, part in (
-        ("loglik_geo", observation.geometry(detection, x, o)),
-        ("loglik_sem", observation.semantics(detection, x, o, classes)),
+        ("loglik_geo", observation.geometry(seen, x, o)),
+        ("loglik_sem", observation.semantics(seen, x, o, classes)),
     ):
         density = part.log_normaliser[0] - 0.5 * (part.residual[0] ** 2).sum()
         assert abs(density - row[name]) <= tolerance * max(1.0, abs(row[name]))

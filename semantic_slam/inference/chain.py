@@ -14,9 +14,10 @@ from scipy.linalg import solve_triangular
 
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.manifold import Manifold
-from semantic_slam.inference.observation import Linearisation, ObservationModel
+from semantic_slam.inference.observation import Detections, Linearisation, ObservationModel
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ class Chain:
         self.root = np.linalg.cholesky(covariance)
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
         self.size = self.root.shape[0] + len(links) * self.dimension
+        self.sights = [(t + 1, seen) for t, link in enumerate(links) for seen in link.seen]
+        self._seen = model.collect([seen.detection for _, seen in self.sights])
+        self._times = np.array([t for t, _ in self.sights], dtype=int)
+        self._places = np.array([seen.place for _, seen in self.sights], dtype=int)
+        self._classes = np.array([seen.assigned_class for _, seen in self.sights], dtype=int)
 
     def select(self, selection: Any) -> "Chain":
         """Itself: one chain serves every row of y."""
@@ -68,7 +74,7 @@ class Chain:
     def newest_slopes(self, y: Array) -> Array:
         """(1 + O, d, size) derivatives of the newest robot state and of the objects by y (size,)."""
         by_robot, by_object = self._slopes(self._states(y[None])[2])
-        return np.stack([by_robot[-1][0], *(slope[0] for slope in by_object)])
+        return np.concatenate([by_robot[:, -1], by_object[0]])
 
     def states(self, y: Array) -> tuple[Array, Array]:
         """(B, 1 + T, d) robot, the anchor's first, and (B, O, d) objects."""
@@ -77,20 +83,17 @@ class Chain:
 
     def log_likelihood(self, y: Array) -> Array:
         """(B,) log P(Z | y)."""
-        robots, objects = self.states(y)
         total = np.zeros(len(y))
-        for t, seen in self._all_seen():
-            for part in self._parts(robots[:, t], objects[:, seen.place], seen):
-                total += part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
+        for part, _ in self._parts(*self.states(y)):
+            total += (part.log_normaliser - 0.5 * (part.residual**2).sum(-1)).reshape(len(y), -1).sum(-1)
         return total
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) of every keyframe since the anchor."""
-        robots, objects = self.states(y)
-        total = np.zeros(len(y))
-        for t, seen in self._all_seen():
-            total += self.model.log_visibility(robots[:, t], objects[:, seen.place], soft=soft)
-        return total
+        if not self.sights:
+            return np.zeros(len(y))
+        x, o = self._pairs(*self.states(y), np.arange(len(self.sights)))
+        return np.asarray(self.model.log_visibility(x, o, soft=soft).reshape(len(y), -1).sum(-1))
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
@@ -98,27 +101,40 @@ class Chain:
         by_robot, by_object = self._slopes(tangents)
         energy, gradient = 0.5 * (y**2).sum(-1), y.copy()
         hessian = np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size)).copy()
-        for t, seen in self._all_seen():
-            for part in self._parts(robots[:, t], objects[:, seen.place], seen):
-                jacobian = part.jacobian_robot @ by_robot[t] + part.jacobian_object @ by_object[seen.place]
-                transposed = np.swapaxes(jacobian, -1, -2)
-                energy += 0.5 * (part.residual**2).sum(-1) - part.log_normaliser
-                gradient += (transposed @ part.residual[..., None])[..., 0]
-                hessian += transposed @ jacobian
+        for part, sights in self._parts(robots, objects):
+            shape = (len(y), len(sights), -1, self.dimension)
+            jacobian = part.jacobian_robot.reshape(shape) @ by_robot[:, self._times[sights]]
+            jacobian += part.jacobian_object.reshape(shape) @ by_object[:, self._places[sights]]
+            jacobian = jacobian.reshape(len(y), -1, self.size)
+            transposed = np.swapaxes(jacobian, -1, -2)
+            energy += (0.5 * (part.residual**2).sum(-1) - part.log_normaliser).reshape(len(y), -1).sum(-1)
+            gradient += (transposed @ part.residual.reshape(len(y), -1, 1))[..., 0]
+            hessian += transposed @ jacobian
         return energy, gradient, hessian
 
     def energy(self, y: Array) -> Array:
         """(B,) -log P(Z | y) + |y|^2 / 2."""
         return np.asarray(0.5 * (y**2).sum(-1) - self.log_likelihood(y))
 
-    def _all_seen(self) -> list[tuple[int, Seen]]:
-        return [(t + 1, seen) for t, link in enumerate(self.links) for seen in link.seen]
+    def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
+        """(B S, d) robot and object of S sights."""
+        x, o = robots[:, self._times[sights]], objects[:, self._places[sights]]
+        return x.reshape(-1, self.dimension), o.reshape(-1, self.dimension)
 
-    def _parts(self, x: Array, o: Array, seen: Seen) -> list[Linearisation]:
-        parts = [self.model.geometry(seen.detection, x, o)]
-        if seen.assigned_class >= 0:
-            parts.append(self.model.semantics(seen.detection, x, o, np.full(len(x), seen.assigned_class)))
+    def _parts(self, robots: Array, objects: Array) -> list[tuple[Linearisation, Index]]:
+        """Geometry of all sights and semantics of those with a class, and which they are."""
+        everything = np.arange(len(self.sights))
+        if not len(everything):
+            return []
+        parts = [(self.model.geometry(*self._repeated(robots, objects, everything)), everything)]
+        named = np.flatnonzero(self._classes >= 0)
+        if len(named):
+            classes = np.tile(self._classes[named], len(robots))
+            parts.append((self.model.semantics(*self._repeated(robots, objects, named), classes), named))
         return parts
+
+    def _repeated(self, robots: Array, objects: Array, sights: Index) -> tuple[Detections, Array, Array]:
+        return self._seen.take(np.tile(sights, len(robots))), *self._pairs(robots, objects, sights)
 
     def _states(self, y: Array) -> tuple[Array, Array, list[Array]]:
         """Robot and objects, and the tangents: of the anchor (B, 1 + O, d), then of each motion (B, d)."""
@@ -133,18 +149,19 @@ class Chain:
             tangents.append(tangent)
         return np.stack(robots, axis=1), states[:, 1:], tangents
 
-    def _slopes(self, tangents: list[Array]) -> tuple[list[Array], list[Array]]:
-        """(B, d, size) derivatives of the robot states and of the objects, in the tangent spaces there, by y."""
+    def _slopes(self, tangents: list[Array]) -> tuple[Array, Array]:
+        """(B, 1 + T, d, size) of the robot, (B, O, d, size) of the objects: derivatives in tangent spaces by y."""
         width, d = self.root.shape[0], self.dimension
+        count = len(tangents[0])
         chart = self.manifold.retract_jacobian(tangents[0])
-        anchor = chart @ self.root.reshape(len(self.mean), d, width)
-        padded = np.concatenate([anchor, np.zeros((*anchor.shape[:-1], self.size - width))], axis=-1)
-        robots = [padded[:, 0]]
+        anchor = np.zeros((count, len(self.mean), d, self.size))
+        anchor[..., :width] = chart @ self.root.reshape(len(self.mean), d, width)
+        robots = np.zeros((count, 1 + len(self.links), d, self.size))
+        robots[:, 0] = anchor[:, 0]
         for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
             moved = self.manifold.retract(np.zeros(d), tangents[t + 1])
             transition = self.manifold.propagation(moved) @ self.manifold.propagation(link.motion.control)
-            slope = transition @ robots[-1]
+            robots[:, t + 1] = transition @ robots[:, t]
             columns = slice(width + t * d, width + (t + 1) * d)
-            slope[:, :, columns] += self.manifold.retract_jacobian(tangents[t + 1]) @ root
-            robots.append(slope)
-        return robots, [padded[:, 1 + n] for n in range(len(self.mean) - 1)]
+            robots[:, t + 1, :, columns] += self.manifold.retract_jacobian(tangents[t + 1]) @ root
+        return robots, anchor[:, 1:]

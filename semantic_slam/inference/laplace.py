@@ -80,8 +80,8 @@ def search_start(stack: Stack) -> Array:
     least = stack.energy(best)
     dimension = stack.dimension
     robot = stack.mean[:, 0]
-    for number, detection in enumerate(stack.detections[: stack.rows.objects.shape[1]]):
-        wanted = stack.model.robot_start(detection, robot, stack.objects_of(stack.mean, number))
+    for number in range(stack.rows.objects.shape[1]):
+        wanted = stack.model.robot_start(stack.seen.take([number]), robot, stack.objects_of(stack.mean, number))
         start = np.zeros_like(best)
         tangent = stack.manifold.local(robot, wanted)
         start[:, :dimension] = np.linalg.solve(stack.root[:, :dimension, :dimension], tangent[..., None])[..., 0]

@@ -32,9 +32,9 @@ def geometry_factor(
         x, o = _planar_states(values, this.keys())
         part = linearise(x, o)
         if jacobians is not None:
-            jacobians[0] = np.asfortranarray(part.jacobian_robot[0])
-            jacobians[1] = np.asfortranarray(part.jacobian_object[0])
-        return np.asarray(part.residual[0])
+            jacobians[0] = np.asfortranarray(part.jacobian_robot[0, 1:])
+            jacobians[1] = np.asfortranarray(part.jacobian_object[0, 1:])
+        return np.asarray(part.residual[0, 1:])
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(1), list(keys), error)
 
