@@ -10,7 +10,7 @@ from semantic_slam.cli import run_study
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry import se2
 from semantic_slam.inference.manager import HypothesisManager
-from semantic_slam.studies import ch4_example, ch4_statistics
+from semantic_slam.studies import ch4_example, ch4_scenarios, ch4_statistics
 from semantic_slam.studies.ch4_claims import claims
 from semantic_slam.studies.ch4_methods import METHODS_OF, OURS, SAMPLED, WITH, WITHOUT
 from semantic_slam.studies.ch4_metrics import METRICS, row_of, summary
@@ -21,9 +21,10 @@ from semantic_slam.studies.ch4_scenarios import (
     given_scenario,
     long_path,
     random_scenario,
+    visible,
     walk,
 )
-from semantic_slam.studies.ch4_simulation import features, simulate, visible
+from semantic_slam.studies.ch4_simulation import features, simulate
 from semantic_slam.studies.repetitions import keyed_generator
 from semantic_slam.viewpoint.parametric import ParametricModel
 
@@ -98,6 +99,7 @@ def test_random_layouts_keep_apart() -> None:
     spots, track = first.objects[:, :2], walk(first.start, path)[:, :2]
     between = np.linalg.norm(spots[:, None] - spots, axis=-1) + 1e9 * np.eye(len(spots))
     assert between.min() >= LEAST_SEPARATION_M
+    assert len(visible(first, walk(first.start, path)[1])) > 0
     assert np.linalg.norm(spots[:, None] - track, axis=-1).min() >= LEAST_CLEARANCE_M
 
 
@@ -169,14 +171,17 @@ def test_claims_are_measured() -> None:
 
 
 def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario, given_paths = given_scenario()
     monkeypatch.setattr(ch4_statistics, "QUICK_RUNS", {"given": 2, "exact_map": 1, "random": 1})
+    monkeypatch.setattr(ch4_statistics, "given_scenario", lambda: (scenario, given_paths[:3, :3]))
+    monkeypatch.setattr(ch4_scenarios, "RANDOM_STEPS", 3)
     paths = ch4_statistics.run(tmp_path, quick=True, jobs=1, seed=1)
     result = json.loads((tmp_path / "result.json").read_text())
     assert [path.name for path in paths] == ["result.json", "result.html"]
     assert set(result["alphas"]) == {"0.05", "0.25", "0.5", "0.75", "1.0"}
     for row in (*result["alphas"].values(), result["no_semantics"], *result["methods"].values()):
         assert all(np.isfinite(row[field]) for field in FIELDS)
-    assert len(result["no_semantics"]["steps"]["association_entropy"]["percentiles"]) == 10
+    assert len(result["no_semantics"]["steps"]["association_entropy"]["percentiles"]) == 3
     assert all(claim["measured"] for claim in result["claims"])
     page = (tmp_path / "result.html").read_text()
     assert page.count("data:image/png;base64,") == 4 and 'src="http' not in page

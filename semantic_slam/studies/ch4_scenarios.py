@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry import se2
+from semantic_slam.inference.planar_observation import object_in_body
 
 Array = NDArray[np.float64]
 
@@ -76,15 +77,23 @@ def long_path(scenario: Scenario) -> Array:
 
 
 def random_scenario(generator: np.random.Generator) -> tuple[Scenario, Array]:
-    """Noise as given, but a wandering path of its own, (10, 3), objects scattered about it and a prior mean drawn."""
+    """Noise as given, but a wandering path of its own, (10, 3), objects scattered about it and a prior mean drawn.
+
+    The first keyframe of the path sees an object: a robot that has seen nothing yet has the covariance of its prior,
+    whose determinant would drown all others in an average.
+    """
     given, _ = given_scenario()
     start = np.array([0.0, 0.0, generator.uniform(-np.pi, np.pi)])
     turns = np.clip(np.cumsum(generator.normal(0.0, 0.06, RANDOM_STEPS)), -0.25, 0.25)
     path = _forward(given.step_m, turns)
     error = se2.exp(generator.normal(size=3) * np.sqrt(given.start_variance))
     mean = se2.compose(start, se2.inverse(error))
-    objects = _scattered(walk(start, path)[:, :2], generator)
-    return replace(given, objects=objects, start=start, start_mean=mean), path
+    track = walk(start, path)
+    while True:
+        objects = _scattered(track[:, :2], generator)
+        scenario = replace(given, objects=objects, start=start, start_mean=mean)
+        if len(visible(scenario, track[1])):
+            return scenario, path
 
 
 def walk(start: Array, controls: Array) -> Array:
@@ -93,6 +102,20 @@ def walk(start: Array, controls: Array) -> Array:
     for control in controls:
         poses.append(se2.compose(poses[-1], control))
     return np.array(poses)
+
+
+def visible(scenario: Scenario, pose: Array) -> NDArray[np.int_]:
+    """(D,) objects inside range and field of view, the nearest ones where there are too many."""
+    distance, bearing = range_bearing(pose, scenario.objects)
+    inside = (distance <= scenario.max_range_m) & (np.abs(bearing) <= scenario.field_of_view_rad / 2.0)
+    nearest = np.argsort(distance, kind="stable")
+    return np.asarray(nearest[inside[nearest]][: scenario.max_detections])
+
+
+def range_bearing(pose: Array, objects: Array) -> tuple[Array, Array]:
+    """(O,) distances [m] and bearings [rad] of (O, 3) objects from a robot pose (3,)."""
+    d = object_in_body(np.broadcast_to(pose, objects.shape), objects)
+    return np.hypot(d[:, 0], d[:, 1]), np.arctan2(d[:, 1], d[:, 0])
 
 
 def _forward(step_m: float, turns: Array) -> Array:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry import se2
-from semantic_slam.inference.planar_observation import camera_in_object, object_in_body
-from semantic_slam.studies.ch4_scenarios import Scenario
+from semantic_slam.inference.planar_observation import camera_in_object
+from semantic_slam.studies.ch4_scenarios import Scenario, range_bearing, visible
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 
@@ -70,24 +70,11 @@ def features(frame: Frame, model: ParametricModel) -> Array:
     return np.asarray(prediction.mean + (root @ frame.normals[..., None])[..., 0])
 
 
-def visible(scenario: Scenario, pose: Array) -> NDArray[np.int_]:
-    """(D,) objects inside range and field of view, the nearest ones where there are too many."""
-    distance, bearing = _range_bearing(pose, scenario.objects)
-    inside = (distance <= scenario.max_range_m) & (np.abs(bearing) <= scenario.field_of_view_rad / 2.0)
-    nearest = np.argsort(distance, kind="stable")
-    return np.asarray(nearest[inside[nearest]][: scenario.max_detections])
-
-
 def _frame(scenario: Scenario, pose: Array, generator: np.random.Generator) -> Frame:
     seen = visible(scenario, pose)
     objects, robot = scenario.objects[seen], np.broadcast_to(pose, (len(seen), 3))
-    exact = np.stack(_range_bearing(pose, objects), axis=-1)
+    exact = np.stack(range_bearing(pose, objects), axis=-1)
     noise = generator.normal(size=exact.shape) * np.sqrt(scenario.range_bearing_variance)
     camera = camera_in_object(robot, objects, np.zeros(2))
     azimuths = np.arctan2(camera[:, 1], camera[:, 0])
     return Frame(tuple(seen.tolist()), exact + noise, azimuths, generator.normal(size=exact.shape))
-
-
-def _range_bearing(pose: Array, objects: Array) -> tuple[Array, Array]:
-    d = object_in_body(np.broadcast_to(pose, objects.shape), objects)
-    return np.hypot(d[:, 0], d[:, 1]), np.arctan2(d[:, 1], d[:, 0])
