@@ -12,11 +12,14 @@ from semantic_slam.inference.protocol import Candidates, Commit, Components, Run
 
 
 class ProcessPool:
-    """``number`` backends that work at the same time; a context manager. ``seconds`` counts the time in both rounds."""
+    """``number`` backends that work at the same time; a context manager.
+
+    ``seconds`` counts the time in both rounds, ``busy_seconds`` the CPU time of the backend that took longest in each.
+    """
 
     def __init__(self, number: int):
         self.backend_ids = tuple(range(number))
-        self.seconds = 0.0
+        self.seconds = self.busy_seconds = 0.0
         context = multiprocessing.get_context("spawn")
         pipes = [context.Pipe() for _ in self.backend_ids]
         self._pipes = [here for here, _ in pipes]
@@ -58,23 +61,25 @@ class ProcessPool:
         content = pickle.dumps((question, argument))
         for pipe in self._pipes:
             pipe.send_bytes(content)
-        answers = [pickle.loads(pipe.recv_bytes()) for pipe in self._pipes]
+        answers, busy = zip(*(pickle.loads(pipe.recv_bytes()) for pipe in self._pipes), strict=True)
         self.seconds += time.perf_counter() - start
+        self.busy_seconds += max(busy)
         for answer in answers:
             if isinstance(answer, Exception):
                 raise answer
-        return answers
+        return list(answers)
 
 
 def _serve(number: int, pipe: Connection) -> None:
     backend = Backend(number)
     while (question := pickle.loads(pipe.recv_bytes())) is not None:
         name, argument = question
+        start = time.process_time()
         try:
             answer = _peak_mb() if name == "resident" else getattr(backend, name)(argument)
         except Exception as fault:  # handed to the manager's process, which raises it
             answer = fault
-        pipe.send_bytes(pickle.dumps(answer))
+        pipe.send_bytes(pickle.dumps((answer, time.process_time() - start)))
 
 
 def _peak_mb() -> float:
