@@ -64,12 +64,13 @@ class LinearModel:
     def object_prior(self, detection, x):
         return GaussianPrior(x + detection.geo, np.eye(2))
 
-    def factors(self, detection, keys, assigned_class, x, o):
+    def geometry_factor(self, detection, keys):
         seen = self.collect([detection])
-        parts = [lambda x, o: self.geometry(seen, x, o)]
-        if assigned_class >= 0:
-            parts.append(lambda x, o: self.semantics(seen, x, o, np.array([assigned_class])))
-        return [_factor(part, keys) for part in parts]
+        return _factor(lambda x, o: self.geometry(seen, x, o), keys)
+
+    def semantic_factors(self, detections, keys, classes, x, o):
+        part = self.semantics(self.collect(detections), x, o, classes)
+        return [_linear_factor(part, row, pair, x[row], o[row]) for row, pair in enumerate(keys)]
 
 
 def _whitened(residual, jacobian_x, jacobian_o, covariance):
@@ -91,6 +92,16 @@ def _factor(part, keys):
         return linear.residual[0]
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(2), list(keys), error)
+
+
+def _linear_factor(part, row, keys, x, o):
+    values = gtsam.Values()
+    values.insert(keys[0], x)
+    values.insert(keys[1], o)
+    by_robot, by_object = np.asfortranarray(part.jacobian_robot[row]), np.asfortranarray(part.jacobian_object[row])
+    noise = gtsam.noiseModel.Unit.Create(2)
+    linear = gtsam.JacobianFactor(keys[0], by_robot, keys[1], by_object, -part.residual[row], noise)
+    return gtsam.LinearContainerFactor(linear, values)
 
 
 class StepReader:

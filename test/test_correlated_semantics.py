@@ -302,9 +302,9 @@ def test_a_hypothesis_rebuilt_from_its_lineage_is_the_same() -> None:
 def test_there_is_no_semantic_factor() -> None:
     """Each measurement is used once: the graph holds odometry and geometry, nothing else."""
     scene = OneObject(known([0, 0, 0]), known([2, 0, 0]))
-    before = scene.component.isam.getFactorsUnsafe().size()
+    before = scene.component.smoother.isam.getFactorsUnsafe().size()
     problem = problem_of(lost_world().run)
     assert problem.model.num_classes == 0
     assert isinstance(problem.semantics, CorrelatedTracks)
     scene.take(step_of(0, detection(np.full(5, 0.2)), np.zeros(3), 1e-3), problem.semantics)
-    assert scene.component.isam.getFactorsUnsafe().size() - before == 2
+    assert scene.component.smoother.isam.getFactorsUnsafe().size() - before == 2

@@ -54,7 +54,10 @@ def test_jacobians_against_differences(with_range: bool, part: str, axis: int) -
 def test_factors_are_the_likelihood(with_range: bool) -> None:
     """-log p = factor error + constant, with the same gradient that the graph sees."""
     z, x, o = detection(with_range), X[0], O[0]
-    factors = MODEL.factors(z, (0, 1), 1, x, o)
+    factors = [
+        MODEL.geometry_factor(z, (0, 1)),
+        *MODEL.semantic_factors([z], [(0, 1)], np.array([1]), x[None], o[None]),
+    ]
     values = gtsam.Values()
     values.insert(0, gtsam.Pose2(*x))
     values.insert(1, gtsam.Pose2(*o))

@@ -59,5 +59,10 @@ class ObservationModel(Protocol):
     def object_prior(self, detection: Any, x: Array) -> GaussianPrior:
         """Broad prior of an object first seen from robot state ``x`` (d,)."""
 
-    def factors(self, detection: Any, keys: tuple[int, int], assigned_class: int, x: Array, o: Array) -> list[Any]:
-        """GTSAM factors between robot and object keys; (d,) states ``x``, ``o`` are where they are created."""
+    def geometry_factor(self, detection: Any, keys: tuple[int, int]) -> Any:
+        """GTSAM factor between robot and object."""
+
+    def semantic_factors(
+        self, detections: Sequence[Any], keys: Sequence[tuple[int, int]], classes: Classes, x: Array, o: Array
+    ) -> list[Any]:
+        """GTSAM factors of (n,) semantic measurements, linearised together at (n, d) robots and objects."""

@@ -18,7 +18,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
-from semantic_slam.inference.planar_factors import geometry_factor, semantic_factor
+from semantic_slam.inference.planar_factors import geometry_factor, linear_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
 Array = NDArray[np.float64]
@@ -144,20 +144,22 @@ class PlanarObservation:
         mean = np.append(x[:2] + rotation @ (detection.origin + distance * along), x[2])
         return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
 
-    def factors(
-        self, detection: PlanarDetection, keys: tuple[int, int], assigned_class: int, x: Array, o: Array
-    ) -> list[Any]:
-        """Range-bearing factor and, with a class, a semantic factor whose covariance is that at (x, o)."""
+    def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
+        """Range and bearing, or the bearing alone."""
         seen = self.collect([detection])
-        factors = [geometry_factor(lambda x, o: self.geometry(seen, x, o), detection, keys)]
-        if assigned_class >= 0 and self.model is not None:
-            _, azimuth = _polar(camera_in_object(x[None], o[None], detection.sensor))
-            distance = np.linalg.norm(camera_in_object(x[None], o[None], detection.sensor), axis=-1)
-            prediction = self._predict(np.array([assigned_class]), azimuth, distance)
-            root = self._noise(prediction, seen)[0][0]
-            covariance = root @ root.T
-            factors.append(semantic_factor(self.model, detection, keys, assigned_class, covariance))
-        return factors
+        return geometry_factor(lambda x, o: self.geometry(seen, x, o), detection, keys)
+
+    def semantic_factors(
+        self,
+        detections: Sequence[PlanarDetection],
+        keys: Sequence[tuple[int, int]],
+        classes: Classes,
+        x: Array,
+        o: Array,
+    ) -> list[Any]:
+        """One evaluation for all of them."""
+        part = self.semantics(self.collect(detections), x, o, classes)
+        return [linear_factor(pair, part, row, x[row], o[row]) for row, pair in enumerate(keys)]
 
     def _noise(self, prediction: Prediction, seen: PlanarDetections) -> tuple[Array, Array]:
         """(B, F, F) root of the covariance that the residual counts with, and (B,) log normaliser.
