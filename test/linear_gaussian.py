@@ -68,6 +68,12 @@ class LinearModel:
         seen = self.collect([detection])
         return _factor(lambda x, o: self.geometry(seen, x, o), keys)
 
+    def sight_sigma(self, x, o, covariance):
+        return np.zeros(len(x))
+
+    def view_change(self, before, now):
+        return np.zeros(len(before))
+
     def semantic_factors(self, detections, keys, classes, x, o):
         part = self.semantics(self.collect(detections), x, o, classes)
         return [_linear_factor(part, row, pair, x[row], o[row]) for row, pair in enumerate(keys)]

@@ -1,7 +1,8 @@
 """Continuations of hypotheses: which object each detection is, and which class that object has.
 
-Associations are grown detection by detection with the geometric evidence of the detections so far, classes
-after that with a bound of their semantic likelihood. What falls ``gate`` nats behind the best of its parent is
+Associations are grown detection by detection with the geometric evidence of the detections so far, those far off
+recognised by one linear step where that can be trusted; classes after that with a bound of their semantic
+likelihood. What falls ``gate`` nats behind the best of its parent is
 not grown further; the mass left out is estimated by assuming that it would have continued as well as the best.
 """
 
@@ -12,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.laplace import MAX_ITERATIONS, RANKING_ITERATIONS, Mode, find_modes, search_start
+from semantic_slam.inference.laplace import RANKING_ITERATIONS, RANKING_TOLERANCE, Mode, find_modes, search_start
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.screening import screen, sight_sigmas
 from semantic_slam.inference.stack import Predicted, Rows, Stack
 
 Array = NDArray[np.float64]
@@ -54,15 +56,21 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
     left_out = np.full(len(parents), -np.inf)
     stack = _stack(setting, predicted, rows)
     mode = find_modes(stack, np.zeros((len(parents), stack.size)))
+    sigmas = sight_sigmas(setting.model, predicted)
     for number in range(len(setting.detections)):
         allowed = None if setting.path is None else int(setting.path[0][number])
         rows, origin = _with_next_object(rows, predicted.mean.shape[1] - 1, setting.distinct, allowed)
         stack = _stack(setting, predicted, rows)
+        sigma = sigmas[rows.parents[:, None], rows.objects].max(axis=1)
+        screened = screen(stack, _carried(stack, mode.y[origin]), sigma, setting.gate, len(parents))
+        rows, stack = rows.take(screened.kept), stack.select(screened.kept)
         last = number == len(setting.detections) - 1
-        iterations = MAX_ITERATIONS if last and setting.model.num_classes == 0 else RANKING_ITERATIONS
-        mode = find_modes(stack, _better_start(stack, mode.y[origin]), iterations)
+        if last and setting.model.num_classes == 0:
+            mode = find_modes(stack, screened.start)
+        else:
+            mode = find_modes(stack, screened.start, RANKING_ITERATIONS, RANKING_TOLERANCE)
         keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents), setting.max_candidates)
-        left_out = np.logaddexp(left_out, dropped)
+        left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
         rows, mode = rows.take(keep), Mode(mode.y[keep], mode.hessian[keep], mode.log_evidence[keep])
     return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out), mode
 
@@ -121,13 +129,11 @@ def _with_next_object(rows: Rows, num_objects: int, distinct: bool, only: int | 
     return Rows(rows.parents[origin], np.concatenate([rows.objects[origin], added[:, None]], axis=1)), origin
 
 
-def _better_start(stack: Stack, previous: Array) -> Array:
-    """The mode of the detections so far, or a start that explains one detection: whichever fits better."""
+def _carried(stack: Stack, previous: Array) -> Array:
+    """The mode of the detections so far, the new object where it is expected from there."""
     carried = np.zeros((len(previous), stack.size))
     carried[:, : previous.shape[1]] = previous
-    fresh = search_start(stack)
-    better = stack.energy(carried) <= stack.energy(fresh)
-    return np.where(better[:, None], carried, fresh)
+    return carried
 
 
 def _gated(parents: Index, score: Array, gate: float, num_parents: int, limit: int) -> tuple[Index, Array]:

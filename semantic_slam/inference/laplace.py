@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 MAX_ITERATIONS = 30
 RANKING_ITERATIONS = 12
 """For modes that only rank partial associations: those near the best have converged by then."""
+RANKING_TOLERANCE = 0.01
+"""Nats that a further step may be expected to bring at a mode that only ranks."""
 STEP_TOLERANCE = 1e-5
 """Whitened step at which a mode counts as found: log evidence is then exact to about 1e-5."""
 INITIAL_DAMPING = 1e-4
@@ -42,9 +44,10 @@ class Mode:
     log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
 
 
-def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS) -> Mode:
+def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS, tolerance: float = 0.0) -> Mode:
     """Levenberg-Marquardt from ``start`` (B, n); rows that have converged are left alone.
 
+    ``tolerance``: nats that a step may be expected to bring where a mode counts as found all the same.
     The damping follows the gain of each step (Nielsen, 1999): rows with large residuals settle at the damping
     they need instead of swinging about it.
     """
@@ -66,7 +69,7 @@ def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITER
         relaxed = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 1.0) - 1) ** 3)
         damping[running] *= np.where(better, relaxed, growth[running])
         growth[running] = np.where(better, 2.0, 2.0 * growth[running])
-        small = np.abs(step).max(-1) < STEP_TOLERANCE
+        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < tolerance))
         running = running[~(small | (damping[running] > LARGEST_DAMPING))]
     log_determinant = np.linalg.slogdet(hessian)[1]
     return Mode(y, hessian, -energy - 0.5 * log_determinant)

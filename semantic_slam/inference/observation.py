@@ -62,6 +62,15 @@ class ObservationModel(Protocol):
     def geometry_factor(self, detection: Any, keys: tuple[int, int]) -> Any:
         """GTSAM factor between robot and object."""
 
+    def sight_sigma(self, x: Array, o: Array, covariance: Array) -> Array:
+        """(B,) radians by which an object's place as the robot sees it is uncertain, seen from the robot.
+
+        ``covariance`` (B, 2 d, 2 d) is of robot and object in their tangent spaces.
+        """
+
+    def view_change(self, before: Array, now: Array) -> Array:
+        """(n,) radians by which views of objects differ, given (n, d) objects as the robot sees them."""
+
     def semantic_factors(
         self, detections: Sequence[Any], keys: Sequence[tuple[int, int]], classes: Classes, x: Array, o: Array
     ) -> list[Any]:

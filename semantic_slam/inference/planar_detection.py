@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,23 @@ class PlanarDetection:
     feature: Array  # (F,) z_sem
     feature_covariance: Array  # (F, F) covariance of the dropout samples
 
-    @property
+    @cached_property
     def has_range(self) -> bool:
         return bool(np.isfinite(self.range_m))
+
+    @cached_property
+    def whiten(self) -> Array:
+        """(2, 2) residuals of [range, bearing] to unit covariance, no row for a range that is missing."""
+        whiten = np.zeros((2, 2))
+        rows = slice(0, 2) if self.has_range else slice(1, 2)
+        whiten[rows, rows] = np.linalg.inv(np.linalg.cholesky(self.covariance[rows, rows]))
+        return whiten
+
+    @cached_property
+    def log_normaliser(self) -> float:
+        """Of the density of range and bearing, or of the bearing alone."""
+        diagonal = np.diag(self.whiten)
+        return float(np.log(diagonal[diagonal > 0.0]).sum() - 0.5 * np.count_nonzero(diagonal) * LOG_2PI)
 
     @property
     def origin(self) -> Array:
@@ -51,17 +66,11 @@ class PlanarDetections:
     def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
         """All detections of a keyframe, or of a track."""
         count, size = len(detections), detections[0].feature.size if detections else 0
-        whiten, log_normaliser = np.zeros((count, 2, 2)), np.zeros(count)
-        for row, item in enumerate(detections):
-            rows = slice(0, 2) if item.has_range else slice(1, 2)
-            root = np.linalg.cholesky(item.covariance[rows, rows])
-            whiten[row, rows, rows] = np.linalg.inv(root)
-            log_normaliser[row] = -np.log(np.diag(root)).sum() - 0.5 * len(root) * LOG_2PI
         return cls(
             np.nan_to_num([item.range_m for item in detections]),
             np.array([item.bearing_rad for item in detections]),
-            whiten,
-            log_normaliser,
+            np.array([item.whiten for item in detections]).reshape(count, 2, 2),
+            np.array([item.log_normaliser for item in detections]),
             np.array([item.has_range for item in detections], dtype=bool),
             np.array([item.origin for item in detections]).reshape(count, 2),
             np.array([item.sensor for item in detections]).reshape(count, 2),

@@ -161,6 +161,24 @@ class PlanarObservation:
         part = self.semantics(self.collect(detections), x, o, classes)
         return [linear_factor(pair, part, row, x[row], o[row]) for row, pair in enumerate(keys)]
 
+    def sight_sigma(self, x: Array, o: Array, covariance: Array) -> Array:
+        """From the covariance of the object in the body frame."""
+        d, turn = object_in_body(x, o), o[:, 2] - x[:, 2]
+        jacobian = np.zeros((len(x), 2, 6))
+        jacobian[:, 0, 0] = jacobian[:, 1, 1] = -1.0
+        jacobian[:, 0, 2], jacobian[:, 1, 2] = d[:, 1], -d[:, 0]
+        jacobian[:, 0, 3] = jacobian[:, 1, 4] = np.cos(turn)
+        jacobian[:, 1, 3] = np.sin(turn)
+        jacobian[:, 0, 4] = -jacobian[:, 1, 3]
+        spread = np.einsum("bij,bjk,bik->b", jacobian, covariance, jacobian)
+        return np.asarray(np.sqrt(spread) / _polar(d)[0])
+
+    def view_change(self, before: Array, now: Array) -> Array:
+        """Of direction or heading, from poses of objects in the robot's frame."""
+        distance, _ = _polar(before)
+        moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
+        return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
+
     def _noise(self, prediction: Prediction, seen: PlanarDetections) -> tuple[Array, Array]:
         """(B, F, F) root of the covariance that the residual counts with, and (B,) log normaliser.
 

@@ -29,30 +29,39 @@ class IndependentViews:
 
     def weigh(self, moment: Moment) -> Weighed:
         """Records alone: these measurements have factors."""
-        stack = moment.stack
-        states = stack.states(moment.mode.y)
+        states = moment.stack.states(moment.mode.y)
         count = len(states)
         views: list[dict[int, ObjectViews]] = [{} for _ in range(count)]
-        for number, index in enumerate(moment.used):
-            detection = moment.step.detections[index]
-            viewpoints = viewpoints_in_plane(states[:, 0], stack.objects_of(states, number), detection.sensor)
-            flag = bool(moment.step.in_coverage[index])
-            likelihoods, exact = self._likelihoods(detection, viewpoints)
-            for row in np.flatnonzero(stack.active[:, number]):
-                place = stack.rows.objects[row, number]
-                object_id = moment.object_ids[place]
-                parent = moment.parents[stack.rows.parents[row]]
-                before = views[row].get(object_id, parent.views.get(object_id))
-                known = before.log_likelihood if before else np.zeros(likelihoods.shape[1])
-                after = known + likelihoods[row]
-                best = int(np.argmax(moment.log_class_prior[place] + after))
-                view = Viewpoints(*(value[row : row + 1] for value in vars(viewpoints).values()))
-                inside = flag and bool(self._model.in_coverage(np.array([best]), view)[0])
-                drawn = class_posterior(moment.log_class_prior[place] + known, exact[row])
-                views[row][object_id] = ObjectViews(
-                    after, float(mutual_information(drawn)), inside and (before is None or before.in_coverage)
-                )
+        for number in range(len(moment.used)):
+            self._add(moment, number, states, views)
         return Weighed(np.zeros(count), np.full(count, np.nan), views, [None] * count)
+
+    def _add(self, moment: Moment, number: int, states: Array, views: list[dict[int, ObjectViews]]) -> None:
+        """The records of one detection's object, which ``views`` may hold from an earlier detection."""
+        stack, detection = moment.stack, moment.step.detections[moment.used[number]]
+        rows = np.flatnonzero(stack.active[:, number])
+        if not len(rows):
+            return
+        places = stack.rows.objects[rows, number]
+        object_ids = [moment.object_ids[place] for place in places]
+        parents = [moment.parents[parent] for parent in stack.rows.parents[rows]]
+        before = [
+            views[row].get(object_id, parent.views.get(object_id))
+            for row, object_id, parent in zip(rows, object_ids, parents, strict=True)
+        ]
+        objects = stack.objects_of(states, number)[rows]
+        viewpoints = viewpoints_in_plane(states[rows, 0], objects, detection.sensor)
+        likelihoods, exact = self._likelihoods(detection, viewpoints)
+        unseen = np.zeros(likelihoods.shape[1])
+        known = np.array([record.log_likelihood if record else unseen for record in before])
+        prior = moment.log_class_prior[places]
+        inside = self._model.in_coverage(np.argmax(prior + known + likelihoods, axis=1), viewpoints)
+        inside &= bool(moment.step.in_coverage[moment.used[number]])
+        inside &= np.array([record is None or record.in_coverage for record in before])
+        drawn = mutual_information(class_posterior((prior + known)[:, None], exact))
+        records = zip(known + likelihoods, drawn.tolist(), inside.tolist(), strict=True)
+        for row, object_id, record in zip(rows, object_ids, records, strict=True):
+            views[row][object_id] = ObjectViews(*record)
 
     def _likelihoods(self, detection: PlanarDetection, viewpoints: Viewpoints) -> tuple[Array, Array]:
         """(K, C) of the measurement, and up to a constant (K, M, C) of draws of it from the network."""

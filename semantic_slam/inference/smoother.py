@@ -4,8 +4,8 @@ Semantic factors are linear (a callback into Python costs sixty times as much): 
 of them anew when an object has moved from where they were made.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import gtsam
@@ -19,16 +19,18 @@ from semantic_slam.inference.observation import ObservationModel
 Array = NDArray[np.float64]
 
 MAX_UPDATES = 8
-CONVERGED = 1e-4
-"""Largest change of a state of this keyframe, metres or radians, after which an update counts as converged."""
-RELINEARIZE_THRESHOLD = 0.02
+RELINEARIZE_THRESHOLD = 0.05
+"""Change of a state, metres or radians, from which on iSAM2 relinearises it; below it an update changes nothing."""
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
 MOVED = 0.1
-"""Change of an object's state, metres or radians, from which on linear factors are made anew."""
+"""Change of a view, radians, from which on its linear factor is made anew."""
+MAX_RENEWALS = 3
 SAME = 1e-3
 """Change of a state, metres or radians, below which linear factors need not be made again in an optimisation."""
 MAX_ROUNDS = 6
+MOST_JOINT = 24
+"""States up to which their joint covariance costs less than those of single states."""
 
 
 class LostComponentError(SemanticSlamError):
@@ -46,14 +48,23 @@ class Named:
 
 
 @dataclass(frozen=True)
+class Made:
+    """The linear factor of a semantic measurement."""
+
+    named: Named
+    index: int  # in iSAM2's list of factors
+    relative: Array  # (d,) the object as seen from the robot where it was made
+
+
+@dataclass(frozen=True)
 class Smoother:
-    """iSAM2, the semantic measurements in it, and where the objects were when their linear factors were made."""
+    """iSAM2 and the semantic measurements in it."""
 
     manifold: Manifold
     model: ObservationModel
     isam: gtsam.ISAM2
-    named: tuple[Named, ...] = ()
-    references: tuple[tuple[int, Array], ...] = ()  # object key, state
+    made: tuple[Made, ...] = ()
+    _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
     def of(
@@ -66,23 +77,35 @@ class Smoother:
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, d) estimates of different keys."""
-        return _states(self.manifold, self.isam.calculateEstimate(list(keys)), keys)
+        if not len(keys):
+            return np.zeros((0, self.manifold.dimension))
+        ascending = self.manifold.states(self.isam.calculateEstimate(list(keys)))
+        return ascending[np.argsort(np.argsort(keys))]
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """(n d, n d) marginal covariance in the order of ``keys``, in the tangent spaces at the estimate."""
-        try:
-            covariance = self.isam.jointMarginalCovariance(list(keys)).fullMatrix()
-        except (RuntimeError, IndexError) as fault:
-            raise LostComponentError(f"marginals are not to be had ({_first_line(fault)})") from None
-        return np.asarray(0.5 * (covariance + covariance.T))
+        """(n d, n d) marginal covariance in the order of ``keys``, in the tangent spaces at the estimate.
+
+        Read once: a report and the prediction after it ask for the same. Raises LostComponentError.
+        """
+        wanted = tuple(keys)
+        if wanted not in self._known:
+            try:
+                covariance = self.isam.jointMarginalCovariance(list(keys)).fullMatrix()
+            except (RuntimeError, IndexError) as fault:
+                raise LostComponentError(f"marginals are not to be had ({_first_line(fault)})") from None
+            self._known[wanted] = np.asarray(0.5 * (covariance + covariance.T))
+        return self._known[wanted].copy()
 
     def covariances(self, keys: Sequence[int]) -> Array:
         """(n, d, d) marginal covariances, in the tangent spaces at the estimate. Raises LostComponentError."""
+        count, size = len(keys), self.manifold.dimension
+        if count <= MOST_JOINT:
+            blocks = self.joint_covariance(keys).reshape(count, size, count, size)
+            return blocks[np.arange(count), :, np.arange(count)]
         try:
-            blocks = [self.isam.marginalCovariance(key) for key in keys]
+            return np.array([self.isam.marginalCovariance(key) for key in keys]).reshape(count, size, size)
         except (RuntimeError, IndexError) as fault:
             raise LostComponentError(f"marginals are not to be had ({_first_line(fault)})") from None
-        return np.array(blocks).reshape(len(keys), self.manifold.dimension, self.manifold.dimension)
 
     def extended(
         self,
@@ -97,38 +120,118 @@ class Smoother:
         Where the estimate ``jumped`` to ``start``, or does not settle, the whole is optimised from there. Raises
         LostComponentError when the system is indeterminate.
         """
-        keys = [key for key in start if values.exists(key) or self.isam.valueExists(key)]
-        known = dict(self.references)
-        for item in named:
-            known.setdefault(item.object_key, start[item.object_key])
-        for factor in _linear(self.model, named, start):
-            graph.add(factor)
-        fork = Smoother(self.manifold, self.model, gtsam.ISAM2(self.isam), (*self.named, *named), tuple(known.items()))
         try:
-            fork.isam.update(graph, values)
-            if not jumped and fork._settled(keys) and not fork._moved(keys):
-                return fork
+            fork = self._updated(gtsam.ISAM2(self.isam), graph, values, named, start)
+            if jumped:
+                return fork._optimised(start)
+            objects = {key for key in start if key != named[-1].robot_key} if named else set()
+            for _ in range(MAX_RENEWALS):
+                if not fork._settled():
+                    break
+                stale = fork._stale(objects)
+                if not stale:
+                    return fork
+                fork = fork._renewed(stale)
             return fork._optimised(start)
         except RuntimeError as fault:
             raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
 
-    def _settled(self, keys: list[int]) -> bool:
-        before = self.states(keys)
+    def stepped(
+        self,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        named: Sequence[Named],
+        start: dict[int, Array],
+        *,
+        in_place: bool,
+        again: bool,
+    ) -> "Smoother":
+        """One update, two where ``again``, without waiting until it settles; ``in_place`` uses up this smoother.
+
+        Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
+        """
+        isam = self.isam if in_place else gtsam.ISAM2(self.isam)
+        try:
+            child = self._updated(isam, graph, values, named, start)
+            if again:
+                isam.update(force_relinearize=True)
+        except RuntimeError as fault:
+            raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
+        return child
+
+    def with_single_steps(self, threshold: float, skip: int) -> "Smoother":
+        """The same system; relinearised every ``skip`` updates where a state is ``threshold`` off."""
+        parameters = gtsam.ISAM2Params()
+        parameters.relinearizeSkip = skip
+        parameters.setRelinearizeThreshold(threshold)
+        isam = gtsam.ISAM2(parameters)
+        isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
+        return Smoother(self.manifold, self.model, isam, self.made)
+
+    def _updated(
+        self,
+        isam: gtsam.ISAM2,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        named: Sequence[Named],
+        states: dict[int, Array],
+    ) -> "Smoother":
+        """``isam`` after one update, with linear factors made at ``states``."""
+        factors, relatives = self._linear(named, states)
+        for factor in factors:
+            graph.add(factor)
+        indices = isam.update(graph, values).getNewFactorsIndices()[graph.size() - len(factors) :]
+        made = [Made(*parts) for parts in zip(named, indices, relatives, strict=True)]
+        return Smoother(self.manifold, self.model, isam, (*self.made, *made))
+
+    def _linear(self, named: Sequence[Named], states: dict[int, Array]) -> tuple[list[Any], Array]:
+        """Linear factors of (n,) semantic measurements, and (n, d) objects as the robot sees them there."""
+        if not named:
+            return [], np.zeros((0, self.manifold.dimension))
+        x, o = (np.array([states[key] for key in keys]) for keys in _pairs(named))
+        keys = [(item.robot_key, item.object_key) for item in named]
+        classes = np.array([item.assigned_class for item in named])
+        factors = self.model.semantic_factors([item.detection for item in named], keys, classes, x, o)
+        return factors, self.manifold.between(x, o)
+
+    def _settled(self) -> bool:
+        """Update until no state is so far from where it is linearised that a further update would change it."""
         for _ in range(MAX_UPDATES):
-            self.isam.update()
-            after = self.states(keys)
-            if np.abs(self.manifold.local(before, after)).max() < CONVERGED:
+            if np.abs(self.isam.getDelta().vector()).max() < RELINEARIZE_THRESHOLD:
                 return True
-            before = after
+            self.isam.update()
         return False
 
-    def _moved(self, keys: Sequence[int]) -> bool:
-        """Whether one of these objects is not where its linear factors were made."""
-        made = [(key, state) for key, state in self.references if key in keys]
-        if not made:
-            return False
-        now = self.states([key for key, _ in made])
-        return bool(np.abs(self.manifold.local(np.array([state for _, state in made]), now)).max() > MOVED)
+    def _stale(self, objects: Collection[int]) -> list[int]:
+        """Which of the linear factors of these objects are no longer where they were made."""
+        rows = [row for row, made in enumerate(self.made) if made.named.object_key in objects]
+        if not rows:
+            return []
+        now = self._relative([self.made[row].named for row in rows])
+        before = np.array([self.made[row].relative for row in rows])
+        changes = self.model.view_change(before, now)
+        return [row for row, change in zip(rows, changes, strict=True) if change > MOVED]
+
+    def _relative(self, named: Sequence[Named]) -> Array:
+        """(n, d) objects as the robot sees them at the estimate."""
+        robots, objects = _pairs(named)
+        keys = sorted({*robots, *objects})
+        states = self.states(keys)
+        return self.manifold.between(states[np.searchsorted(keys, robots)], states[np.searchsorted(keys, objects)])
+
+    def _renewed(self, rows: Sequence[int]) -> "Smoother":
+        """After an update in which some linear factors are replaced by those at the estimate."""
+        named = [self.made[row].named for row in rows]
+        keys = sorted({key for item in named for key in (item.robot_key, item.object_key)})
+        factors, relatives = self._linear(named, dict(zip(keys, self.states(keys), strict=True)))
+        graph = gtsam.NonlinearFactorGraph()
+        for factor in factors:
+            graph.add(factor)
+        result = self.isam.update(graph, gtsam.Values(), [self.made[row].index for row in rows])
+        made = list(self.made)
+        for row, *parts in zip(rows, named, result.getNewFactorsIndices(), relatives, strict=True):
+            made[row] = Made(*parts)
+        return Smoother(self.manifold, self.model, self.isam, tuple(made))
 
     def _optimised(self, start: dict[int, Array]) -> "Smoother":
         """A new iSAM2 at the Levenberg-Marquardt optimum next to ``start``, its linear factors made there."""
@@ -136,19 +239,23 @@ class Smoother:
         for key, state in start.items():
             values.erase(key)
             self.manifold.insert(values, key, state)
-        kept = self._nonlinear()
+        kept, named = self._nonlinear(), [made.named for made in self.made]
+        keys = sorted({key for item in named for key in (item.robot_key, item.object_key)})
         for _ in range(MAX_ROUNDS):
-            graph, made = gtsam.NonlinearFactorGraph(kept), _all_states(self.manifold, values, self.named)
-            for factor in _linear(self.model, self.named, made):
+            states = {key: self.manifold.state(values, key) for key in keys}
+            graph = gtsam.NonlinearFactorGraph(kept)
+            factors, relatives = self._linear(named, states)
+            for factor in factors:
                 graph.add(factor)
             values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-            found = _all_states(self.manifold, values, self.named)
-            if all(np.abs(self.manifold.local(made[key], found[key])).max() < SAME for key in made):
+            if all(
+                np.abs(self.manifold.local(states[key], self.manifold.state(values, key))).max() < SAME for key in keys
+            ):
                 break
         isam = _new_isam()
-        isam.update(graph, values)
-        objects = dict.fromkeys(item.object_key for item in self.named)
-        return Smoother(self.manifold, self.model, isam, self.named, tuple((key, made[key]) for key in objects))
+        indices = isam.update(graph, values).getNewFactorsIndices()[kept.size() :]
+        made = [Made(*parts) for parts in zip(named, indices, relatives, strict=True)]
+        return Smoother(self.manifold, self.model, isam, tuple(made))
 
     def _nonlinear(self) -> gtsam.NonlinearFactorGraph:
         graph = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe())
@@ -159,23 +266,9 @@ class Smoother:
         return kept
 
 
-def _linear(model: ObservationModel, named: Sequence[Named], states: dict[int, Array]) -> list[Any]:
-    """Linear semantic factors at the states of their keys."""
-    if not named:
-        return []
-    keys = [(item.robot_key, item.object_key) for item in named]
-    x, o = (np.array([states[pair[side]] for pair in keys]) for side in (0, 1))
-    classes = np.array([item.assigned_class for item in named])
-    return model.semantic_factors([item.detection for item in named], keys, classes, x, o)
-
-
-def _all_states(manifold: Manifold, values: gtsam.Values, named: Sequence[Named]) -> dict[int, Array]:
-    keys = {key for item in named for key in (item.robot_key, item.object_key)}
-    return {key: manifold.state(values, key) for key in sorted(keys)}
-
-
-def _states(manifold: Manifold, values: gtsam.Values, keys: Sequence[int]) -> Array:
-    return np.array([manifold.state(values, key) for key in keys]).reshape(len(keys), manifold.dimension)
+def _pairs(named: Sequence[Named]) -> tuple[list[int], list[int]]:
+    """Keys of the robots and of the objects."""
+    return [item.robot_key for item in named], [item.object_key for item in named]
 
 
 def _new_isam() -> gtsam.ISAM2:
