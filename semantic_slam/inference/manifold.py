@@ -15,6 +15,7 @@ class Manifold(Protocol):
     """States are (..., d) arrays, tangent vectors (..., d); perturbations act on the right."""
 
     dimension: int
+    relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
 
     def compose(self, state: Array, control: Array) -> Array:
         """The state after a control."""
@@ -57,6 +58,7 @@ class PlanarPoses:
     """SE(2): x, y [m], yaw [rad]."""
 
     dimension = 3
+    relinearize_threshold = np.array([0.1, 0.1, 0.05])
 
     def compose(self, state: Array, control: Array) -> Array:
         return se2.compose(state, control)
@@ -102,6 +104,7 @@ class PlanarPositions:
     """R^2: x, y [m]. With linear models every belief of the engine is exact here."""
 
     dimension = 2
+    relinearize_threshold = np.array([0.1, 0.1])
 
     def compose(self, state: Array, control: Array) -> Array:
         return np.asarray(state + control)

@@ -19,8 +19,6 @@ from semantic_slam.inference.observation import ObservationModel
 Array = NDArray[np.float64]
 
 MAX_UPDATES = 8
-RELINEARIZE_THRESHOLD = 0.05
-"""Change of a state, metres or radians, from which on iSAM2 relinearises it; below it an update changes nothing."""
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
 MOVED = 0.1
@@ -71,7 +69,7 @@ class Smoother:
         cls, manifold: Manifold, model: ObservationModel, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ) -> "Smoother":
         """A new one."""
-        isam = _new_isam()
+        isam = _new_isam(manifold)
         isam.update(graph, values)
         return cls(manifold, model, isam)
 
@@ -197,7 +195,8 @@ class Smoother:
     def _settled(self) -> bool:
         """Update until no state is so far from where it is linearised that a further update would change it."""
         for _ in range(MAX_UPDATES):
-            if np.abs(self.isam.getDelta().vector()).max() < RELINEARIZE_THRESHOLD:
+            deltas = self.isam.getDelta().vector().reshape(-1, self.manifold.dimension)
+            if (np.abs(deltas) < self.manifold.relinearize_threshold).all():
                 return True
             self.isam.update()
         return False
@@ -252,7 +251,7 @@ class Smoother:
                 np.abs(self.manifold.local(states[key], self.manifold.state(values, key))).max() < SAME for key in keys
             ):
                 break
-        isam = _new_isam()
+        isam = _new_isam(self.manifold)
         indices = isam.update(graph, values).getNewFactorsIndices()[kept.size() :]
         made = [Made(*parts) for parts in zip(named, indices, relatives, strict=True)]
         return Smoother(self.manifold, self.model, isam, tuple(made))
@@ -271,10 +270,13 @@ def _pairs(named: Sequence[Named]) -> tuple[list[int], list[int]]:
     return [item.robot_key for item in named], [item.object_key for item in named]
 
 
-def _new_isam() -> gtsam.ISAM2:
+def _new_isam(manifold: Manifold) -> gtsam.ISAM2:
     parameters = gtsam.ISAM2Params()
     parameters.relinearizeSkip = 1
-    parameters.setRelinearizeThreshold(RELINEARIZE_THRESHOLD)
+    thresholds = gtsam.ISAM2ThresholdMap()
+    for symbol in "xo":
+        thresholds.insert((symbol, manifold.relinearize_threshold))
+    parameters.setRelinearizeThreshold(thresholds)
     solver = gtsam.ISAM2GaussNewtonParams()
     solver.setWildfireThreshold(WILDFIRE_THRESHOLD)
     parameters.setOptimizationParams(solver)
