@@ -9,6 +9,7 @@ import resource
 import signal
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
@@ -28,7 +29,7 @@ STEPS = 12
 LIMIT_S = 4.0
 """Longest run of a peer."""
 MEMORY_LIMIT = 4 * 2**30
-PEERS: dict[str, type[HybridPeer]] = {"hybrid_smoother": SmootherPeer, "dcsam": DcsamPeer}
+PEERS: dict[str, Callable[[World], HybridPeer]] = {"hybrid_smoother": SmootherPeer, "dcsam": DcsamPeer}
 
 
 @dataclass

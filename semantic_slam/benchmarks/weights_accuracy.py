@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.benchmarks.grid_run import keyframes_of, run_of
 from semantic_slam.benchmarks.grid_world import World, grid_world
@@ -90,7 +91,7 @@ def thesis_error(world: World, reference: Reference, seed: int) -> float:
     return total_variation(_added_up(objects, psi / psi.sum(), reference), reference.probabilities)
 
 
-def _added_up(associations: Array, weights: Array, reference: Reference) -> Array:
+def _added_up(associations: NDArray[Any], weights: Array, reference: Reference) -> Array:
     index = {tuple(row): i for i, row in enumerate(reference.associations.tolist())}
     total = np.zeros(len(reference.associations))
     np.add.at(total, [index[tuple(row)] for row in associations.tolist()], weights)
