@@ -10,12 +10,12 @@ from semantic_slam.benchmarks.hypothesis_fan import TRACKED, HypothesisFan
 from semantic_slam.benchmarks.row import Row
 
 DETECTIONS, HYPOTHESES = 2, 1
-REPETITIONS = 4
+REPETITIONS = 3
 """Keyframes that a median is taken over."""
 WIDENING = 2
 """Keyframes that it takes until all hypotheses are there."""
 LENGTHS, QUICK_LENGTHS = (10, 20, 40, 80), (5, 10, 20)
-SHAPES, QUICK_SHAPES = ((3, 2), (6, 4), (12, 8)), ((3, 2), (6, 4))
+SHAPES, QUICK_SHAPES = ((3, 2), (6, 4), (9, 6)), ((3, 2), (6, 4))
 FRAME_SIZES, QUICK_FRAME_SIZES = (1, 2, 3, 4), (1, 2, 3)
 FANS, QUICK_FANS = (1, 4, 16, 64), (1, 4, 16)
 

@@ -15,7 +15,9 @@ from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.protocol import RunConfiguration
 
 HYPOTHESES, DETECTIONS = 200, 3
-WARM_UP, REPETITIONS, QUICK_REPETITIONS = 2, 4, 1
+WARM_UP = 3
+"""Keyframes until so many hypotheses are there, and have found their backends."""
+REPETITIONS, QUICK_REPETITIONS = 2, 1
 
 
 def two_backends(quick: bool, seed: int) -> list[Row]:
