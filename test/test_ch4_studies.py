@@ -155,7 +155,8 @@ def test_names_of_methods() -> None:
 def test_claims_are_measured() -> None:
     """Worlds made by hand: semantics better in all, then a single alpha worse in one metric."""
     row = {"runs": 10, "runs_lost": 0, "truth_lost": 0, "confidence": 0.9, "likeliest_is_true": 0.9}
-    metrics = {name: 1.0 for name in (*METRICS[:6], "p_true_association_final")}
+    of_the_end = ("p_true_association_final", "p_true_association_least", "discarded_mass_final")
+    metrics = {name: 1.0 for name in (*METRICS[:6], *of_the_end)}
     worlds = {world: {m.name: {**row, **metrics} for m in methods} for world, methods in METHODS_OF.items()}
     for methods in worlds.values():
         methods[WITHOUT.name] = {**row, **{name: 9.0 for name in metrics}}
