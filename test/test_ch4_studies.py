@@ -134,9 +134,10 @@ def test_a_lost_run_is_counted_and_leaves_no_numbers(monkeypatch: pytest.MonkeyP
         return process(manager, step)
 
     run = ch4_statistics.simulated_run("given", 0, 0)
-    whole = row_of(follow(run, OURS, 0), 10)
+    method = Method(0.25, weights="laplace")
+    whole = row_of(follow(run, method, 0), 10)
     monkeypatch.setattr(HypothesisManager, "process", fails_at_three)
-    lost = follow(run, OURS, 0)
+    lost = follow(run, method, 0)
     assert len(lost.moments) == 3 and lost.fault == "k = 4: no candidate explains the measurements"
     found = summary([whole, row_of(lost, 10)])
     assert found["runs_lost"] == 1
@@ -154,7 +155,8 @@ def test_names_of_methods() -> None:
 def test_claims_are_measured() -> None:
     """Worlds made by hand: semantics better in all, then a single alpha worse in one metric."""
     row = {"runs": 10, "runs_lost": 0, "truth_lost": 0, "confidence": 0.9, "likeliest_is_true": 0.9}
-    metrics = {name: 1.0 for name in (*METRICS[:6], "p_true_association_final")}
+    of_the_end = ("p_true_association_final", "p_true_association_least", "discarded_mass_final")
+    metrics = {name: 1.0 for name in (*METRICS[:6], *of_the_end)}
     worlds = {world: {m.name: {**row, **metrics} for m in methods} for world, methods in METHODS_OF.items()}
     for methods in worlds.values():
         methods[WITHOUT.name] = {**row, **{name: 9.0 for name in metrics}}
@@ -173,15 +175,15 @@ def test_claims_are_measured() -> None:
 def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario, given_paths = given_scenario()
     monkeypatch.setattr(ch4_statistics, "QUICK_RUNS", {"given": 2, "exact_map": 1, "random": 1})
-    monkeypatch.setattr(ch4_statistics, "given_scenario", lambda: (scenario, given_paths[:3, :3]))
-    monkeypatch.setattr(ch4_scenarios, "RANDOM_STEPS", 3)
+    monkeypatch.setattr(ch4_statistics, "given_scenario", lambda: (scenario, given_paths[:3, :2]))
+    monkeypatch.setattr(ch4_scenarios, "RANDOM_STEPS", 2)
     paths = ch4_statistics.run(tmp_path, quick=True, jobs=1, seed=1)
     result = json.loads((tmp_path / "result.json").read_text())
     assert [path.name for path in paths] == ["result.json", "result.html"]
     assert set(result["alphas"]) == {"0.05", "0.25", "0.5", "0.75", "1.0"}
     for row in (*result["alphas"].values(), result["no_semantics"], *result["methods"].values()):
         assert all(np.isfinite(row[field]) for field in FIELDS)
-    assert len(result["no_semantics"]["steps"]["association_entropy"]["percentiles"]) == 3
+    assert len(result["no_semantics"]["steps"]["association_entropy"]["percentiles"]) == 2
     assert all(claim["measured"] for claim in result["claims"])
     page = (tmp_path / "result.html").read_text()
     assert page.count("data:image/png;base64,") == 4 and 'src="http' not in page
@@ -189,12 +191,14 @@ def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_example_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ch4_example, "QUICK_REPETITIONS", 1)
+    monkeypatch.setattr(ch4_example, "SHOWN", (1, 2, 4, 5))
+    monkeypatch.setattr(ch4_example, "long_path", lambda scenario: long_path(scenario)[:5])
     ch4_example.run(tmp_path, quick=True, jobs=1, seed=0)
     result = json.loads((tmp_path / "result.json").read_text())
     for name in ("ours", "no_semantics"):
         assert result["methods"][name]["runs_lost"] == 0
         rows = result["shown"][name]
-        assert [row["k"] for row in rows] == list(range(1, 26))
+        assert [row["k"] for row in rows] == list(range(1, 6))
         np.testing.assert_allclose([sum(row["weights"]) for row in rows], 1.0)
     assert (tmp_path / "result.html").read_text().count("data:image/png;base64,") == 4
 

@@ -9,22 +9,22 @@ from semantic_slam.benchmarks.grid_world import grid_world
 from semantic_slam.benchmarks.hypothesis_fan import TRACKED, HypothesisFan
 from semantic_slam.benchmarks.row import Row
 
-DETECTIONS, HYPOTHESES = 2, 2
-REPETITIONS = 4
+DETECTIONS, HYPOTHESES = 2, 1
+REPETITIONS = 3
 """Keyframes that a median is taken over."""
 WIDENING = 2
 """Keyframes that it takes until all hypotheses are there."""
 LENGTHS, QUICK_LENGTHS = (10, 20, 40, 80), (5, 10, 20)
-SHAPES, QUICK_SHAPES = ((3, 2), (6, 4), (12, 8)), ((3, 2), (6, 4))
+SHAPES, QUICK_SHAPES = ((3, 2), (6, 4), (9, 6)), ((3, 2), (6, 4))
 FRAME_SIZES, QUICK_FRAME_SIZES = (1, 2, 3, 4), (1, 2, 3)
-FANS, QUICK_FANS = (2, 8, 32), (2, 8)
+FANS, QUICK_FANS = (1, 4, 16, 64), (1, 4, 16)
 
 
 def growth(quick: bool, seed: int) -> list[Row]:
     """One row each; ``ours`` is the time at the largest size."""
     lengths, shapes = (QUICK_LENGTHS, QUICK_SHAPES) if quick else (LENGTHS, SHAPES)
     frames, fans = (QUICK_FRAME_SIZES, QUICK_FANS) if quick else (FRAME_SIZES, FANS)
-    setting = f"{HYPOTHESES} hypotheses, 6 objects, {DETECTIONS} detections unless that is what grows"
+    setting = f"{HYPOTHESES} hypothesis, 6 objects, {DETECTIONS} detections unless that is what grows"
     return [
         _row("keyframes", lengths, along_track(seed, lengths), setting),
         _row("objects", [a * b for a, b in shapes], [keyframe_seconds(seed, shape=shape) for shape in shapes], setting),

@@ -6,7 +6,10 @@ takes too long or too much memory is ended in its process and counts as wrong.
 
 import multiprocessing
 import resource
+import signal
 import time
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
@@ -26,7 +29,7 @@ STEPS = 12
 LIMIT_S = 4.0
 """Longest run of a peer."""
 MEMORY_LIMIT = 4 * 2**30
-PEERS: dict[str, type[HybridPeer]] = {"hybrid_smoother": SmootherPeer, "dcsam": DcsamPeer}
+PEERS: dict[str, Callable[[World], HybridPeer]] = {"hybrid_smoother": SmootherPeer, "dcsam": DcsamPeer}
 
 
 @dataclass
@@ -36,7 +39,7 @@ class Record:
     correct: list[bool] = field(default_factory=list)  # every association of the run
     share: list[float] = field(default_factory=list)  # of the detections that are right
     seconds: list[list[float]] = field(default_factory=list)  # per step, of the runs that ended
-    unfinished: int = 0
+    unfinished: list[str] = field(default_factory=list)  # why, of the runs that did not end
 
     def add(self, world: World, associations: list[tuple[int, ...]], seconds: list[float]) -> None:
         """One run that ended."""
@@ -46,17 +49,18 @@ class Record:
         self.share.append(float(np.mean(same)))
         self.seconds.append(seconds)
 
-    def add_failure(self) -> None:
+    def add_failure(self, reason: str) -> None:
         """One that did not."""
         self.correct.append(False)
         self.share.append(0.0)
-        self.unfinished += 1
+        self.unfinished.append(reason)
 
     def __str__(self) -> str:
         times = 1e3 * np.array(self.seconds or [[np.nan]])
+        reasons = ", ".join(f"{count} {reason}" for reason, count in Counter(self.unfinished).items()) or "none"
         return (
             f"{np.mean(self.correct):.0%} of the runs right, {np.mean(self.share):.1%} of the detections,"
-            f" {self.unfinished} unfinished, ms per step {times.mean():.3g} mean, {np.median(times):.3g} median,"
+            f" unfinished: {reasons}, ms per step {times.mean():.3g} mean, {np.median(times):.3g} median,"
             f" {times.max():.3g} largest"
         )
 
@@ -77,7 +81,7 @@ def _compared(num_detections: int, seeds: range) -> list[Row]:
         ours.add(world, *run_ours(world))
         for name, record in peers.items():
             found = run_peer(name, world)
-            record.add(world, *found) if found else record.add_failure()
+            record.add_failure(found) if isinstance(found, str) else record.add(world, *found)
     return [_row(f"{name}_time_n{num_detections}", ours, record) for name, record in peers.items()]
 
 
@@ -110,8 +114,8 @@ def run_ours(world: World) -> tuple[list[tuple[int, ...]], list[float]]:
     return [step.association for step in best.lineage], seconds
 
 
-def run_peer(name: str, world: World) -> tuple[list[tuple[int, ...]], list[float]] | None:
-    """Of a peer, in a process of its own; None where it does not end."""
+def run_peer(name: str, world: World) -> tuple[list[tuple[int, ...]], list[float]] | str:
+    """Of a peer, in a process of its own; the reason where it does not end."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])  # once, so that a process starts at once
     receiver, sender = context.Pipe(duplex=False)
@@ -119,12 +123,12 @@ def run_peer(name: str, world: World) -> tuple[list[tuple[int, ...]], list[float
     process.start()
     sender.close()
     try:
-        found: tuple[list[tuple[int, ...]], list[float]] | None = receiver.recv()
+        found: tuple[list[tuple[int, ...]], list[float]] | str = receiver.recv()
     except EOFError:
-        found = None
+        found = "killed"
     process.join()
     receiver.close()
-    return found
+    return "out of time" if process.exitcode == -signal.SIGXCPU else found
 
 
 def _serve(name: str, world: World, sender: Connection) -> None:
@@ -140,6 +144,7 @@ def _serve(name: str, world: World, sender: Connection) -> None:
             peer.update(frame)
             seconds.append(time.thread_time() - start)
         associations = peer.associations()
-    except (RuntimeError, IndexError, ValueError, MemoryError):
+    except (RuntimeError, IndexError, ValueError, MemoryError) as fault:
+        sender.send(type(fault).__name__)
         return
     sender.send((associations, seconds))

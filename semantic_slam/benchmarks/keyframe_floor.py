@@ -11,8 +11,10 @@ from semantic_slam.benchmarks.row import Row
 from semantic_slam.geometry import se2
 from semantic_slam.viewpoint.model import Array
 
-HYPOTHESES, NARROW = 100, 2
+HYPOTHESES, NARROW = 100, 1
 POSES, DETECTIONS = 25, 3
+WIDENING = 5
+"""Keyframes before that one in which a single hypothesis becomes so many."""
 REPETITIONS, QUICK_REPETITIONS = 5, 2
 
 
@@ -21,9 +23,9 @@ def floor(quick: bool, seed: int) -> list[Row]:
     repetitions = QUICK_REPETITIONS if quick else REPETITIONS
     world = grid_world(seed, num_detections=DETECTIONS, num_keyframes=POSES + repetitions, noise=TRACKED)
     fan, least = HypothesisFan(world, NARROW), Floor(world)
-    fan.advance(POSES - 2)
+    fan.advance(POSES - WIDENING)
     fan.number = HYPOTHESES
-    fan.advance(2)
+    fan.advance(WIDENING)
     if len(fan) < HYPOTHESES:
         raise ValueError(f"{len(fan)} hypotheses instead of {HYPOTHESES}; take another seed")
     for frame in world.frames[:POSES]:

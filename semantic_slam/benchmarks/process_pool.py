@@ -15,10 +15,12 @@ class ProcessPool:
     """``number`` backends that work at the same time; a context manager.
 
     ``seconds`` counts the time in both rounds, ``busy_seconds`` the CPU time of the backend that took longest in each.
+    Once ``seconds`` passes ``limit_s``, TimeoutError is raised; on any error the backends are ended where they are.
     """
 
-    def __init__(self, number: int):
+    def __init__(self, number: int, limit_s: float | None = None):
         self.backend_ids = tuple(range(number))
+        self.limit_s = limit_s
         self.seconds = self.busy_seconds = 0.0
         context = multiprocessing.get_context("spawn")
         pipes = [context.Pipe() for _ in self.backend_ids]
@@ -37,7 +39,10 @@ class ProcessPool:
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
         for pipe, process in zip(self._pipes, self._processes, strict=True):
-            pipe.send_bytes(pickle.dumps(None))
+            if kind is None:
+                pipe.send_bytes(pickle.dumps(None))
+            else:
+                process.terminate()
             process.join()
 
     def start(self, run: RunConfiguration) -> None:
@@ -61,13 +66,23 @@ class ProcessPool:
         content = pickle.dumps((question, argument))
         for pipe in self._pipes:
             pipe.send_bytes(content)
-        answers, busy = zip(*(pickle.loads(pipe.recv_bytes()) for pipe in self._pipes), strict=True)
+        answers, busy = zip(*(self._answer(pipe, start) for pipe in self._pipes), strict=True)
         self.seconds += time.perf_counter() - start
         self.busy_seconds += max(busy)
         for answer in answers:
             if isinstance(answer, Exception):
                 raise answer
         return list(answers)
+
+    def _answer(self, pipe: Connection, start: float) -> tuple[Any, float]:
+        """What a backend says, and the CPU time it took."""
+        left = None
+        if self.limit_s is not None:
+            left = max(0.0, self.limit_s - self.seconds - (time.perf_counter() - start))
+        if not pipe.poll(left):
+            raise TimeoutError(f"the backends have worked for more than {self.limit_s} s")
+        answer, busy = pickle.loads(pipe.recv_bytes())
+        return answer, busy
 
 
 def _serve(number: int, pipe: Connection) -> None:

@@ -15,13 +15,15 @@ from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.protocol import RunConfiguration
 
 HYPOTHESES, DETECTIONS = 200, 3
-WARM_UP, REPETITIONS, QUICK_REPETITIONS = 2, 4, 1
+WARM_UP = 3
+"""Keyframes until so many hypotheses are there, and have found their backends."""
+REPETITIONS, QUICK_REPETITIONS = 2, 1
 
 
 def two_backends(quick: bool, seed: int) -> list[Row]:
     """Wall time of expand and commit, the two pools in turn on the same keyframes."""
     repetitions = QUICK_REPETITIONS if quick else REPETITIONS
-    world = grid_world(seed, num_detections=DETECTIONS, num_keyframes=WARM_UP + repetitions, shape=(4, 3), aligned=True)
+    world = grid_world(seed, num_detections=DETECTIONS, num_keyframes=WARM_UP + repetitions, noise=TRACKED)
     run = many_hypotheses(world)
     times: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
     held = []

@@ -2,21 +2,23 @@
 
 import os
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.benchmarks.grid_run import keyframes_of, run_of
 from semantic_slam.benchmarks.grid_world import World, grid_world
 from semantic_slam.benchmarks.prior_samples import NUM_SAMPLES, candidates_of, shared_weights
 from semantic_slam.benchmarks.row import Row
 from semantic_slam.benchmarks.weights_reference import Reference, reference_posterior, total_variation
-from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import Candidates
 from semantic_slam.studies.repetitions import keyed_generator, repeat
 from semantic_slam.viewpoint.model import Array
 
-SEEDS, ALIGNED_SEEDS, QUICK_SEEDS = 50, 20, 4
+SEEDS, ALIGNED_SEEDS, QUICK_SEEDS = 50, 10, 4
 NUM_REFERENCE_SAMPLES = 2**20
 MOST_JOBS = 2
 DETECTIONS = 3
@@ -49,9 +51,9 @@ def errors(seed: int, aligned: bool = False, num_samples: int = NUM_REFERENCE_SA
     """One world, one keyframe."""
     world = grid_world(seed, num_detections=DETECTIONS, aligned=aligned)
     reference = reference_posterior(world, seed, num_samples)
-    belief, discarded = belief_posterior(world, reference)
+    candidates, belief, discarded = our_posteriors(world, reference)
     return Errors(
-        candidates=total_variation(candidate_posterior(world, reference), reference.probabilities),
+        candidates=total_variation(candidates, reference.probabilities),
         belief=total_variation(belief, reference.probabilities),
         discarded=discarded,
         thesis=thesis_error(world, reference, seed),
@@ -59,19 +61,25 @@ def errors(seed: int, aligned: bool = False, num_samples: int = NUM_REFERENCE_SA
     )
 
 
-def candidate_posterior(world: World, reference: Reference) -> Array:
-    """(B,) our probabilities before pruning: candidates of one backend, their classes and modes added up."""
-    backend = Backend(0)
-    backend.start(run_of(world))
-    found = backend.expand(keyframes_of(world)[0])
+def our_posteriors(world: World, reference: Reference) -> tuple[Array, Array, float]:
+    """(B,) before pruning and (B,) as published, classes and modes added up, and the mass said to be discarded."""
+    pool = _RecordingPool(1)
+    belief = HypothesisManager(run_of(world), pool).process(keyframes_of(world)[0])
+    (found,) = pool.candidates
     weights = np.exp(found.log_weights - np.logaddexp.reduce(found.log_weights))
-    return _added_up(found.associations, weights, reference)
+    before = _added_up(found.associations, weights, reference)
+    published = _added_up(belief.associations, np.exp(belief.log_weights), reference)
+    return before, published, belief.discarded_mass
 
 
-def belief_posterior(world: World, reference: Reference) -> tuple[Array, float]:
-    """(B,) probabilities of the published belief, and the mass that it has discarded."""
-    belief = HypothesisManager(run_of(world), InProcessPool(1)).process(keyframes_of(world)[0])
-    return _added_up(belief.associations, np.exp(belief.log_weights), reference), belief.discarded_mass
+class _RecordingPool(InProcessPool):
+    """Remembers what the backends answered last."""
+
+    candidates: list[Candidates]
+
+    def expand(self, keyframe: Any) -> list[Candidates]:
+        self.candidates = super().expand(keyframe)
+        return self.candidates
 
 
 def thesis_error(world: World, reference: Reference, seed: int) -> float:
@@ -83,7 +91,7 @@ def thesis_error(world: World, reference: Reference, seed: int) -> float:
     return total_variation(_added_up(objects, psi / psi.sum(), reference), reference.probabilities)
 
 
-def _added_up(associations: Array, weights: Array, reference: Reference) -> Array:
+def _added_up(associations: NDArray[Any], weights: Array, reference: Reference) -> Array:
     index = {tuple(row): i for i, row in enumerate(reference.associations.tolist())}
     total = np.zeros(len(reference.associations))
     np.add.at(total, [index[tuple(row)] for row in associations.tolist()], weights)

@@ -210,7 +210,7 @@ class _Integrand:
     def _geometric_residual(self, relative: Array, distance: Array, detection: int) -> Array:
         seen = self.frame.geometry[detection]
         turn = np.angle(relative * np.exp(-1j * seen[1]))
-        return np.stack([distance - seen[0], turn], axis=-1) / self.geometry_sigma
+        return np.asarray(np.stack([distance - seen[0], turn], axis=-1) / self.geometry_sigma)
 
     def _residual(self, y: Array, associations: NDArray[np.int_]) -> Array:
         """(B, 4 n) whitened geometric residuals, then by how much limits are passed; one association per row."""

@@ -27,6 +27,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
 
     from semantic_slam.benchmarks import (
         classification,
+        engine_growth,
         hybrid_smoother,
         keyframe_floor,
         mc_dropout,
@@ -46,6 +47,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
         keyframe_floor.floor,
         hybrid_smoother.hybrid,
         two_backends.two_backends,
+        engine_growth.growth,
     )
     return [row for benchmark in tqdm(benchmarks, desc="benchmarks") for row in benchmark(quick, seed)]
 

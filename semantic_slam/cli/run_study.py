@@ -16,6 +16,7 @@ STUDIES = {
     "ch4_statistics": "semantic_slam.studies.ch4_statistics",
     "rendered_localization": "semantic_slam.studies.rendered_localization",
     "rendered_model_uncertainty": "semantic_slam.studies.rendered_model_uncertainty",
+    "replay_scaling": "semantic_slam.studies.replay_scaling",
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
 STUDIES_OF_DATA = ("avd_bigbird",)

@@ -22,6 +22,8 @@ from semantic_slam.studies.result import Claim, Figure, Table, write_result
 NAME = "ch4_example"
 SHOWN = (1, 5, 15, 25)
 """The keyframes k of Fig. 4.4; every study counts them from 1, as the thesis does."""
+APART = frozenset({0, 1})
+"""O1 and O2, which do not stand in the row."""
 METHODS = {"ours": Method(0.25), "no_semantics": Method(None)}
 WORDS = {"no_semantics": "without semantics", "ours": "with semantics"}
 REPETITIONS, QUICK_REPETITIONS = 20, 2
@@ -71,6 +73,7 @@ def summarise(runs: list[dict[str, Followed]], quick: bool, seed: int) -> dict[s
             "ours": {"method": f"alpha {METHODS['ours'].alpha}, default weights and pruning", **methods["ours"]},
             "no_semantics": methods["no_semantics"],
         },
+        "keyframe_apart_seen": [_apart_seen(simulated_run(seed, index)) for index in range(len(runs))],
         "shown": {name: [_keyframe(k, moment) for k, moment in enumerate(runs[0][name].moments)] for name in METHODS},
     }
 
@@ -87,6 +90,11 @@ def _method(found: list[Followed]) -> dict[str, Any]:
         "p_true_association_final": float(np.mean(last)),
         "runs_lost": sum(bool(each.fault) for each in found),
     }
+
+
+def _apart_seen(simulated: Run) -> int | None:
+    """First k at which an object apart from the row is seen."""
+    return next((k for k, seen in enumerate(simulated.associations, 1) if APART & set(seen)), None)
 
 
 def _from_when(found: Followed, settled: Callable[[Moment], bool]) -> int | None:
@@ -118,18 +126,19 @@ def _keyframe(k: int, moment: Moment) -> dict[str, Any]:
 def claims(result: Mapping[str, Any]) -> list[Claim]:
     """What the thesis says of Fig. 4.4."""
     shown, methods = result["shown"], result["methods"]
+    apart = _median(result["keyframe_apart_seen"])
     counts = {name: [_count(rows, k) for k in SHOWN] for name, rows in shown.items()}
     text = ", ".join(
         f"k = {k}: {a} against {b}" for k, a, b in zip(SHOWN, counts["ours"], counts["no_semantics"], strict=True)
     )
     return [
         Claim(
-            "Semantics leave fewer association histories than geometry alone",
+            "Semantics leave fewer association histories than geometry alone, until geometry has settled it too",
             "Sec. 4.4, Fig. 4.4 i-l",
             "in all sub-figures",
             text,
             all(a <= b for a, b in zip(counts["ours"], counts["no_semantics"], strict=True))
-            and counts["ours"] != counts["no_semantics"],
+            and all(a < b for a, b in zip(counts["ours"], counts["no_semantics"], strict=True) if b > 1),
         ),
         Claim(
             "With semantics a single association has significant weight at k = 5",
@@ -143,9 +152,11 @@ def claims(result: Mapping[str, Any]) -> list[Claim]:
             "Without semantics the association is settled only when the objects apart from the row are seen",
             "Sec. 4.4, Fig. 4.4 d",
             "k = 25",
-            f"P(true association) >= {CERTAIN} from k = {_words(methods['no_semantics'])} on; with semantics from"
-            f" k = {_words(methods['ours'])} on",
-            methods["ours"]["median_keyframe_disambiguated"] < methods["no_semantics"]["median_keyframe_disambiguated"],
+            f"P(true association) >= {CERTAIN} from k = {_words(methods['no_semantics'])} on, one of them seen from"
+            f" k = {number(apart)} (median); with semantics from k = {_words(methods['ours'])} on",
+            methods["ours"]["median_keyframe_disambiguated"]
+            < apart
+            <= methods["no_semantics"]["median_keyframe_disambiguated"],
         ),
         Claim(
             "With semantics a single component is left earlier",
@@ -157,7 +168,7 @@ def claims(result: Mapping[str, Any]) -> list[Claim]:
             < methods["no_semantics"]["median_keyframe_single_component"],
         ),
         Claim(
-            "The true association is certain at the end of every repetition with semantics",
+            "With semantics the true association is certain at the end of the repetitions",
             "project requirement",
             "at least 0.99 on average",
             f"{methods['ours']['p_true_association_final']:.4f}, without"

@@ -28,21 +28,26 @@ METHODS_OF = {
     "exact_map": (OURS, WITHOUT, SAMPLED),
     "random": (OURS, WITHOUT, SAMPLED),
 }
-COLUMNS = {
+FIGURE = {
     "association_entropy": "H(associations) [nats]",
     "component_entropy": "H(components) [nats]",
-    "det_position_covariance": "det Sigma [m^4]",
+    "det_position_covariance": "det Sigma [m⁴]",
     "error_max_weight_m": "error, max weight [m]",
     "error_weighted_m": "error, weighted [m]",
     "num_hypotheses": "hypotheses",
-    "p_true_association_final": "P(true association), final",
-    "confidence": "largest P",
+    "seconds_per_keyframe": "s per keyframe",
+}
+ASSOCIATIONS = {
+    "p_true_association_final": "P(true association), at the end",
+    "p_true_association_least": "least of the runs",
+    "confidence": "largest P of an association",
     "likeliest_is_true": "it is the true one",
     "runs_lost": "runs lost",
     "truth_lost": "truth pruned",
-    "discarded_mass": "discarded mass",
-    "seconds_per_keyframe": "s per keyframe",
+    "discarded_mass_final": "mass discarded on the way",
 }
+COLUMNS = {"averages over runs and keyframes (Fig. 4.5)": FIGURE, "associations": ASSOCIATIONS}
+"""Title of a table -> metric -> its column."""
 Summaries = Mapping[str, Mapping[str, Any]]
 """Method's name -> its averages."""
 

@@ -49,6 +49,8 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         **overall,
         "p_true_association_final": final["p_true_association"],
+        "p_true_association_least": float(stacked["p_true_association"][:, -1].min()),
+        "discarded_mass_final": final["discarded_mass"],
         "runs": len(rows),
         "runs_lost": int(sum(row["lost"][0] for row in rows)),
         "truth_lost": int((stacked["p_true_association"][:, -1] == 0.0).sum()),

@@ -23,9 +23,9 @@ CURVES = {
     "association_entropy": "H over associations [nats]",
     "component_entropy": "H over components [nats]",
     "p_true_association": "P(true association)",
-    "det_position_covariance": "det of position covariance [m^4]",
-    "error_max_weight_m": "error of the heaviest [m]",
-    "error_weighted_m": "weighted error [m]",
+    "det_position_covariance": "det of position covariance [m⁴]",
+    "error_max_weight_m": "error of the heaviest component [m]",
+    "error_weighted_m": "error, weighted over components [m]",
 }
 LOGARITHMIC = ("det_position_covariance",)
 VARIANTS = {"samples": ":", "pruned": "--", "Laplace": "-."}
@@ -51,7 +51,7 @@ def curves_figure(file: Path, steps: Mapping[str, Mapping[str, Any]], banded: Se
         axis.set(ylabel=label, yscale="log" if metric in LOGARITHMIC else "linear")
         _bare(axis)
     for axis in canvas.axes[-3:]:
-        axis.set_xlabel("k")
+        axis.set_xlabel("keyframe k")
     handles, names = canvas.axes[0].get_legend_handles_labels()
     canvas.legend(handles, names, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     canvas.savefig(file, dpi=110)
@@ -67,7 +67,9 @@ def tracks_figure(file: Path, scenario: Scenario, runs: Sequence[Run]) -> Path:
         track = np.vstack([run.start, run.poses])
         axis.plot(track[:, 0], track[:, 1], color=colour, linewidth=0.9)
     draw_world(axis, scenario)
-    axis.plot(*scenario.start_mean[:2], "x", color=WITHOUT, markersize=9)
+    axis.plot(*scenario.start[:2], "o", color=TRUTH, markersize=6, label="true start")
+    axis.plot(*scenario.start_mean[:2], "x", color=WITHOUT, markersize=9, label="start as believed, ± 10 m")
+    axis.legend(fontsize=8, frameon=False)
     canvas.savefig(file, dpi=110)
     return file
 
@@ -77,8 +79,10 @@ def draw_world(axis: Any, scenario: Scenario) -> None:
     x, y, heading = scenario.objects.T
     axis.plot(x, y, "o", color=OBJECT, markersize=5)
     axis.quiver(x, y, np.cos(heading), np.sin(heading), color=OBJECT, **_quiver(1.4))
-    for n, (left, top) in enumerate(zip(x, y, strict=True)):
-        axis.annotate(f"O{n + 1}", (left, top), textcoords="offset points", xytext=(5, 6), fontsize=8)
+    for n, (left, top, towards) in enumerate(scenario.objects):
+        behind = (-11.0 * np.cos(towards), -11.0 * np.sin(towards))
+        place = {"textcoords": "offset points", "xytext": behind, "ha": "center", "va": "center"}
+        axis.annotate(f"O{n + 1}", (left, top), fontsize=8, **place)
     axis.update_datalim(np.stack([x + 1.6 * np.cos(heading), y + 1.6 * np.sin(heading)], axis=-1))
     axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     _bare(axis)
@@ -86,7 +90,7 @@ def draw_world(axis: Any, scenario: Scenario) -> None:
 
 def posterior_figure(file: Path, run: Run, moments: Mapping[str, Sequence[Moment]], keyframes: Sequence[int]) -> Path:
     """PNG with a row per method and a column per k (1 is the first): components' ellipses, bolder for more weight."""
-    canvas = Canvas(figsize=(4.2 * len(keyframes), 2.7 * len(moments)), layout="constrained")
+    canvas = Canvas(figsize=(4.2 * len(keyframes), 2.45 * len(moments)), layout="constrained")
     grid = canvas.subplots(len(moments), len(keyframes), sharex=True, sharey=True, squeeze=False)
     bounds = _bounds(run, moments)
     for line, (name, of_run) in zip(grid, moments.items(), strict=True):
@@ -94,11 +98,13 @@ def posterior_figure(file: Path, run: Run, moments: Mapping[str, Sequence[Moment
         for axis, k in zip(line, keyframes, strict=True):
             draw_world(axis, run.scenario)
             track = np.vstack([run.start, run.poses[:k]])
-            axis.plot(track[:, 0], track[:, 1], color=TRUTH, linewidth=1.0, marker=".", markersize=3)
+            axis.plot(*track[:, :2].T, color=TRUTH, linewidth=1.0, marker=".", markersize=3, label="true track")
             _robot(axis, run.poses[k - 1], TRUTH)
             if k <= len(of_run):
                 _components(axis, of_run[k - 1], colour)
-            axis.set(title=f"k = {k}, {name}", xlabel="", ylabel="", xlim=bounds[0], ylim=bounds[1])
+            axis.set(title=f"k = {k}, {name}", xlim=bounds[0], ylim=bounds[1])
+            axis.label_outer()
+    grid[0, 0].legend(fontsize=8, frameon=False, loc="upper left")
     canvas.savefig(file, dpi=100)
     return file
 
@@ -106,20 +112,24 @@ def posterior_figure(file: Path, run: Run, moments: Mapping[str, Sequence[Moment
 def association_figure(file: Path, run: Run, moments: Mapping[str, Sequence[Moment]], keyframes: Sequence[int]) -> Path:
     """PNG with a panel per k: probability of every association history that a method kept, the true one circled."""
     canvas = Canvas(figsize=(4.2 * len(keyframes), 3.2), layout="constrained")
+    width, most = 0.8 / len(moments), 0
     for axis, k in zip(canvas.subplots(1, len(keyframes), sharey=True, squeeze=False)[0], keyframes, strict=True):
         kept = {name: of_run[k - 1].associations if k <= len(of_run) else {} for name, of_run in moments.items()}
         shown = _histories(kept, run.associations[:k])
-        width = 0.8 / len(moments)
+        most = max(most, len(shown))
         for place, (name, probabilities) in enumerate(kept.items()):
             heights = [probabilities.get(history, 0.0) for history in shown]
             offsets = np.arange(len(shown)) + (place - 0.5 * (len(moments) - 1)) * width
             axis.bar(offsets, heights, width, color=WITHOUT if "without" in name else WITH, label=name)
-        axis.plot(shown.index(run.associations[:k]), 1.04, "o", color=TRUTH, markersize=8, fillstyle="none")
+        at = shown.index(run.associations[:k])
+        axis.plot(at, 1.06, "o", color=TRUTH, markersize=8, fillstyle="none", label="the true one")
         axis.set(title=f"k = {k}", ylim=(0.0, 1.12), xlabel="association history")
         axis.set_xticks(range(len(shown)), [str(n + 1) for n in range(len(shown))])
         _bare(axis)
+    for axis in canvas.axes:
+        axis.set_xlim(-0.6, most - 0.4)
     canvas.axes[0].set_ylabel("P(association history)")
-    canvas.axes[0].legend(fontsize=8, frameon=False)
+    canvas.axes[-1].legend(fontsize=8, frameon=False)
     canvas.savefig(file, dpi=100)
     return file
 
@@ -137,7 +147,7 @@ def disambiguation_figure(file: Path, moments: Mapping[str, Sequence[Moment]]) -
             values = [getattr(moment, metric) for moment in of_run]
             colour = WITHOUT if "without" in name else WITH
             axis.plot(range(1, len(values) + 1), values, ".-", color=colour, linewidth=1.5, label=name)
-        axis.set(xlabel="k", ylabel=label)
+        axis.set(xlabel="keyframe k", ylabel=label)
         axis.set_ylim(bottom=0.0)
         _bare(axis)
     canvas.axes[0].legend(fontsize=8, frameon=False)
@@ -171,7 +181,7 @@ def _components(axis: Any, moment: Moment, colour: str) -> None:
         for sigmas in (1.0, 2.0):
             size = (2.0 * sigmas * major, 2.0 * sigmas * minor)
             shape = Ellipse(tuple(state[:2]), *size, angle=np.degrees(angle), fill=False, color=colour)
-            shape.set(linewidth=0.6 + 2.2 * float(weight), alpha=strength)
+            shape.set(linewidth=0.5 + 1.3 * float(weight), alpha=strength)
             axis.add_patch(shape)
         _robot(axis, state, colour, alpha=strength)
 
