@@ -73,7 +73,7 @@ class WeightsConfiguration:
         6, "importance: keyframes that a hypothesis is looked at again while it is not Gaussian", minimum=1
     )
     gate: float = parameter(
-        25.0, "nats below the best association at which classes are not enumerated any more", minimum=0.0
+        15.0, "nats below the best association at which classes are not enumerated any more", minimum=0.0
     )
     max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
 

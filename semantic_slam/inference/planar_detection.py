@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
+import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,6 +42,16 @@ class PlanarDetection:
         """Of the density of range and bearing, or of the bearing alone."""
         diagonal = np.diag(self.whiten)
         return float(np.log(diagonal[diagonal > 0.0]).sum() - 0.5 * np.count_nonzero(diagonal) * LOG_2PI)
+
+    @cached_property
+    def noise(self) -> Any:
+        """GTSAM's noise model, in its order: bearing, range."""
+        return gtsam.noiseModel.Gaussian.Covariance(self.covariance[::-1, ::-1])
+
+    @cached_property
+    def direction(self) -> Any:
+        """The bearing as GTSAM has it."""
+        return gtsam.Rot2.fromAngle(self.bearing_rad)
 
     @property
     def origin(self) -> Array:

@@ -17,15 +17,13 @@ from semantic_slam.inference.planar_detection import PlanarDetection
 Array = NDArray[np.float64]
 
 
-def geometry_factor(
-    linearise: Callable[[Array, Array], Linearisation], detection: PlanarDetection, keys: tuple[int, int]
-) -> Any:
-    """Built-in bearing-range factor; a bearing alone, from a camera off the body's origin, is a custom factor."""
-    if detection.has_range:
-        bearing_first = detection.covariance[::-1, ::-1]  # GTSAM's order is [bearing, range]
-        noise = gtsam.noiseModel.Gaussian.Covariance(bearing_first)
-        bearing = gtsam.Rot2.fromAngle(detection.bearing_rad)
-        return gtsam.BearingRangeFactorPose2(*keys, bearing, detection.range_m, noise)
+def range_factor(detection: PlanarDetection, keys: tuple[int, int]) -> Any:
+    """Built-in bearing-range factor."""
+    return gtsam.BearingRangeFactorPose2(*keys, detection.direction, detection.range_m, detection.noise)
+
+
+def bearing_factor(linearise: Callable[[Array, Array], Linearisation], keys: tuple[int, int]) -> Any:
+    """Of a bearing alone."""
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         x, o = _planar_states(values, this.keys())

@@ -18,7 +18,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
-from semantic_slam.inference.planar_factors import geometry_factor, linear_factor
+from semantic_slam.inference.planar_factors import bearing_factor, linear_factor, range_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
 Array = NDArray[np.float64]
@@ -145,9 +145,11 @@ class PlanarObservation:
         return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
 
     def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
-        """Range and bearing, or the bearing alone."""
+        """Range and bearing; a bearing alone, from a camera off the body's origin, is a custom factor."""
+        if detection.has_range:
+            return range_factor(detection, keys)
         seen = self.collect([detection])
-        return geometry_factor(lambda x, o: self.geometry(seen, x, o), detection, keys)
+        return bearing_factor(lambda x, o: self.geometry(seen, x, o), keys)
 
     def semantic_factors(
         self,

@@ -23,7 +23,6 @@ WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
 MOVED = 0.1
 """Change of a view, radians, from which on its linear factor is made anew."""
-MAX_RENEWALS = 3
 SAME = 1e-3
 """Change of a state, metres or radians, below which linear factors need not be made again in an optimisation."""
 MAX_ROUNDS = 6
@@ -120,17 +119,8 @@ class Smoother:
         """
         try:
             fork = self._updated(gtsam.ISAM2(self.isam), graph, values, named, start)
-            if jumped:
-                return fork._optimised(start)
-            objects = {key for key in start if key != named[-1].robot_key} if named else set()
-            for _ in range(MAX_RENEWALS):
-                if not fork._settled():
-                    break
-                stale = fork._stale(objects)
-                if not stale:
-                    return fork
-                fork = fork._renewed(stale)
-            return fork._optimised(start)
+            settled = None if jumped else fork._settled(start)
+            return fork._optimised(start) if settled is None else settled
         except RuntimeError as fault:
             raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
 
@@ -192,14 +182,18 @@ class Smoother:
         factors = self.model.semantic_factors([item.detection for item in named], keys, classes, x, o)
         return factors, self.manifold.between(x, o)
 
-    def _settled(self) -> bool:
-        """Update until no state is so far from where it is linearised that a further update would change it."""
+    def _settled(self, keys: Collection[int]) -> "Smoother | None":
+        """Updated until no state is so far from where it is linearised that a further update would change it.
+
+        Where states were linearised anew, so are the semantic factors of objects among ``keys``.
+        """
+        smoother = self
         for _ in range(MAX_UPDATES):
-            deltas = self.isam.getDelta().vector().reshape(-1, self.manifold.dimension)
+            deltas = smoother.isam.getDelta().vector().reshape(-1, self.manifold.dimension)
             if (np.abs(deltas) < self.manifold.relinearize_threshold).all():
-                return True
-            self.isam.update()
-        return False
+                return smoother
+            smoother = smoother._renewed(smoother._stale(keys))
+        return None
 
     def _stale(self, objects: Collection[int]) -> list[int]:
         """Which of the linear factors of these objects are no longer where they were made."""
@@ -219,7 +213,7 @@ class Smoother:
         return self.manifold.between(states[np.searchsorted(keys, robots)], states[np.searchsorted(keys, objects)])
 
     def _renewed(self, rows: Sequence[int]) -> "Smoother":
-        """After an update in which some linear factors are replaced by those at the estimate."""
+        """After an update that relinearises, in which some linear factors are replaced by those at the estimate."""
         named = [self.made[row].named for row in rows]
         keys = sorted({key for item in named for key in (item.robot_key, item.object_key)})
         factors, relatives = self._linear(named, dict(zip(keys, self.states(keys), strict=True)))
@@ -259,7 +253,7 @@ class Smoother:
     def _nonlinear(self) -> gtsam.NonlinearFactorGraph:
         graph = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe())
         kept = gtsam.NonlinearFactorGraph()
-        for factor in (graph.at(i) for i in range(graph.size())):
+        for factor in (graph.at(i) for i in range(graph.size()) if graph.exists(i)):
             if not isinstance(factor, gtsam.LinearContainerFactor):
                 kept.add(factor)
         return kept
