@@ -149,7 +149,7 @@ def test_a_lost_run_is_counted_and_leaves_no_numbers(monkeypatch: pytest.MonkeyP
 def test_names_of_methods() -> None:
     assert [method.name for method in WITH] == ["0.05", "0.25", "0.5", "0.75", "1.0"]
     assert (WITHOUT.name, SAMPLED.name) == ("no_semantics", "0.25_sampled")
-    assert Method(0.25, pruning_ratio=3.0).name == "0.25_pruned_3"
+    assert Method(0.25, weights="laplace").name == "0.25_laplace"
 
 
 def test_claims_are_measured() -> None:

@@ -10,14 +10,11 @@ ALPHAS = (0.05, DEFAULT_ALPHA, 0.5, 0.75, 1.0)
 WITH = tuple(Method(alpha) for alpha in ALPHAS)
 WITHOUT, OURS = Method(None), Method(DEFAULT_ALPHA)
 SAMPLED = Method(DEFAULT_ALPHA, weights="sampled")
-OTHERS = {
+VARIANTS = {
     SAMPLED: "the thesis's 1000 samples",
     Method(DEFAULT_ALPHA, weights="laplace"): "Laplace weights alone",
-    Method(DEFAULT_ALPHA, pruning_ratio=150.0): "pruned below max / 150",
-    Method(DEFAULT_ALPHA, pruning_ratio=1e4): "pruned below max / 10 000",
 }
-"""What differs from the default in weights or pruning, in words; one of them may be the default."""
-VARIANTS = tuple(method for method in OTHERS if method != OURS)
+"""Weights that differ from the default, in words."""
 WORLDS = {
     "given": "given layout, errors of the map drawn from its prior",
     "exact_map": "given layout, every object exactly where the map has it",
@@ -56,5 +53,5 @@ def words(name: str) -> str:
     """A method's name as a page shows it."""
     if name == WITHOUT.name:
         return "without semantics (DA-BSP)"
-    of_variants = {method.name: f"alpha {method.alpha}, {OTHERS[method]}" for method in VARIANTS}
+    of_variants = {method.name: f"alpha {method.alpha}, {difference}" for method, difference in VARIANTS.items()}
     return of_variants.get(name, f"alpha {name}")

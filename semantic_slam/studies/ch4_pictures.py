@@ -28,7 +28,7 @@ CURVES = {
     "error_weighted_m": "error, weighted over components [m]",
 }
 LOGARITHMIC = ("det_position_covariance",)
-VARIANTS = {"samples": ":", "pruned": "--", "Laplace": "-."}
+VARIANTS = {"samples": ":", "Laplace": "-."}
 """Words in a method's name -> line style."""
 MOST_BARS = 10
 """Association histories with a bar of their own."""

@@ -1,6 +1,6 @@
 """A simulated run through the engine of the nodes, and what Fig. 4.5 asks of every keyframe."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, cast
 
@@ -35,14 +35,11 @@ class Method:
 
     alpha: float | None  # of Eq. 4.22; None: no semantics (DA-BSP)
     weights: str = WeightsConfiguration().method  # "sampled": the thesis's samples of the prior
-    pruning_ratio: float = PruningConfiguration().ratio
 
     @property
     def name(self) -> str:
         """Its key in results."""
         name = "no_semantics" if self.alpha is None else str(self.alpha)
-        if self.pruning_ratio != PruningConfiguration().ratio:
-            name += f"_pruned_{self.pruning_ratio:g}"
         return name if self.weights == WeightsConfiguration().method else f"{name}_{self.weights}"
 
 
@@ -121,7 +118,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
         association="enumerated",
         distinct=True,
         weights=WeightsConfiguration(method=method.weights),
-        pruning=replace(PruningConfiguration(), ratio=method.pruning_ratio),
+        pruning=PruningConfiguration(),
     )
 
 

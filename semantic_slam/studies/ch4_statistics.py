@@ -25,7 +25,7 @@ from semantic_slam.studies.repetitions import keyed_generator, repeat
 from semantic_slam.studies.result import Figure, write_result
 
 NAME = "ch4_statistics"
-RUNS = {"given": 50, "exact_map": 20, "random": 30}
+RUNS = {"given": 50, "exact_map": 20, "random": 20}
 """The 50 given paths with noise of their own each; the first of them with an exact map; random layouts."""
 QUICK_RUNS = {"given": 3, "exact_map": 1, "random": 1}
 
