@@ -143,9 +143,10 @@ def test_a_gap_between_keyframes_is_an_error() -> None:
 
 
 def test_owners_keep_their_children_until_they_are_full() -> None:
-    assert assign_owners([0, 0, 1, 0], [0, 1]) == [0, 0, 1, 0]
-    assert assign_owners([0] * 4, [0, 1]) == [0, 0, 0, 1]
-    assert assign_owners([7, 7], [0, 1]) == [0, 1]
+    assert assign_owners([0, 0, 1, 0], [0, 1], 9) == [0, 0, 1, 0]
+    assert assign_owners([0, 0, 1, 0], [0, 1], 2) == [0, 0, 1, 1]  # short lineages move for less
+    assert assign_owners([0] * 4, [0, 1], 9) == [0, 0, 0, 1]
+    assert assign_owners([7, 7], [0, 1], 9) == [0, 1]
 
 
 def test_given_identities_create_objects_without_a_map() -> None:

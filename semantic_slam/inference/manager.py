@@ -92,7 +92,8 @@ class HypothesisManager:
 
     def _redistributed(self, hypotheses: dict[int, Live]) -> dict[int, Live]:
         """The same hypotheses, owned by backends that are still there."""
-        owners = assign_owners([live.owner for live in hypotheses.values()], self.pool.backend_ids)
+        length = max((len(live.lineage) for live in hypotheses.values()), default=0)
+        owners = assign_owners([live.owner for live in hypotheses.values()], self.pool.backend_ids, length)
         return {
             n: Live(owner, live.log_weight, live.parent_id, live.lineage)
             for (n, live), owner in zip(hypotheses.items(), owners, strict=True)
@@ -109,7 +110,8 @@ class HypothesisManager:
 
     def _children(self, merged: "_Merged", pruned: Pruned) -> dict[int, Live]:
         parents = [self.live[int(merged.parent_ids[row])] for row in pruned.kept]
-        owners = assign_owners([parent.owner for parent in parents], self.pool.backend_ids)
+        length = 1 + max((len(parent.lineage) for parent in parents), default=0)
+        owners = assign_owners([parent.owner for parent in parents], self.pool.backend_ids, length)
         children: dict[int, Live] = {}
         for row, owner, parent, log_weight in zip(pruned.kept, owners, parents, pruned.log_weights, strict=True):
             step = LineageStep(

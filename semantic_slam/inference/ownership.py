@@ -3,13 +3,19 @@
 from collections import Counter
 from collections.abc import Sequence
 
-SLACK = 1.5
-"""A backend may hold this many times its fair share before children move: a move replays a lineage."""
+SHORT, EARLY_SLACK, SLACK = 3, 1.1, 1.75
+"""A backend may hold so many times its fair share before children move: a move replays a lineage, which pays while
+lineages are at most this long, and later hardly ever.
+"""
 
 
-def assign_owners(parents_owners: Sequence[int], backend_ids: Sequence[int]) -> list[int]:
-    """Owner of each survivor, heaviest first: its parent's while that one has room, else the least loaded."""
-    share = max(1, int(SLACK * len(parents_owners) / len(backend_ids)))
+def assign_owners(parents_owners: Sequence[int], backend_ids: Sequence[int], length: int) -> list[int]:
+    """Owner of each survivor, heaviest first: its parent's while that one has room, else the least loaded.
+
+    ``length`` of the lineages, in keyframes.
+    """
+    slack = EARLY_SLACK if length <= SHORT else SLACK
+    share = max(1, int(slack * len(parents_owners) / len(backend_ids)))
     load = Counter({backend: 0 for backend in backend_ids})
     owners = []
     for owner in parents_owners:
