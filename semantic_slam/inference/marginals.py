@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.moments import matched_moments
+from semantic_slam.geometry.moments import matched_moments_of_many
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.objects import ObjectRegistry
@@ -32,6 +32,7 @@ class Mixture:
     mutual_information: Array  # (H, O)
     in_coverage: NDArray[np.bool_]  # (H, O)
     forgotten_views: NDArray[np.uint32]  # (H, O)
+    existence: Array  # (H, O) NaN where a hypothesis has no such object
 
     def association_history(self, row: int) -> tuple[tuple[int, ...], ...]:
         """beta_{1:k} of one hypothesis."""
@@ -60,7 +61,7 @@ def state_belief(
 ) -> HybridBelief:
     """The belief after one keyframe."""
     weights = np.exp(mixture.log_weights)
-    poses, covariances = _object_moments(weights, mixture)
+    poses, covariances = matched_moments_of_many(weights, mixture.object_poses, mixture.object_covariances)
     count = len(registry.ids)
     return HybridBelief(
         stamp_ns=step.stamp_ns,
@@ -79,7 +80,7 @@ def state_belief(
         object_ids=np.array(registry.ids, dtype=np.uint32),
         object_names=tuple(registry.names),
         hypothesis_class_probabilities=mixture.class_probabilities,
-        existence=registry.existence(),
+        existence=np.minimum(weights @ np.nan_to_num(mixture.existence), 1.0),
         class_probabilities=np.einsum("h,hoc->oc", weights, mixture.class_probabilities),
         object_poses=poses,
         object_covariances=covariances,
@@ -93,12 +94,3 @@ def state_belief(
         discarded_mass=discarded_mass,
         dropped=step.dropped,
     )
-
-
-def _object_moments(weights: Array, mixture: Mixture) -> tuple[Array, Array]:
-    count = mixture.object_poses.shape[1]
-    moments = [
-        matched_moments(weights, mixture.object_poses[:, i], mixture.object_covariances[:, i]) for i in range(count)
-    ]
-    poses = np.array([pose for pose, _ in moments]).reshape(count, 7)
-    return poses, np.array([covariance for _, covariance in moments]).reshape(count, 6, 6)

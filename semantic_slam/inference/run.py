@@ -50,8 +50,9 @@ def make_run_configuration(
     if configuration.association == "enumerated" and not (map_prior and map_prior.objects):
         raise InputError(
             "association is 'enumerated' but there is no map prior; give --map-prior objects.json,"
-            " or set association: given for detections that carry ids"
+            " or set association: open to map as you go, or given for detections that carry ids"
         )
+    _check_open_world(configuration)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
@@ -62,6 +63,15 @@ def make_run_configuration(
     return RunConfiguration(
         run_id, stamp_ns, settings, prior, np.array(pose), covariance, tuple(names), source, revision
     )
+
+
+def _check_open_world(configuration: Configuration) -> None:
+    if configuration.association != "open":
+        return
+    if not configuration.distinct_assignment:
+        raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
+    if configuration.open_world.min_range_m >= configuration.open_world.max_range_m:
+        raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
 
 
 def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
@@ -96,6 +106,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
         pruning=configuration.pruning,
+        open_world=configuration.open_world,
     )
 
 

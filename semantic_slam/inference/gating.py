@@ -1,0 +1,100 @@
+"""Which detections may be of which objects, and the best joint assignments of one hypothesis.
+
+Costs are those of single pairs, linearised at the prediction. The sum over the rows of all of them bounds the mass
+that is not enumerated: it holds every assignment, those that use an object twice included.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.murty import k_best
+from semantic_slam.inference.observation import ObservationModel
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """D detections and M objects."""
+
+    log_density: Array  # (D, M) of the detection if it is of this object
+    distance: Array  # (D, M) Mahalanobis
+
+
+def pair_densities(
+    model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array, dimension: int
+) -> Pairs:
+    """From the predicted ``mean`` (1 + M, d) and ``covariance`` of the robot and M objects."""
+    count = len(mean) - 1
+    log_density, distance = np.zeros((len(detections), count)), np.zeros((len(detections), count))
+    if not count:
+        return Pairs(log_density, distance)
+    blocks = covariance.reshape(1 + count, dimension, 1 + count, dimension)
+    objects = np.arange(1, 1 + count)
+    robot = np.broadcast_to(blocks[0, :, 0], (count, dimension, dimension))
+    cross = blocks[0].transpose(1, 0, 2)[objects]  # (M, d, d) robot with object
+    own = blocks[objects, :, objects]
+    joint = np.block([[robot, cross], [np.swapaxes(cross, 1, 2), own]])
+    for number, detection in enumerate(detections):
+        part = model.geometry(detection, np.broadcast_to(mean[0], (count, dimension)), mean[1:])
+        jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
+        spread = jacobian @ joint @ np.swapaxes(jacobian, 1, 2) + np.eye(part.residual.shape[-1])
+        squared = np.einsum("mi,mi->m", part.residual, np.linalg.solve(spread, part.residual[..., None])[..., 0])
+        log_density[number] = part.log_normaliser - 0.5 * squared - 0.5 * np.linalg.slogdet(spread)[1]
+        distance[number] = np.sqrt(np.maximum(squared, 0.0))
+    return Pairs(log_density, distance)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """B joint assignments of D detections, best first."""
+
+    columns: Index  # (B, D) object, or M + i: detection i is of no known object
+    log_scores: Array  # (B,)
+    log_left_out: float  # bound on the mass of all others, relative to the best
+
+
+def best_assignments(log_known: Array, admitted: NDArray[np.bool_], log_new: Array, limit: int, gate: float) -> Chosen:
+    """The best assignments of distinct objects, at most ``limit``, none more than ``gate`` nats behind the best.
+
+    ``log_known`` (D, M) weighs a detection as one of each object, against a miss of it; ``admitted`` (D, M) says which
+    pairs are looked at; ``log_new`` (D,) weighs it as one of no known object.
+    """
+    count, known = log_known.shape
+    cost = np.full((count, known + count), np.inf)
+    cost[:, :known] = np.where(admitted, -log_known, np.inf)
+    cost[np.arange(count), known + np.arange(count)] = -log_new
+    columns, total = _cheapest(cost, limit)
+    scores = -total
+    kept = scores >= scores[0] - gate
+    columns, scores = columns[kept], scores[kept]
+    everything = float(np.logaddexp.reduce(np.column_stack([log_known, log_new]), axis=1).sum())
+    return Chosen(columns, scores, _log_rest(everything, scores) - float(scores[0]))
+
+
+def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:
+    """All assignments where there are few, else the cheapest."""
+    options = [np.flatnonzero(np.isfinite(row)) for row in cost]
+    if np.prod([float(len(own)) for own in options]) > limit:
+        found = k_best(cost, limit)
+        return found.columns, found.costs
+    listed = list(product(*options))
+    every = np.array(listed, dtype=int).reshape(len(listed), len(cost))
+    ordered = np.sort(every, axis=1)
+    distinct = every[(ordered[:, 1:] != ordered[:, :-1]).all(axis=1)]
+    total = cost[np.arange(len(cost)), distinct].sum(axis=1)
+    order = np.argsort(total, kind="stable")[:limit]
+    return distinct[order], total[order]
+
+
+def _log_rest(everything: float, scores: Array) -> float:
+    """Log of what is left of ``everything`` without the assignments of these scores."""
+    enumerated = float(np.logaddexp.reduce(scores))
+    share = -np.expm1(min(enumerated - everything, 0.0))
+    return everything + float(np.log(share)) if share > 1e-12 else -np.inf

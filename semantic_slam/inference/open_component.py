@@ -1,0 +1,180 @@
+"""A hypothesis's smoothed belief in an open world: an iSAM2 and the population of its objects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.component import Component, LostComponentError, Observed, object_key, robot_key
+from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.object_views import Correction, ObjectViews
+from semantic_slam.inference.population import Population
+from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.step import Step
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+JUMP = 0.5
+"""Change of the robot's predicted state, metres or radians, after which updates are repeated even if not settled."""
+MAX_UPDATES = 8
+CONVERGED = 1e-4
+
+
+@dataclass(frozen=True)
+class Grown:
+    """What one continuation adds to its parent."""
+
+    observed: Sequence[Observed]
+    objects: Sequence[Array]  # (d,) mode of the object of each entry of ``observed``
+    robot: Array  # (d,) mode
+    new_objects: dict[int, GaussianPrior]
+    views: dict[int, ObjectViews]
+    robot_correction: Correction | None
+    existence: dict[int, float]  # of all objects that the hypothesis keeps
+
+
+@dataclass
+class OpenComponent(Component):
+    """``population`` mirrors what iSAM2 holds; ``settle`` False: one update per keyframe."""
+
+    population: Population | None = None
+    settle: bool = True
+
+    @property
+    def objects(self) -> Population:
+        """The population, which is there from the start."""
+        assert self.population is not None
+        return self.population
+
+    @classmethod
+    def before_any_keyframe(cls, problem: Problem) -> "OpenComponent":
+        """The prior of Eq. 4.3 with what existence the map states."""
+        plain, settle = problem.root(), problem.open_world.settle
+        isam = plain.isam if settle else _single_step_isam(plain.isam)
+        entries = sorted(problem.objects, key=lambda entry: entry.object_id)
+        dimension = problem.manifold.dimension
+        population = Population(
+            ids=np.array([entry.object_id for entry in entries], dtype=int),
+            existence=np.array([entry.existence for entry in entries]),
+            states=np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension),
+            covariances=np.array([entry.prior.covariance for entry in entries]).reshape(-1, dimension, dimension),
+            robot_covariance=problem.robot.covariance,
+            trail=np.zeros((0, dimension)),
+        )
+        return cls(
+            problem.manifold,
+            problem.model,
+            isam,
+            -1,
+            object_ids=plain.object_ids,
+            population=population,
+            settle=settle,
+        )
+
+    def grown(self, step: Step, added: Grown, max_fresh: int, *, in_place: bool) -> "OpenComponent":
+        """The child of one continuation; ``in_place`` uses up this component. Raises LostComponentError.
+
+        ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
+        """
+        keyframe = self.keyframe + 1
+        key = robot_key(keyframe)
+        graph, values = self._factors(step, added, key)
+        isam = self.isam if in_place else gtsam.ISAM2(self.isam)
+        predicted = self.manifold.compose(self.newest_robot(), step.motion.control)
+        jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
+        child = replace(
+            self,
+            isam=isam,
+            keyframe=keyframe,
+            classes=self.classes | {o.object_id: o.assigned_class for o in added.observed if o.assigned_class >= 0},
+            object_ids=frozenset(added.existence),
+            views=self.views | added.views,
+            robot_correction=added.robot_correction,
+        )
+        try:
+            isam.update(graph, values)
+            if self.settle or jumped:
+                child._iterate([key, *(object_key(o.object_id) for o in added.observed)])
+            child.population = child._population(self.objects, added, max_fresh)
+        except RuntimeError as fault:
+            raise LostComponentError(f"an update failed ({fault})") from None
+        return child
+
+    def _factors(self, step: Step, added: Grown, key: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        motion = step.motion
+        graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
+        self.manifold.insert(values, key, added.robot)
+        for number, prior in added.new_objects.items():
+            graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
+            self.manifold.insert(values, object_key(number), prior.mean)
+        for item, state in zip(added.observed, added.objects, strict=True):
+            keys = (key, object_key(item.object_id))
+            for factor in self.model.factors(item.detection, keys, item.assigned_class, added.robot, state):
+                graph.add(factor)
+        return graph, values
+
+    def _iterate(self, keys: list[int]) -> None:
+        """Updates until the states of this keyframe stand still; without ``settle`` one, the next keyframe goes on."""
+        before = self.states(keys)
+        for _ in range(MAX_UPDATES if self.settle else 1):
+            self.isam.update()
+            after = self.states(keys)
+            if np.abs(self.manifold.local(before, after)).max() < CONVERGED:
+                return
+            before = after
+
+    def _population(self, parent: Population, added: Grown, max_fresh: int) -> Population:
+        ids = np.array(sorted(added.existence), dtype=int)
+        kept = parent.holds(ids)
+        dimension = self.manifold.dimension
+        covariances = np.zeros((len(ids), dimension, dimension))
+        covariances[kept] = parent.covariances[parent.rows(ids[kept])]
+        observed = np.isin(ids, [item.object_id for item in added.observed])
+        fresh = np.flatnonzero(observed | (len(ids) <= max_fresh))
+        own = self.robot_and(ids[fresh])
+        covariances[fresh] = own[1:]
+        states = self.states([robot_key(self.keyframe), *(object_key(int(n)) for n in ids)])
+        return Population(
+            ids=ids,
+            existence=np.array([added.existence[int(n)] for n in ids]),
+            states=states[1:],
+            covariances=covariances,
+            robot_covariance=own[0],
+            trail=np.concatenate([parent.trail, states[:1]]),
+            given_up=parent.given_up + len(parent.ids) - int(kept.sum()),
+        )
+
+    def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
+        """As the population has them: the robot first, then all objects."""
+        population = self.objects
+        assert len(keys) == 1 + len(population.ids)
+        states = np.concatenate([population.trail[-1:], population.states])
+        covariances = np.concatenate([population.robot_covariance[None], population.covariances])
+        corrections = [self.robot_correction, *(self._correction(int(n)) for n in population.ids)]
+        for row, correction in enumerate(corrections):
+            if correction is not None:
+                states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
+        return states, covariances
+
+    def _correction(self, object_id: int) -> Correction | None:
+        views = self.views.get(object_id)
+        return views.correction if views is not None else None
+
+    def robot_and(self, object_ids: Index) -> Array:
+        """(1 + n, d, d) marginal covariances of the newest robot pose and of some objects."""
+        keys = [robot_key(self.keyframe), *(object_key(int(n)) for n in object_ids)]
+        return np.asarray(self.covariances(keys))
+
+
+def _single_step_isam(isam: gtsam.ISAM2) -> gtsam.ISAM2:
+    """The same system, with thresholds for one update per keyframe."""
+    parameters = gtsam.ISAM2Params()
+    parameters.relinearizeSkip = 1
+    parameters.setRelinearizeThreshold(0.1)
+    renewed = gtsam.ISAM2(parameters)
+    renewed.update(isam.getFactorsUnsafe(), isam.getLinearizationPoint())
+    return renewed

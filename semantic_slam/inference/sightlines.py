@@ -1,0 +1,66 @@
+"""How probably each object of one hypothesis is detected by a robot at each of K modes (planar poses)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry import se2
+from semantic_slam.inference.existence import SensorRegion
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Robot and N objects of one parent before the detections; covariances in the tangent spaces at the means."""
+
+    robot: Array  # (3,)
+    robot_covariance: Array  # (3, 3)
+    objects: Array  # (N, 3)
+    gain: Array  # (N, 3, 3) Cov(o, x) Cov(x)^-1: how each object moves with the robot
+    remainder: Array  # (N, 3, 3) covariance of the object given the robot
+
+
+def detection_probabilities(
+    region: SensorRegion, prediction: Prediction, robot: Array, covariance: Array, seen: tuple[Array, Array]
+) -> Array:
+    """(K, N) probabilities that objects that exist are detected from modes ``robot`` (K, 3) with (K, 3, 3).
+
+    ``seen`` ranges [m] and bearings [rad] of the frame's own detections (D,), which may hide what is behind them.
+    """
+    shift = se2.log(se2.between(prediction.robot, robot))  # (K, 3)
+    moved = np.einsum("nij,kj->kni", prediction.gain, shift)
+    objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
+    relative = se2.between(robot[:, None], objects)
+    spread = _relative_covariance(relative, prediction, covariance)
+    inside = region.contains(relative[..., :2], spread)
+    return np.asarray(region.detection_probability * inside * region.unhidden(relative[..., :2], *seen))
+
+
+def _relative_covariance(relative: Array, prediction: Prediction, covariance: Array) -> Array:
+    """(K, N, 2, 2) of the objects' positions in the body frame, to first order.
+
+    With p = R_x^T (t_o - t_x): dp/dx = [-I, -S p] and dp/do = [R_x^T R_o, 0], S a quarter turn.
+    """
+    by_robot = np.zeros((*relative.shape[:-1], 2, 3))
+    by_robot[..., 0, 0] = by_robot[..., 1, 1] = -1.0
+    by_robot[..., 0, 2], by_robot[..., 1, 2] = relative[..., 1], -relative[..., 0]
+    by_object = np.zeros_like(by_robot)
+    cos, sin = np.cos(relative[..., 2]), np.sin(relative[..., 2])
+    by_object[..., 0, 0], by_object[..., 0, 1], by_object[..., 1, 0], by_object[..., 1, 1] = cos, -sin, sin, cos
+    together = by_robot + by_object @ prediction.gain
+    own = by_object @ prediction.remainder @ np.swapaxes(by_object, -1, -2)
+    return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + own)
+
+
+def undetected_share(region: SensorRegion, trail: Array, points: Array) -> Array:
+    """(D,) probabilities that objects at ``points`` (D, 2) in map were not detected from ``trail`` (T, 3) so far."""
+    offset = points[None] - trail[:, None, :2]
+    near = (np.hypot(offset[..., 0], offset[..., 1]) < region.max_range_m + 1.0).any(axis=1)
+    offset, yaw = offset[near], trail[near, None, 2]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    relative = np.stack([cos * offset[..., 0] + sin * offset[..., 1], cos * offset[..., 1] - sin * offset[..., 0]], -1)
+    inside = region.contains(relative, np.zeros((2, 2)))
+    return np.asarray(np.prod(1.0 - region.detection_probability * inside, axis=0))
