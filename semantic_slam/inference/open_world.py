@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se2
+from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, LostComponentError, Observed
 from semantic_slam.inference.continuation import Continuations
 from semantic_slam.inference.enumeration import Enumerated, Setting, enumerate_classes
@@ -37,6 +38,7 @@ Index = NDArray[np.int_]
 
 LEAST_DETECTION_SHARE = 0.02
 """Of the detection probability, for objects that were detected although they seem to lie outside the region."""
+FIXED_HEADING_VARIANCE = 1e-8
 LOST_SIGMA_M = 0.5
 """Robot's standard deviation from which on a search for the mode also starts where single detections put the robot."""
 
@@ -48,7 +50,7 @@ class Outlook:
     component: OpenComponent
     near: Index  # (M,) ids whose covariance with the robot is known
     predicted: Predicted  # of one parent: robot and near objects
-    births: dict[int, GaussianPrior]  # id -> where the detection of that number would start an object
+    births: dict[int, Birth]  # id -> object that the detection of that number would start
     log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, objects and false alarms in a frame
     birth_existence: Array  # (D,)
     in_reach: Index  # (N,) rows of the population that may be in the region
@@ -79,6 +81,8 @@ class OpenExpander:
         born = self._born(step)
         known = sorted({int(n) for outlook in outlooks for n in outlook.near})
         predicted = _padded(outlooks, known, born)
+        if self.problem.model.num_classes == 0:
+            predicted = _without_headings(predicted)
         rows, scores, left_out = self._associations(step, outlooks, known, path)
         setting = self._setting(step, [*known, *born], components, path)
         stack = Stack(setting.manifold, setting.model, predicted, setting.detections, rows)
@@ -89,7 +93,7 @@ class OpenExpander:
             stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
             mode = find_modes(stack, enumerated.start)
         used = np.arange(len(step.detections))
-        births = [outlook.births for outlook in outlooks]
+        births = [{n: birth.prior for n, birth in outlook.births.items()} for outlook in outlooks]
         prior = setting.log_class_prior
         moment = Moment(step, components, stack, mode, used, [*known, *born], prior, births)
         return self._weighed(moment, parent_ids, enumerated, outlooks)
@@ -131,7 +135,8 @@ class OpenExpander:
         robot = manifold.compose(before, step.motion.control)
         transition = manifold.propagation(step.motion.control)
         spread = transition @ population.robot_covariance @ transition.T + step.motion.covariance
-        starts = [self.problem.model.object_prior(detection, robot) for detection in step.detections]
+        field_of_view = self.region.field_of_view_rad
+        starts = [birth_of(self.problem.model, detection, robot, field_of_view) for detection in step.detections]
         chosen = self._near(population, robot, spread, starts, step.detections)
         near = population.ids[chosen]
         predicted = component.predict(step.motion, near.tolist())
@@ -152,7 +157,7 @@ class OpenExpander:
         return self.region.max_range_m + self.settings.gate_sigma * _position_sigma(spread)
 
     def _near(
-        self, population: Population, robot: Array, spread: Array, starts: list[GaussianPrior], detections: Sequence[Any]
+        self, population: Population, robot: Array, spread: Array, starts: list[Birth], detections: Sequence[Any]
     ) -> Index:
         """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
 
@@ -169,18 +174,19 @@ class OpenExpander:
             if not detection.has_range:
                 excess = np.where(within, np.minimum(excess, 0.0), excess)
                 continue
-            swing = float(np.sqrt(spread[2, 2])) * _distances(start.mean[None], robot)[0]
+            point = start.prior.mean
+            swing = float(np.sqrt(spread[2, 2])) * _distances(point[None], robot)[0]
             noise = float(np.sqrt(np.trace(detection.covariance * np.diag([1.0, detection.range_m**2]))))
             bound = sigmas * (_position_sigma(spread) + own + swing + noise)
-            excess = np.minimum(excess, _distances(population.states, start.mean) / bound)
+            excess = np.minimum(excess, _distances(population.states, point) / bound)
         order = np.argsort(excess, kind="stable")[:limit]
         return np.asarray(np.sort(order[excess[order] < 1.0]))
 
     def _births(
-        self, population: Population, starts: list[GaussianPrior], detections: Sequence[Any]
+        self, population: Population, starts: list[Birth], detections: Sequence[Any]
     ) -> tuple[Array, Array]:
         """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
-        points = np.array([start.mean[:2] for start in starts]).reshape(-1, 2)
+        points = np.array([start.prior.mean[:2] for start in starts]).reshape(-1, 2)
         share = np.maximum(
             undetected_share(self.region, population.trail, points), self.settings.least_undetected_share
         )
@@ -219,7 +225,7 @@ class OpenExpander:
         detected = self._detected_at_prediction(outlook)
         with np.errstate(divide="ignore"):
             log_ratio = np.log(r * np.maximum(detected, self._least_detected)) - missed(r, detected)[0]
-        log_new = outlook.log_intensity + np.array([_log_area(detection) for detection in step.detections])
+        log_new = outlook.log_intensity + np.array([birth.log_area for birth in outlook.births.values()])
         return best_assignments(
             pairs.log_density + log_ratio,
             pairs.distance < self.settings.gate_sigma,
@@ -328,12 +334,12 @@ class OpenExpander:
             rows = np.flatnonzero(parents == parent)
             detected = detection_probabilities(self.region, outlook.prediction, robot[rows], covariance[rows], seen)
             for at, row in enumerate(rows):
-                added, existence[row] = self._account(outlook, step, steps[row].association, detected[at])
+                added, existence[row] = self._account(outlook, steps[row].association, detected[at])
                 factors[row] += added
         return factors, existence
 
     def _account(
-        self, outlook: Outlook, step: Step, association: tuple[int, ...], detected: Array
+        self, outlook: Outlook, association: tuple[int, ...], detected: Array
     ) -> tuple[float, dict[int, float]]:
         """Log factor and existence of one continuation; ``detected`` (N,) probabilities of the objects in reach."""
         population = outlook.component.objects
@@ -347,12 +353,10 @@ class OpenExpander:
         r = np.where(observed, 1.0, after)
         kept = observed | (r >= self.settings.least_existence)
         existence = dict(zip(population.ids[kept].tolist(), r[kept].tolist(), strict=True))
-        for number, (object_id, detection) in enumerate(zip(association, step.detections, strict=True)):
+        for number, object_id in enumerate(association):
             if object_id in outlook.births:
                 existence[object_id] = float(outlook.birth_existence[number])
-                total += float(outlook.log_intensity[number])
-                if detection.has_range:
-                    total -= _log_peak(outlook.births[object_id].covariance)
+                total += float(outlook.log_intensity[number]) + outlook.births[object_id].log_scale
         return total, existence
 
 
@@ -374,16 +378,38 @@ def _padded(outlooks: list[Outlook], known: list[int], born: list[int]) -> Predi
     mean = np.zeros((len(outlooks), columns, dimension))
     covariance = np.tile(np.eye(columns * dimension), (len(outlooks), 1, 1))
     for parent, outlook in enumerate(outlooks):
-        own = np.concatenate([[0], 1 + np.searchsorted(known, outlook.near)]).astype(int)
-        mean[parent, own] = outlook.predicted.mean[0]
+        known_columns = 1 + np.searchsorted(known, outlook.near)
+        own = np.concatenate([[0], known_columns, 1 + len(known) + np.arange(len(born))]).astype(int)
         places = (own[:, None] * dimension + np.arange(dimension)).ravel()
-        covariance[parent, places[:, None], places] = outlook.predicted.covariance[0]
-        for number, prior in enumerate(outlook.births.values()):
-            column = 1 + len(known) + number
-            mean[parent, column] = prior.mean
-            block = slice(column * dimension, (column + 1) * dimension)
-            covariance[parent, block, block] = prior.covariance
+        states, spread = _with_births(outlook.predicted, list(outlook.births.values()))
+        mean[parent, own] = states
+        covariance[parent, places[:, None], places] = spread
     return Predicted(mean, covariance)
+
+
+def _with_births(predicted: Predicted, births: list[Birth]) -> tuple[Array, Array]:
+    """States (1 + M + D, d) and their covariance: robot, near objects, and the objects that D detections start."""
+    before, dimension = predicted.covariance[0], predicted.mean.shape[-1]
+    size = len(before)
+    if not births:
+        return predicted.mean[0], before
+    gains = np.concatenate([birth.gain for birth in births])
+    cross = gains @ before[:dimension]
+    spread = np.block([[before, cross.T], [cross, gains @ before[:dimension, :dimension] @ gains.T]])
+    for number, birth in enumerate(births):
+        block = slice(size + number * dimension, size + (number + 1) * dimension)
+        spread[block, block] += birth.spread
+    return np.concatenate([predicted.mean[0], np.array([birth.prior.mean for birth in births])]), spread
+
+
+def _without_headings(predicted: Predicted) -> Predicted:
+    """The same with objects that do not turn: no measurement depends on it, and a wide angle bends their positions."""
+    size, dimension = predicted.covariance.shape[-1], predicted.mean.shape[-1]
+    headings = np.arange(2 * dimension - 1, size, dimension)
+    covariance = predicted.covariance.copy()
+    covariance[:, headings], covariance[:, :, headings] = 0.0, 0.0
+    covariance[:, headings, headings] = FIXED_HEADING_VARIANCE
+    return Predicted(predicted.mean, covariance)
 
 
 def _prediction(population: Population, reach: Index, chosen: Index, predicted: Predicted) -> Prediction:
@@ -436,13 +462,3 @@ def _position_sigma(covariance: Array) -> float:
 def _ranges_and_bearings(step: Step) -> tuple[Array, Array]:
     ranges = np.array([detection.range_m for detection in step.detections], dtype=np.float64)
     return ranges, np.array([detection.bearing_rad for detection in step.detections], dtype=np.float64)
-
-
-def _log_area(detection: Any) -> float:
-    """Log of square metres per metre of range and radian of bearing: densities on the ground become the sensor's."""
-    return float(np.log(detection.range_m)) if detection.has_range else float(-np.log(2.0 * np.pi))
-
-
-def _log_peak(covariance: Array) -> float:
-    """Log density [1/m^2] of a broad prior at its mean: dividing by it leaves an even intensity."""
-    return float(-0.5 * np.linalg.slogdet(2.0 * np.pi * covariance[:2, :2])[1])

@@ -70,6 +70,8 @@ def _check_open_world(configuration: Configuration) -> None:
         return
     if not configuration.distinct_assignment:
         raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
+    if configuration.semantic_model.kind == "gp_correlated":
+        raise InputError("association: open has no gp_correlated class models; set semantic_model.kind: gp_independent")
     if configuration.open_world.min_range_m >= configuration.open_world.max_range_m:
         raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
 
