@@ -28,8 +28,9 @@ class Birth:
     prior: GaussianPrior  # broad, for the graph
     gain: Array  # (3, 3) how the object moves with the robot
     spread: Array  # (3, 3) covariance given the robot, of the small problems
-    log_scale: float  # log of the detection's evidence under an intensity of one, less that under ``spread``
+    noise: Array  # (3, 3) covariance given the robot that the detection leaves
     log_area: float  # log of the detection's evidence under an intensity of one
+    log_stand_in: float  # log of its evidence under ``spread``
 
 
 def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_view_rad: float) -> Birth:
@@ -40,24 +41,17 @@ def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_vie
     """
     prior = model.object_prior(detection, robot)
     gain = se2.adjoint(se2.between(prior.mean, robot))
-    along, across = _widths(detection, prior)
-    cos, sin = np.cos(detection.bearing_rad), np.sin(detection.bearing_rad)
-    turn = np.array([[cos, -sin], [sin, cos]])
-    spread = np.zeros((3, 3))
-    spread[:2, :2] = turn @ np.diag([along**2, across**2]) @ turn.T
-    spread[2, 2] = prior.covariance[2, 2]
-    part = model.geometry(detection, robot[None], prior.mean[None])
-    jacobian = part.jacobian_object[0]
-    own = jacobian @ spread @ jacobian.T + np.eye(len(jacobian))
-    log_evidence = float(part.log_normaliser[0] - 0.5 * np.linalg.slogdet(own)[1])
-    log_area = float(np.log(detection.range_m) if detection.has_range else -np.log(field_of_view_rad))
-    return Birth(prior, gain, spread, log_area - log_evidence, log_area)
-
-
-def _widths(detection: Any, prior: GaussianPrior) -> tuple[float, float]:
-    """Standard deviations [m] along and across the line of sight."""
+    noise = np.diag([0.0, 0.0, prior.covariance[2, 2]])
     if not detection.has_range:
-        sigma = float(np.sqrt(prior.covariance[0, 0]))
-        return sigma, sigma
-    sigma_range, sigma_bearing = np.sqrt(np.diag(detection.covariance))
-    return WIDTH * float(sigma_range), WIDTH * float(sigma_bearing) * float(detection.range_m)
+        noise[:2, :2] = prior.covariance[:2, :2]
+        across = np.hypot(*(prior.mean[:2] - robot[:2])) or 1.0
+        variance = detection.covariance[1, 1] + prior.covariance[0, 0] / across**2
+        stand_in = -0.5 * float(np.log(2.0 * np.pi * variance))
+        return Birth(prior, gain, noise, noise, -float(np.log(field_of_view_rad)), stand_in)
+    cos, sin, reach = np.cos(detection.bearing_rad), np.sin(detection.bearing_rad), detection.range_m
+    polar = np.array([[cos, -reach * sin], [sin, reach * cos]])
+    noise[:2, :2] = polar @ detection.covariance @ polar.T
+    spread = noise.copy()
+    spread[:2, :2] *= WIDTH**2
+    stand_in = model.geometry_peak(detection) - float(np.log1p(WIDTH**2))  # the stand-in is WIDTH^2 times the noise
+    return Birth(prior, gain, spread, noise, float(np.log(reach)), stand_in)

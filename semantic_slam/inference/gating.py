@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.murty import k_best
-from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.observation import Linearisation, ObservationModel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -21,34 +21,35 @@ Index = NDArray[np.int_]
 
 @dataclass(frozen=True)
 class Pairs:
-    """D detections and M objects."""
+    """D detections and M objects; d dimensions of a state."""
 
     log_density: Array  # (D, M) of the detection if it is of this object
     distance: Array  # (D, M) Mahalanobis
+    parts: list[Linearisation]  # D, of M rows each
 
 
-def pair_densities(
-    model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array, dimension: int
-) -> Pairs:
+def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array) -> Pairs:
     """From the predicted ``mean`` (1 + M, d) and ``covariance`` of the robot and M objects."""
-    count = len(mean) - 1
+    count, dimension = len(mean) - 1, mean.shape[-1]
     log_density, distance = np.zeros((len(detections), count)), np.zeros((len(detections), count))
     if not count:
-        return Pairs(log_density, distance)
+        return Pairs(log_density, distance, [])
     blocks = covariance.reshape(1 + count, dimension, 1 + count, dimension)
     objects = np.arange(1, 1 + count)
-    robot = np.broadcast_to(blocks[0, :, 0], (count, dimension, dimension))
-    cross = blocks[0].transpose(1, 0, 2)[objects]  # (M, d, d) robot with object
-    own = blocks[objects, :, objects]
-    joint = np.block([[robot, cross], [np.swapaxes(cross, 1, 2), own]])
-    for number, detection in enumerate(detections):
-        part = model.geometry(detection, np.broadcast_to(mean[0], (count, dimension)), mean[1:])
+    joint = np.empty((count, 2 * dimension, 2 * dimension))
+    joint[:, :dimension, :dimension] = blocks[0, :, 0]
+    joint[:, dimension:, :dimension] = blocks[objects, :, 0]
+    joint[:, :dimension, dimension:] = np.swapaxes(joint[:, dimension:, :dimension], 1, 2)
+    joint[:, dimension:, dimension:] = blocks[objects, :, objects]
+    robot = np.broadcast_to(mean[0], (count, dimension))
+    parts = [model.geometry(detection, robot, mean[1:]) for detection in detections]
+    for number, part in enumerate(parts):
         jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
         spread = jacobian @ joint @ np.swapaxes(jacobian, 1, 2) + np.eye(part.residual.shape[-1])
-        squared = np.einsum("mi,mi->m", part.residual, np.linalg.solve(spread, part.residual[..., None])[..., 0])
+        squared = (part.residual * np.linalg.solve(spread, part.residual[..., None])[..., 0]).sum(-1)
         log_density[number] = part.log_normaliser - 0.5 * squared - 0.5 * np.linalg.slogdet(spread)[1]
         distance[number] = np.sqrt(np.maximum(squared, 0.0))
-    return Pairs(log_density, distance)
+    return Pairs(log_density, distance, parts)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from semantic_slam.inference.component import Component, LostComponentError, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.object_views import Correction, ObjectViews
-from semantic_slam.inference.population import Population
+from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.step import Step
 
@@ -33,7 +33,7 @@ class Grown:
     new_objects: dict[int, GaussianPrior]
     views: dict[int, ObjectViews]
     robot_correction: Correction | None
-    existence: dict[int, float]  # of all objects that the hypothesis keeps
+    account: Account
 
 
 @dataclass
@@ -56,11 +56,15 @@ class OpenComponent(Component):
         isam = plain.isam if settle else _single_step_isam(plain.isam)
         entries = sorted(problem.objects, key=lambda entry: entry.object_id)
         dimension = problem.manifold.dimension
+        states = np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension)
+        covariances = np.array([entry.prior.covariance for entry in entries]).reshape(-1, dimension, dimension)
         population = Population(
             ids=np.array([entry.object_id for entry in entries], dtype=int),
-            existence=np.array([entry.existence for entry in entries]),
-            states=np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension),
-            covariances=np.array([entry.prior.covariance for entry in entries]).reshape(-1, dimension, dimension),
+            existence=np.array([entry.existence for entry in entries], dtype=np.float64),
+            states=states,
+            covariances=covariances,
+            sigmas=position_sigmas(covariances),
+            robot=problem.robot.mean,
             robot_covariance=problem.robot.covariance,
             trail=np.zeros((0, dimension)),
         )
@@ -83,14 +87,14 @@ class OpenComponent(Component):
         key = robot_key(keyframe)
         graph, values = self._factors(step, added, key)
         isam = self.isam if in_place else gtsam.ISAM2(self.isam)
-        predicted = self.manifold.compose(self.newest_robot(), step.motion.control)
+        predicted = self.manifold.compose(self.objects.robot, step.motion.control)
         jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
         child = replace(
             self,
             isam=isam,
             keyframe=keyframe,
             classes=self.classes | {o.object_id: o.assigned_class for o in added.observed if o.assigned_class >= 0},
-            object_ids=frozenset(added.existence),
+            object_ids=frozenset((*self.objects.ids[added.account.kept].tolist(), *added.account.new_ids.tolist())),
             views=self.views | added.views,
             robot_correction=added.robot_correction,
         )
@@ -128,31 +132,40 @@ class OpenComponent(Component):
             before = after
 
     def _population(self, parent: Population, added: Grown, max_fresh: int) -> Population:
-        ids = np.array(sorted(added.existence), dtype=int)
-        kept = parent.holds(ids)
-        dimension = self.manifold.dimension
-        covariances = np.zeros((len(ids), dimension, dimension))
-        covariances[kept] = parent.covariances[parent.rows(ids[kept])]
-        observed = np.isin(ids, [item.object_id for item in added.observed])
-        fresh = np.flatnonzero(observed | (len(ids) <= max_fresh))
-        own = self.robot_and(ids[fresh])
-        covariances[fresh] = own[1:]
-        states = self.states([robot_key(self.keyframe), *(object_key(int(n)) for n in ids)])
+        account, manifold = added.account, self.manifold
+        kept, new = account.kept, len(account.new_ids)
+        ids = np.concatenate([parent.ids[kept], account.new_ids])
+        keys = [object_key(int(n)) for n in ids]
+        states = self._planar_states([*keys, robot_key(self.keyframe)])
+        unknown = np.zeros((new, manifold.dimension, manifold.dimension))
+        covariances = np.concatenate([parent.covariances[kept], unknown])
+        sigmas = np.concatenate([parent.sigmas[kept], np.zeros(new)])
+        fresh = np.arange(len(ids))
+        if len(ids) > max_fresh:
+            fresh = np.unique(np.searchsorted(ids, [item.object_id for item in added.observed])).astype(int)
+        own = self.covariances([robot_key(self.keyframe), *(keys[row] for row in fresh)])
+        covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
         return Population(
             ids=ids,
-            existence=np.array([added.existence[int(n)] for n in ids]),
-            states=states[1:],
+            existence=np.concatenate([account.existence[kept], account.new_existence]),
+            states=states[:-1],
             covariances=covariances,
+            sigmas=sigmas,
+            robot=states[-1],
             robot_covariance=own[0],
-            trail=np.concatenate([parent.trail, states[:1]]),
-            given_up=parent.given_up + len(parent.ids) - int(kept.sum()),
+            trail=np.concatenate([parent.trail, states[-1:]]),
+            given_up=parent.given_up + int((~kept).sum()),
         )
+
+    def _planar_states(self, keys: list[int]) -> Array:
+        """(n, 3) estimates of ascending keys, all at once."""
+        return np.asarray(gtsam.utilities.extractPose2(self.isam.calculateEstimate(keys)))
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
         """As the population has them: the robot first, then all objects."""
         population = self.objects
         assert len(keys) == 1 + len(population.ids)
-        states = np.concatenate([population.trail[-1:], population.states])
+        states = np.concatenate([population.robot[None], population.states])
         covariances = np.concatenate([population.robot_covariance[None], population.covariances])
         corrections = [self.robot_correction, *(self._correction(int(n)) for n in population.ids)]
         for row, correction in enumerate(corrections):
@@ -163,11 +176,6 @@ class OpenComponent(Component):
     def _correction(self, object_id: int) -> Correction | None:
         views = self.views.get(object_id)
         return views.correction if views is not None else None
-
-    def robot_and(self, object_ids: Index) -> Array:
-        """(1 + n, d, d) marginal covariances of the newest robot pose and of some objects."""
-        keys = [robot_key(self.keyframe), *(object_key(int(n)) for n in object_ids)]
-        return np.asarray(self.covariances(keys))
 
 
 def _single_step_isam(isam: gtsam.ISAM2) -> gtsam.ISAM2:

@@ -17,7 +17,9 @@ class Population:
     existence: Array  # (O,)
     states: Array  # (O, d) after the newest update
     covariances: Array  # (O, d, d) when the object was last near: later updates only narrow it
-    robot_covariance: Array  # (d, d) after the newest update
+    sigmas: Array  # (O,) largest standard deviation of a position then, metres
+    robot: Array  # (d,) after the newest update
+    robot_covariance: Array  # (d, d)
     trail: Array  # (T, d) robot at each keyframe, as estimated then
     given_up: int = 0  # objects removed so far for want of existence
 
@@ -25,8 +27,19 @@ class Population:
         """Where (n,) objects stand; all of them must be there."""
         return np.asarray(np.searchsorted(self.ids, object_ids))
 
-    def holds(self, object_ids: Index) -> NDArray[np.bool_]:
-        """(n,) which objects are there."""
-        if not len(self.ids):
-            return np.zeros(len(object_ids), dtype=bool)
-        return np.asarray(self.ids[np.minimum(self.rows(object_ids), len(self.ids) - 1)] == object_ids)
+
+@dataclass(frozen=True)
+class Account:
+    """What one continuation makes of its parent's O objects, and of those that it starts."""
+
+    existence: Array  # (O,) after this keyframe
+    kept: NDArray[np.bool_]  # (O,)
+    new_ids: Index  # (n,) ascending, above all of the parent's
+    new_existence: Array  # (n,)
+
+
+def position_sigmas(covariances: Array) -> Array:
+    """(O,) largest standard deviations of positions [m], from (O, d, d)."""
+    xx, yy, xy = covariances[:, 0, 0], covariances[:, 1, 1], covariances[:, 0, 1]
+    largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    return np.asarray(np.sqrt(np.maximum(largest, 0.0)))
