@@ -87,7 +87,7 @@ class Linear:
             )
         self._fill(result, row, columns, seen, shift.reshape(-1, size), after)
         if seen:
-            result.bend[row] = self._bend(seen, jacobian @ shift)
+            result.bend[row] = self._bend(seen, jacobian @ shift, np.diag(cross @ jacobian.T))
 
     def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, float]:
         """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser."""
@@ -104,9 +104,12 @@ class Linear:
             at += len(own)
         return residual, jacobian, log_normaliser
 
-    def _bend(self, seen: list[int], change: Array) -> float:
-        """A direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term."""
-        squared = (change.reshape(len(seen), -1) ** 2).sum(axis=1)
+    def _bend(self, seen: list[int], change: Array, variances: Array) -> float:
+        """A direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term.
+
+        ``change`` c of the whitened measurements from prediction to mode, and ``variances`` of the prediction.
+        """
+        squared = np.maximum(change**2, variances).reshape(len(seen), -1).sum(axis=1)
         return float((0.5 * self.turns[seen] * squared).max())
 
     def _fill(

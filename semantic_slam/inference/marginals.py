@@ -34,9 +34,12 @@ class Mixture:
     forgotten_views: NDArray[np.uint32]  # (H, O)
     existence: Array  # (H, O) NaN where a hypothesis has no such object
 
-    def association_history(self, row: int) -> tuple[tuple[int, ...], ...]:
-        """beta_{1:k} of one hypothesis."""
-        return tuple(step.association for step in self.lineages[row])
+    def association_histories(self) -> list[tuple[tuple[int, ...], ...]]:
+        """beta of every hypothesis since they were last one; before that they agree."""
+        newest = len(self.lineages[0])
+        while newest > 0 and any(lineage[newest - 1] is not self.lineages[0][newest - 1] for lineage in self.lineages):
+            newest -= 1
+        return [tuple(step.association for step in lineage[newest:]) for lineage in self.lineages]
 
     def associations(self) -> NDArray[np.int64]:
         """(H, D) object ids of the newest keyframe's detections, -1 clutter."""
@@ -89,7 +92,7 @@ def state_belief(
         forgotten_views=mixture.forgotten_views[int(np.argmax(weights))],
         descriptors=np.zeros((count, 0)),
         descriptor_covariances=np.zeros((count, 0)),
-        association_entropy=association_entropy(weights, [mixture.association_history(h) for h in range(len(weights))]),
+        association_entropy=association_entropy(weights, mixture.association_histories()),
         component_entropy=component_entropy(weights),
         discarded_mass=discarded_mass,
         dropped=step.dropped,

@@ -37,9 +37,9 @@ Index = NDArray[np.int_]
 
 LEAST_DETECTION_SHARE = 0.02
 """Of the detection probability, for objects that were detected although they seem to lie outside the region."""
-LOST_SIGMA_M = 0.5
-"""Robot's standard deviation from which on one linearisation is not trusted, for weights and for what is in sight."""
-LARGEST_BEND = 0.1
+UNLIKELY = 10.0
+"""Nats behind the best of its parent from which on a candidate is weighed by the linearisation whatever it bends."""
+LARGEST_BEND = 0.3
 """Sigmas of second order in a measurement from which on its assignment is weighed at its own mode."""
 
 
@@ -57,6 +57,7 @@ class _Candidates:
     parents: Index  # (K,)
     columns: Index  # (K, D) into the near objects of the parent, M + i: a new object
     pairs: list[Pairs]  # of each parent
+    log_scores: Array  # (K,) estimates that only compare candidates of one parent
     log_left_out: Array  # (P,) relative to the parent's best
 
 
@@ -127,8 +128,8 @@ class OpenExpander:
         else:
             chosen = [self._assignments(outlook, own) for outlook, own in zip(outlooks, pairs, strict=True)]
         parents = np.repeat(np.arange(len(outlooks)), [len(item.columns) for item in chosen])
-        left_out = np.array([item.log_left_out for item in chosen])
-        return _Candidates(parents, np.concatenate([item.columns for item in chosen]), pairs, left_out)
+        columns, scores = (np.concatenate([getattr(item, name) for item in chosen]) for name in ("columns", "log_scores"))
+        return _Candidates(parents, columns, pairs, scores, np.array([item.log_left_out for item in chosen]))
 
     def _assignments(self, outlook: Outlook, pairs: Pairs) -> Chosen:
         r, detected = outlook.population.existence[outlook.near], outlook.detected[outlook.near]
@@ -170,8 +171,10 @@ class OpenExpander:
             rows = np.flatnonzero(candidates.parents == parent)
             mean, covariance = outlook.predicted.mean[0], outlook.predicted.covariance[0]
             linear = Linear(self.problem.manifold, mean, covariance, pairs, outlook.births, turns)
-            parts.append(linear.evaluate(candidates.columns[rows]))
-            bent += rows[(parts[-1].bend > LARGEST_BEND) | (outlook.sigma_m > LOST_SIGMA_M)].tolist()
+            part = linear.evaluate(candidates.columns[rows])
+            likely = candidates.log_scores[rows] >= candidates.log_scores[rows].max() - UNLIKELY
+            bent += rows[(part.bend > LARGEST_BEND) & likely].tolist()
+            parts.append(part)
         result, ids = joined(parts), self._ids(step, outlooks, candidates)
         if bent and len(step.detections):
             chosen = np.array(bent)
@@ -289,7 +292,7 @@ class OpenExpander:
         ranges = np.array([detection.range_m for detection in step.detections], dtype=np.float64)
         seen = ranges, np.array([detection.bearing_rad for detection in step.detections], dtype=np.float64)
         detected = np.zeros((len(rows), len(outlook.detected)))
-        if outlook.sigma_m < LOST_SIGMA_M and self.region.occluder_radius_m <= 0.0:
+        if not outlook.is_lost and self.region.occluder_radius_m <= 0.0:
             detected[:] = outlook.detected
             return detected
         robot, covariance = result.robot[rows], result.robot_covariance[rows]

@@ -21,6 +21,9 @@ from semantic_slam.inference.stack import Predicted
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
+LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
+"""Standard deviations of the predicted robot from which on it counts as lost."""
+
 
 @dataclass(frozen=True)
 class Outlook:
@@ -46,9 +49,11 @@ class Outlook:
         return self.population.ids[self.near]
 
     @property
-    def sigma_m(self) -> float:
-        """Largest standard deviation of the predicted robot's position."""
-        return float(position_sigmas(self.prediction.robot_covariance[None])[0])
+    def is_lost(self) -> bool:
+        """Whether the prediction does not tell what is in sight."""
+        spread = self.prediction.robot_covariance
+        far = float(position_sigmas(spread[None])[0]) > LOST_SIGMA_M
+        return far or float(spread[2, 2]) > LOST_SIGMA_RAD**2
 
 
 class Lookout:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry import se2
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.existence import SensorRegion
 
 Array = NDArray[np.float64]
@@ -56,11 +57,16 @@ def _relative_covariance(relative: Array, prediction: Prediction, covariance: Ar
 
 
 def undetected_share(region: SensorRegion, trail: Array, points: Array) -> Array:
-    """(D,) probabilities that objects at ``points`` (D, 2) in map were not detected from ``trail`` (T, 3) so far."""
-    offset = points[None] - trail[:, None, :2]
-    near = (np.hypot(offset[..., 0], offset[..., 1]) < region.max_range_m + 1.0).any(axis=1)
-    offset, yaw = offset[near], trail[near, None, 2]
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    relative = np.stack([cos * offset[..., 0] + sin * offset[..., 1], cos * offset[..., 1] - sin * offset[..., 0]], -1)
-    inside = region.contains(relative, np.zeros((2, 2)))
-    return np.asarray(np.prod(1.0 - region.detection_probability * inside, axis=0))
+    """(D,) probabilities that objects at ``points`` (D, 2) in map were not detected from ``trail`` (T, 3) so far.
+
+    Positions count as known: what is looked for lies where a detection is.
+    """
+    share = np.ones(len(points))
+    for row, point in enumerate(points):
+        x, y = point[0] - trail[:, 0], point[1] - trail[:, 1]
+        distance = np.hypot(x, y)
+        near = np.flatnonzero((distance > region.min_range_m) & (distance < region.max_range_m))
+        bearing = wrap_angle(np.arctan2(y[near], x[near]) - trail[near, 2])
+        looks = int((np.abs(bearing) <= 0.5 * region.field_of_view_rad).sum())
+        share[row] = (1.0 - region.detection_probability) ** looks
+    return share
