@@ -86,7 +86,12 @@ def _detected(
 
 
 def _measurements(
-    sequence: int, x: np.ndarray, polar: np.ndarray, labels: tuple[int, ...], random: np.random.Generator, semantic: bool
+    sequence: int,
+    x: np.ndarray,
+    polar: np.ndarray,
+    labels: tuple[int, ...],
+    random: np.random.Generator,
+    semantic: bool,
 ) -> SemanticMeasurements:
     count = len(polar)
     model = ParametricModel(0.25, 15.0)

@@ -1,7 +1,7 @@
 """Which detections may be of which objects, and the best joint assignments of one hypothesis.
 
-Costs are those of single pairs, linearised at the prediction. The sum over the rows of all of them bounds the mass
-that is not enumerated: it holds every assignment, those that use an object twice included.
+Costs are those of single pairs, linearised at the prediction. The sum over all assignments is known exactly in these
+terms, and so is the mass of those that are not enumerated.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,11 @@ from semantic_slam.inference.observation import Linearisation, ObservationModel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
+
+LARGEST_SET = 12
+"""Detections of which all sets are looked at."""
+NEGLIGIBLE = 1e-15
+"""Weight relative to the best of a detection."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,7 @@ class Chosen:
 
     columns: Index  # (B, D) object, or M + i: detection i is of no known object
     log_scores: Array  # (B,)
-    log_left_out: float  # bound on the mass of all others, relative to the best
+    log_left_out: float  # mass of all others, relative to the best
 
 
 def best_assignments(log_known: Array, admitted: NDArray[np.bool_], log_new: Array, limit: int, gate: float) -> Chosen:
@@ -75,8 +80,34 @@ def best_assignments(log_known: Array, admitted: NDArray[np.bool_], log_new: Arr
     scores = -total
     kept = scores >= scores[0] - gate
     columns, scores = columns[kept], scores[kept]
-    everything = float(np.logaddexp.reduce(np.column_stack([log_known, log_new]), axis=1).sum())
-    return Chosen(columns, scores, _log_rest(everything, scores) - float(scores[0]))
+    return Chosen(columns, scores, _log_rest(log_sum_of_all(log_known, log_new), scores) - float(scores[0]))
+
+
+def log_sum_of_all(log_known: Array, log_new: Array) -> float:
+    """Log of the sum over all assignments of D detections to distinct objects out of M, or to none.
+
+    One object after the other takes no detection or one of those left: a sum over the sets of detections that are
+    taken, 2^D terms. With more than :data:`LARGEST_SET` detections an upper bound, in which objects may be taken twice.
+    """
+    count = len(log_new)
+    scale = np.maximum(log_new, log_known.max(axis=1, initial=-np.inf))
+    known, new = np.exp(log_known - scale[:, None]), np.exp(log_new - scale)
+    if count > LARGEST_SET:
+        return float((np.log(known.sum(axis=1) + new) + scale).sum())
+    taken = np.zeros((2,) * count)
+    taken[(0,) * count] = 1.0
+    for weights in known.T[(known > NEGLIGIBLE).any(axis=0)]:
+        before = taken.copy()
+        for number in np.flatnonzero(weights > NEGLIGIBLE):
+            free, used = (_at(number, state, count) for state in (0, 1))
+            taken[used] += weights[number] * before[free]
+    for number in range(count):  # those left over are of no known object
+        taken = taken[0] * new[number] + taken[1]
+    return float(np.log(taken) + scale.sum())
+
+
+def _at(axis: int, state: int, count: int) -> tuple[slice | int, ...]:
+    return tuple(state if number == axis else slice(None) for number in range(count))
 
 
 def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:

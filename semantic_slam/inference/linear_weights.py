@@ -112,9 +112,7 @@ class Linear:
         squared = np.maximum(change**2, variances).reshape(len(seen), -1).sum(axis=1)
         return float((0.5 * self.turns[seen] * squared).max())
 
-    def _fill(
-        self, result: Evaluated, row: int, columns: Index, seen: list[int], shift: Array, after: Array
-    ) -> None:
+    def _fill(self, result: Evaluated, row: int, columns: Index, seen: list[int], shift: Array, after: Array) -> None:
         """States and covariances at the mode; charts are those of the prediction, for shifts are small."""
         size = self.dimension
         own = [0, *(1 + int(columns[number]) for number in seen)]

@@ -128,7 +128,9 @@ class OpenExpander:
         else:
             chosen = [self._assignments(outlook, own) for outlook, own in zip(outlooks, pairs, strict=True)]
         parents = np.repeat(np.arange(len(outlooks)), [len(item.columns) for item in chosen])
-        columns, scores = (np.concatenate([getattr(item, name) for item in chosen]) for name in ("columns", "log_scores"))
+        columns, scores = (
+            np.concatenate([getattr(item, name) for item in chosen]) for name in ("columns", "log_scores")
+        )
         return _Candidates(parents, columns, pairs, scores, np.array([item.log_left_out for item in chosen]))
 
     def _assignments(self, outlook: Outlook, pairs: Pairs) -> Chosen:
@@ -301,9 +303,7 @@ class OpenExpander:
         )
         return detected
 
-    def _account(
-        self, outlook: Outlook, association: Index, born: Index, detected: Array
-    ) -> tuple[float, Account]:
+    def _account(self, outlook: Outlook, association: Index, born: Index, detected: Array) -> tuple[float, Account]:
         """Log factor and account of one continuation; ``detected`` (O,) probabilities of its parent's objects."""
         before = outlook.population.existence
         is_new = association >= born[0] if len(born) else np.zeros(0, dtype=bool)

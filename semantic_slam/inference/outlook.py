@@ -109,9 +109,7 @@ class Lookout:
         order = np.argsort(excess, kind="stable")[:limit]
         return np.asarray(np.sort(order[excess[order] < 1.0]))
 
-    def _births(
-        self, population: Population, births: list[Birth], detections: Sequence[Any]
-    ) -> tuple[Array, Array]:
+    def _births(self, population: Population, births: list[Birth], detections: Sequence[Any]) -> tuple[Array, Array]:
         """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
         if not births:
             return np.zeros(0), np.zeros(0)
