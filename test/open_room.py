@@ -97,7 +97,7 @@ def _measurements(
     model = ParametricModel(0.25, 15.0)
     features = np.zeros((count, model.num_features if semantic else 0))
     for row, number in enumerate(labels if semantic else ()):
-        o = OBJECTS[number] if number >= 0 else np.append(x[:2] + [1.0, 1.0], random.uniform(-3.0, 3.0))
+        o = OBJECTS[number] if number >= 0 else np.array([x[0] + 1.0, x[1] + 1.0, random.uniform(-3.0, 3.0)])
         camera = se2.between(o, x)
         view = Viewpoints(np.array([np.arctan2(camera[1], camera[0])]), np.zeros(1), np.ones(1))
         prediction = model.predict(np.array([max(number, 0) % 2]), view)

@@ -1,4 +1,4 @@
-"""A run without a map: the right objects come to exist, false alarms do not, and nothing depends on the division of work."""
+"""A run without a map: the right objects come to exist, false alarms do not, however the work is divided."""
 
 import dataclasses
 

@@ -228,7 +228,7 @@ class Backend:
     def _component_row(
         self, component: Component, registry: ObjectRegistry
     ) -> tuple[Array, Array, ClassKnowledge, Array]:
-        """Poses (1 + O, 7) and covariances (1 + O, 6, 6), the robot's first, NaN for absent objects; classes; r (O,)."""
+        """Poses (1 + O, 7) and covariances (1 + O, 6, 6), the robot's first, NaN for what is absent; classes; r (O,)."""
         present = [i for i, n in enumerate(registry.ids) if n in component.object_ids]
         keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
         states, covariances = component.corrected(keys)
@@ -238,8 +238,10 @@ class Backend:
         poses[rows] = self.problem.reader.poses(states)
         spread[rows] = self.problem.reader.covariances(states, covariances)
         existence = np.full(len(registry.ids), np.nan)
-        is_open = isinstance(component, OpenComponent)
-        existence[present] = component.objects.existence if is_open else registry.existence()[present]
+        if isinstance(component, OpenComponent):
+            existence[present] = component.objects.existence
+        else:
+            existence[present] = registry.existence()[present]
         return poses, spread, class_knowledge(component, registry), existence
 
 

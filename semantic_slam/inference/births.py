@@ -2,7 +2,7 @@
 
 Where such an object is follows from the robot and from the detection alone. In the small problems of the weights its
 position has a Gaussian about the measured one, in the robot's frame and a few times as wide as the measurement, and
-its density at that point is divided out again: what stays is an even intensity on the ground, whatever the robot's pose.
+its density at that point is divided out again: what stays is an even intensity on the ground.
 """
 
 from dataclasses import dataclass

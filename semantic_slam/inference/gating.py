@@ -99,10 +99,10 @@ def log_sum_of_all(log_known: Array, log_new: Array) -> float:
     for weights in known.T[(known > NEGLIGIBLE).any(axis=0)]:
         before = taken.copy()
         for number in np.flatnonzero(weights > NEGLIGIBLE):
-            free, used = (_at(number, state, count) for state in (0, 1))
+            free, used = (_at(int(number), state, count) for state in (0, 1))
             taken[used] += weights[number] * before[free]
-    for number in range(count):  # those left over are of no known object
-        taken = taken[0] * new[number] + taken[1]
+    for weight in new:  # those left over are of no known object
+        taken = taken[0] * weight + taken[1]
     return float(np.log(taken) + scale.sum())
 
 

@@ -54,7 +54,7 @@ class ObjectRegistry:
         place = {n: i for i, n in enumerate(self.ids)}
         known = [self._class_priors[place[n]] if n in place else self._uniform for n in object_ids]
         with np.errstate(divide="ignore"):
-            return np.log(np.array(known).reshape(len(object_ids), len(self._uniform)))
+            return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._uniform))))
 
     def index(self, object_id: int) -> int:
         """Position of an object in ``ids``."""

@@ -89,13 +89,16 @@ class OpenComponent(Component):
         isam = self.isam if in_place else gtsam.ISAM2(self.isam)
         predicted = self.manifold.compose(self.objects.robot, step.motion.control)
         jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
+        account = added.account
+        alive = frozenset((*self.objects.ids[account.kept].tolist(), *account.new_ids.tolist()))
+        classes = self.classes | {o.object_id: o.assigned_class for o in added.observed if o.assigned_class >= 0}
         child = replace(
             self,
             isam=isam,
             keyframe=keyframe,
-            classes=self.classes | {o.object_id: o.assigned_class for o in added.observed if o.assigned_class >= 0},
-            object_ids=frozenset((*self.objects.ids[added.account.kept].tolist(), *added.account.new_ids.tolist())),
-            views=self.views | added.views,
+            classes={number: cls for number, cls in classes.items() if number in alive},
+            object_ids=alive,
+            views={number: views for number, views in (self.views | added.views).items() if number in alive},
             robot_correction=added.robot_correction,
         )
         try:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +121,7 @@ def _over(answer: Components, ids: NDArray[np.uint32], class_prior: Array) -> Co
     places = np.searchsorted(ids, answer.object_ids)
     shape = (len(answer.ids), len(ids))
 
-    def spread(values: Array, fill: Array | float) -> Array:
+    def spread(values: NDArray[Any], fill: Array | float) -> NDArray[Any]:
         full = np.empty((*shape, *values.shape[2:]), dtype=values.dtype)
         full[...] = fill
         full[:, places] = values
