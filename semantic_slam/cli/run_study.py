@@ -12,6 +12,7 @@ STUDIES = {
     "avd_bigbird": "semantic_slam.studies.avd_bigbird",
     "ch3_localization": "semantic_slam.studies.ch3_localization",
     "ch3_model_uncertainty": "semantic_slam.studies.ch3_model_uncertainty",
+    "victoria_park": "semantic_slam.studies.victoria_park",
     "rendered_localization": "semantic_slam.studies.rendered_localization",
     "rendered_model_uncertainty": "semantic_slam.studies.rendered_model_uncertainty",
 }

@@ -228,7 +228,7 @@ class Backend:
     def _component_row(
         self, component: Component, registry: ObjectRegistry
     ) -> tuple[Array, Array, ClassKnowledge, Array]:
-        """Poses (1 + O, 7) and covariances (1 + O, 6, 6), the robot's first, NaN for what is absent; classes; r (O,)."""
+        """Poses (1 + O, 7), covariances (1 + O, 6, 6), the robot first, NaN for what is absent; classes; existence."""
         present = [i for i, n in enumerate(registry.ids) if n in component.object_ids]
         keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
         states, covariances = component.corrected(keys)

@@ -21,6 +21,8 @@ JUMP = 0.5
 """Change of the robot's predicted state, metres or radians, after which updates are repeated even if not settled."""
 MAX_UPDATES = 8
 CONVERGED = 1e-4
+RELINEARIZE_SKIP = 5
+"""Keyframes from one relinearisation to the next where updates are not iterated."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class OpenComponent(Component):
         """Updates until the states of this keyframe stand still; without ``settle`` one, the next keyframe goes on."""
         before = self.states(keys)
         for _ in range(MAX_UPDATES if self.settle else 1):
-            self.isam.update()
+            self.isam.update(force_relinearize=True)
             after = self.states(keys)
             if np.abs(self.manifold.local(before, after)).max() < CONVERGED:
                 return
@@ -184,7 +186,7 @@ class OpenComponent(Component):
 def _single_step_isam(isam: gtsam.ISAM2) -> gtsam.ISAM2:
     """The same system, with thresholds for one update per keyframe."""
     parameters = gtsam.ISAM2Params()
-    parameters.relinearizeSkip = 1
+    parameters.relinearizeSkip = RELINEARIZE_SKIP
     parameters.setRelinearizeThreshold(0.1)
     renewed = gtsam.ISAM2(parameters)
     renewed.update(isam.getFactorsUnsafe(), isam.getLinearizationPoint())

@@ -126,14 +126,15 @@ class OpenExpander:
         if path is not None:
             chosen = [Chosen(self._columns(step, outlooks[0], path), np.zeros(1), -np.inf)]
         else:
-            chosen = [self._assignments(outlook, own) for outlook, own in zip(outlooks, pairs, strict=True)]
+            chosen = [self.assignments(outlook, own) for outlook, own in zip(outlooks, pairs, strict=True)]
         parents = np.repeat(np.arange(len(outlooks)), [len(item.columns) for item in chosen])
         columns, scores = (
             np.concatenate([getattr(item, name) for item in chosen]) for name in ("columns", "log_scores")
         )
         return _Candidates(parents, columns, pairs, scores, np.array([item.log_left_out for item in chosen]))
 
-    def _assignments(self, outlook: Outlook, pairs: Pairs) -> Chosen:
+    def assignments(self, outlook: Outlook, pairs: Pairs) -> Chosen:
+        """The joint assignments of one parent that are weighed."""
         r, detected = outlook.population.existence[outlook.near], outlook.detected[outlook.near]
         with np.errstate(divide="ignore"):
             log_ratio = np.log(r * np.maximum(detected, self._least_detected)) - missed(r, detected)[0]
@@ -211,7 +212,9 @@ class OpenExpander:
         mode = find_modes(stack, found.start)
         used, prior = np.arange(len(step.detections)), setting.log_class_prior
         births = self._priors(step, outlooks)
-        semantics = Weighed(none, np.full(len(mode.y), np.nan), [{} for _ in mode.y], [None] * len(mode.y))
+        semantics = Weighed(
+            np.zeros(len(mode.y)), np.full(len(mode.y), np.nan), [{} for _ in mode.y], [None] * len(mode.y)
+        )
         if self.problem.semantics is not None:
             moment = Moment(step, components, stack, mode, used, small.object_ids, prior, births)
             semantics = self.problem.semantics.weigh(moment)

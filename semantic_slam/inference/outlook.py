@@ -91,7 +91,7 @@ class Lookout:
     ) -> Index:  # fmt: skip
         """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
 
-        The bound on the distance takes the errors of robot and object as fully correlated, whichever way is worst.
+        The bound takes the errors of robot and object as independent: what they share brings them closer.
         """
         limit = self.settings.max_joint_objects
         if len(population.ids) <= limit:
@@ -102,9 +102,9 @@ class Lookout:
             if not detection.has_range:
                 excess[reach] = np.minimum(excess[reach], 0.0)
                 continue
-            drift = sigma + np.sqrt(spread[2, 2]) * detection.range_m + population.sigmas
+            swing = spread[2, 2] * detection.range_m**2
             noise = float(position_sigmas(born.noise[None])[0])
-            bound = self.settings.gate_sigma * np.sqrt(drift**2 + noise**2)
+            bound = self.settings.gate_sigma * np.sqrt(sigma**2 + swing + population.sigmas**2 + noise**2)
             excess = np.minimum(excess, _distances(population.states, born.prior.mean) / bound)
         order = np.argsort(excess, kind="stable")[:limit]
         return np.asarray(np.sort(order[excess[order] < 1.0]))
