@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.inference.component import Component, LostComponentError, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.local_map import LocalMap
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
@@ -36,14 +37,16 @@ class Grown:
     views: dict[int, ObjectViews]
     robot_correction: Correction | None
     account: Account
+    local: LocalMap  # after the detections
 
 
 @dataclass
 class OpenComponent(Component):
-    """``population`` mirrors what iSAM2 holds; ``settle`` False: one update per keyframe."""
+    """``population`` mirrors what iSAM2 holds; ``settle`` False: one update per keyframe, and a ``local`` map."""
 
     population: Population | None = None
     settle: bool = True
+    local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
 
     @property
     def objects(self) -> Population:
@@ -102,6 +105,7 @@ class OpenComponent(Component):
             object_ids=alive,
             views={number: views for number, views in (self.views | added.views).items() if number in alive},
             robot_correction=added.robot_correction,
+            local=None if self.settle or jumped else added.local,
         )
         try:
             isam.update(graph, values)

@@ -5,7 +5,7 @@ objects not detected so far against false alarms. Objects that should have been 
 and their hypothesis weight, by the same probabilities.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import hypothesis_id
 from semantic_slam.inference.laplace import find_modes, search_start
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
+from semantic_slam.inference.local_map import LocalMap, Seen
 from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.open_component import Grown, OpenComponent
 from semantic_slam.inference.outlook import Lookout, Outlook
@@ -48,6 +49,8 @@ class OpenContinuations(Continuations):
     """Besides: what each continuation makes of the objects' existence."""
 
     accounts: list[Account] = field(default_factory=list)  # K
+    outlooks: list[Outlook] = field(default_factory=list)  # P
+    pairs: list[Pairs] = field(default_factory=list)  # P
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class OpenExpander:
             weighable = self._with_classes(step, outlooks, candidates, components, path)
         else:
             weighable = self._geometric(step, outlooks, candidates)
-        return self._weighed(step, parent_ids, outlooks, weighable)
+        return self._weighed(step, parent_ids, outlooks, weighable, candidates.pairs)
 
     def grown(
         self, component: Component, step: Step, found: OpenContinuations, at: int, *, in_place: bool
@@ -110,6 +113,7 @@ class OpenExpander:
             found.views[at],
             found.robot_corrections[at],
             account,
+            _local_after(found.outlooks[found.parents[at]], found.pairs[found.parents[at]], taken.association, births),
         )
         return component.grown(step, added, self.settings.max_joint_objects, in_place=in_place)
 
@@ -247,7 +251,12 @@ class OpenExpander:
         )
 
     def _weighed(
-        self, step: Step, parent_ids: Sequence[int], outlooks: list[Outlook], found: _Weighable
+        self,
+        step: Step,
+        parent_ids: Sequence[int],
+        outlooks: list[Outlook],
+        found: _Weighable,
+        pairs: list[Pairs],
     ) -> OpenContinuations:
         result, parents = found.result, found.parents
         ids = [
@@ -274,6 +283,8 @@ class OpenExpander:
             views=found.semantics.views,
             robot_corrections=found.semantics.robot,
             accounts=accounts,
+            outlooks=outlooks,
+            pairs=pairs,
         )
 
     def _existence(self, step: Step, outlooks: list[Outlook], found: _Weighable) -> tuple[Array, list[Account]]:
@@ -320,6 +331,20 @@ class OpenExpander:
         births = sum(outlook.births[n].log_area - outlook.births[n].log_stand_in for n in new)
         total = float(log_factor.sum() + outlook.log_intensity[new].sum() + births)
         return total, Account(after, kept, association[new], outlook.birth_existence[new])
+
+
+def _local_after(outlook: Outlook, pairs: Pairs, association: tuple[int, ...], births: Collection[int]) -> LocalMap:
+    """The parent's local map with the detections of one continuation, and the objects that it starts."""
+    seen, local = [], outlook.local
+    for number, object_id in enumerate(association):
+        if object_id not in births:
+            part, column = pairs.parts[number], int(np.searchsorted(outlook.near_ids, object_id))
+            seen.append(Seen(object_id, part.jacobian_robot[column], part.jacobian_object[column]))
+    local = local.updated(seen)
+    for number, object_id in enumerate(association):
+        if object_id in births:
+            local = local.with_new(object_id, outlook.births[number].gain, outlook.births[number].noise)
+    return local
 
 
 def _lineage_steps(rows: Rows, object_ids: Sequence[int]) -> list[LineageStep]:

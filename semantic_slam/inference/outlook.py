@@ -12,6 +12,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, Motion, object_key, robot_key
 from semantic_slam.inference.existence import SensorRegion, birth
+from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.population import Population, position_sigmas
@@ -23,6 +24,8 @@ Index = NDArray[np.int_]
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
+LOCAL_OBJECTS = 12
+"""Objects around the robot that a local map holds from the start, besides those near the detections."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,7 @@ class Outlook:
     component: OpenComponent
     near: Index  # (M,) rows of the population whose covariance with the robot is known
     predicted: Predicted  # of one parent: robot and near objects
+    local: LocalMap  # predicted, holds all near objects
     births: list[Birth]  # D
     log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, in the region
     birth_existence: Array  # (D,)
@@ -77,13 +81,14 @@ class Lookout:
             _distances(population.states, robot) < self.region.max_range_m + self.settings.gate_sigma * sigma
         )
         near = self._near(population, robot, spread, births, detections, reach)
-        predicted = _predicted(component, motion, robot, near)
+        local = _local(component, robot, near).moved(transition, motion.covariance)
+        predicted = _predicted(population, robot, near, local)
         prediction = _prediction(population, reach, near, predicted)
         intensity, existence = self._births(population, births, detections)
         detected = np.zeros(len(population.ids))
         nothing = (np.zeros(0), np.zeros(0))
         detected[reach] = detection_probabilities(self.region, prediction, robot[None], spread[None], nothing)[0]
-        return Outlook(component, near, predicted, births, intensity, existence, reach, prediction, detected)
+        return Outlook(component, near, predicted, local, births, intensity, existence, reach, prediction, detected)
 
     def _near(
         self, population: Population, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any],
@@ -133,16 +138,23 @@ def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
     )
 
 
-def _predicted(component: OpenComponent, motion: Motion, robot: Array, near: Index) -> Predicted:
-    """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects, from what the population mirrors."""
-    population, dimension = component.objects, component.manifold.dimension
-    keys = [robot_key(component.keyframe), *(object_key(int(n)) for n in population.ids[near])]
-    covariance = component.joint_covariance(keys) if len(near) else population.robot_covariance.copy()
-    transition = component.manifold.propagation(motion.control)
-    covariance[:dimension] = transition @ covariance[:dimension]
-    covariance[:, :dimension] = covariance[:, :dimension] @ transition.T
-    covariance[:dimension, :dimension] += motion.covariance
-    return Predicted(np.concatenate([robot[None], population.states[near]])[None], covariance[None])
+def _local(component: OpenComponent, robot: Array, near: Index) -> LocalMap:
+    """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be."""
+    population, known = component.objects, component.local
+    ids = population.ids[near]
+    if known is not None and known.age < LARGEST_AGE and known.holds(ids):
+        return known
+    if not component.settle:
+        around = np.argsort(_distances(population.states, robot), kind="stable")[:LOCAL_OBJECTS]
+        ids = population.ids[np.union1d(near, around)]
+    keys = [robot_key(component.keyframe), *(object_key(int(n)) for n in ids)]
+    return LocalMap(ids, component.joint_covariance(keys) if len(ids) else population.robot_covariance.copy())
+
+
+def _predicted(population: Population, robot: Array, near: Index, local: LocalMap) -> Predicted:
+    """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects."""
+    mean = np.concatenate([robot[None], population.states[near]])
+    return Predicted(mean[None], local.of(population.ids[near], len(robot))[None])
 
 
 def _prediction(population: Population, reach: Index, near: Index, predicted: Predicted) -> Prediction:
