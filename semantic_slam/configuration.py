@@ -51,9 +51,27 @@ class SemanticModelConfiguration:
 @dataclass(frozen=True)
 class WeightsConfiguration:
     method: str = parameter(
-        "laplace", "evidence of a candidate: damped Laplace or prior samples", choices=("laplace", "sampled")
+        "importance",
+        "evidence of a candidate: damped Laplace with importance samples, damped Laplace alone, or prior samples",
+        choices=("importance", "laplace", "sampled"),
     )
-    num_samples: int = parameter(1000, "prior samples per candidate (the thesis's 1000)", minimum=1)
+    num_samples: int = parameter(1000, "sampled: prior samples per candidate (the thesis's 1000)", minimum=1)
+    importance_samples: int = parameter(
+        1024, "importance: samples of a candidate whose history is not Gaussian", minimum=16
+    )
+    screening_samples: int = parameter(64, "importance: samples that tell whether a candidate is Gaussian", minimum=16)
+    importance_gate: float = parameter(
+        7.0, "importance: nats below the best candidate of its parent at which one is not sampled", minimum=0.0
+    )
+    gaussian_share: float = parameter(
+        0.95,
+        "importance: effective share of samples from which on a hypothesis counts as Gaussian",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    max_history: int = parameter(
+        6, "importance: keyframes that a hypothesis is looked at again while it is not Gaussian", minimum=1
+    )
     gate: float = parameter(
         25.0, "nats below the best association at which classes are not enumerated any more", minimum=0.0
     )

@@ -41,7 +41,7 @@ class Outcome:
     betas: list[tuple]  # of the belief's hypotheses, in its order
 
 
-def run(data: dict, *, semantics: bool = True, method: str = "laplace") -> Outcome:
+def run(data: dict, *, semantics: bool = True, method: str = "importance") -> Outcome:
     """Run a ``ch4_lg`` or ``ch4_se2`` fixture with pruning off."""
     problem, steps = _problem(data, semantics, method)
     run = RunConfiguration("fixture", 0, "", "", np.zeros(7), np.zeros((6, 6)), problem.class_names)
@@ -71,7 +71,15 @@ def _problem(data: dict, semantics: bool, method: str) -> tuple[Problem, list[St
         seed=0,
         association="enumerated",
         distinct=given["exclusive"],
-        weights=WeightsConfiguration(method=method, gate=np.inf, max_candidates=10**9),
+        weights=WeightsConfiguration(
+            method=method,
+            gate=np.inf,
+            max_candidates=10**9,
+            importance_samples=4096,
+            importance_gate=np.inf,
+            gaussian_share=0.9999,
+            max_history=100,
+        ),
         pruning=NO_PRUNING,
     )
     controls = [Motion(np.array(u), as_covariance(given["Sw"])) for u in given["u"]]
@@ -129,5 +137,9 @@ def _outcome(manager: HypothesisManager, belief: HybridBelief, num_classes: int)
             share = float(np.prod(probabilities[np.arange(num_objects), assignment]))
             if share > 0.0:
                 log_evidence = live.log_weight + manager.log_evidence + np.log(share * num_classes**num_objects)
-                hypotheses[beta, assignment] = (weight * share, float(log_evidence))
+                before = hypotheses.get((beta, assignment), (0.0, -np.inf))  # of another mode
+                hypotheses[beta, assignment] = (
+                    before[0] + weight * share,
+                    float(np.logaddexp(before[1], log_evidence)),
+                )
     return Outcome(belief, hypotheses, associations, betas)

@@ -20,6 +20,15 @@ class LinearDetection:
 
 
 @dataclass(frozen=True)
+class LinearDetections:
+    geo: np.ndarray  # (B, 2)
+    sem: np.ndarray  # (B, 2)
+
+    def take(self, index):
+        return LinearDetections(self.geo[index], self.sem[index])
+
+
+@dataclass(frozen=True)
 class LinearModel:
     geometric_covariance: np.ndarray  # (2, 2)
     semantic_covariance: np.ndarray  # (2, 2)
@@ -27,37 +36,41 @@ class LinearModel:
     slopes: np.ndarray  # (C, 2, 2) B_c
     num_classes: int  # 0 leaves the semantics out
 
-    def geometry(self, detection, x, o):
+    def collect(self, detections):
+        return LinearDetections(
+            np.array([z.geo for z in detections]).reshape(-1, 2), np.array([z.sem for z in detections]).reshape(-1, 2)
+        )
+
+    def geometry(self, seen, x, o):
         count = len(x)
         eye = np.broadcast_to(np.eye(2), (count, 2, 2))
-        return _whitened(o - x - detection.geo, -eye, eye, self.geometric_covariance)
+        return _whitened(o - x - seen.geo, -eye, eye, self.geometric_covariance)
 
-    def semantics(self, detection, x, o, classes):
+    def semantics(self, seen, x, o, classes):
         slope = self.slopes[classes]
         mean = self.offsets[classes] + (slope @ (o - x)[..., None])[..., 0]
-        return _whitened(mean - detection.sem, -slope, slope, self.semantic_covariance)
+        return _whitened(mean - seen.sem, -slope, slope, self.semantic_covariance)
 
-    def geometry_peak(self, detection):
-        return float(-0.5 * np.linalg.slogdet(2.0 * np.pi * self.geometric_covariance)[1])
-
-    def heading_profile(self, detection, x, o, classes, sigma):
+    def heading_profile(self, seen, x, o, classes, sigma):
         peak = -0.5 * np.linalg.slogdet(2.0 * np.pi * self.semantic_covariance)[1]
         return np.full((len(classes), 1), peak), np.zeros((len(classes), 1))
 
     def log_visibility(self, x, o, *, soft):
         return np.zeros(len(x))
 
-    def robot_start(self, detection, x, o):
-        return o - detection.geo
+    def robot_start(self, seen, x, o):
+        return o - seen.geo
 
     def object_prior(self, detection, x):
         return GaussianPrior(x + detection.geo, np.eye(2))
 
-    def factors(self, detection, keys, assigned_class, x, o):
-        parts = [lambda x, o: self.geometry(detection, x, o)]
-        if assigned_class >= 0:
-            parts.append(lambda x, o: self.semantics(detection, x, o, np.array([assigned_class])))
-        return [_factor(part, keys) for part in parts]
+    def geometry_factor(self, detection, keys):
+        seen = self.collect([detection])
+        return _factor(lambda x, o: self.geometry(seen, x, o), keys)
+
+    def semantic_factors(self, detections, keys, classes, x, o):
+        part = self.semantics(self.collect(detections), x, o, classes)
+        return [_linear_factor(part, row, pair, x[row], o[row]) for row, pair in enumerate(keys)]
 
 
 def _whitened(residual, jacobian_x, jacobian_o, covariance):
@@ -79,6 +92,16 @@ def _factor(part, keys):
         return linear.residual[0]
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(2), list(keys), error)
+
+
+def _linear_factor(part, row, keys, x, o):
+    values = gtsam.Values()
+    values.insert(keys[0], x)
+    values.insert(keys[1], o)
+    by_robot, by_object = np.asfortranarray(part.jacobian_robot[row]), np.asfortranarray(part.jacobian_object[row])
+    noise = gtsam.noiseModel.Unit.Create(2)
+    linear = gtsam.JacobianFactor(keys[0], by_robot, keys[1], by_object, -part.residual[row], noise)
+    return gtsam.LinearContainerFactor(linear, values)
 
 
 class StepReader:

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from test_hypotheses import ForgetfulPool, assert_same, beliefs
 
 from semantic_slam.configuration import SemanticModelConfiguration
-from semantic_slam.inference.component import Component, Motion, Observed, object_key, robot_key
+from semantic_slam.inference.component import Component, Continued, Motion, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.laplace import find_modes
 from semantic_slam.inference.manager import HypothesisManager
@@ -80,9 +80,8 @@ class OneObject:
         weighed = semantics.weigh(moment)
         states = moment.stack.states(moment.mode.y)[0]
         observed = [Observed(step.detections[0], 0, -1)]
-        self.component = self.component.extended(
-            step.motion, observed, {}, states[0], [states[1]], weighed.views[0], weighed.robot[0]
-        )
+        continued = Continued(states[0], [states[1]], {}, weighed.views[0], weighed.robot[0], None, {}, {})
+        self.component = self.component.extended(step.motion, observed, continued)
         return weighed
 
 
@@ -303,9 +302,9 @@ def test_a_hypothesis_rebuilt_from_its_lineage_is_the_same() -> None:
 def test_there_is_no_semantic_factor() -> None:
     """Each measurement is used once: the graph holds odometry and geometry, nothing else."""
     scene = OneObject(known([0, 0, 0]), known([2, 0, 0]))
-    before = scene.component.isam.getFactorsUnsafe().size()
+    before = scene.component.smoother.isam.getFactorsUnsafe().size()
     problem = problem_of(lost_world().run)
     assert problem.model.num_classes == 0
     assert isinstance(problem.semantics, CorrelatedTracks)
     scene.take(step_of(0, detection(np.full(5, 0.2)), np.zeros(3), 1e-3), problem.semantics)
-    assert scene.component.isam.getFactorsUnsafe().size() - before == 2
+    assert scene.component.smoother.isam.getFactorsUnsafe().size() - before == 2

@@ -4,11 +4,11 @@ from itertools import product
 
 import numpy as np
 import pytest
+from linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.inference.gating import best_assignments, log_sum_of_all, pair_densities
 from semantic_slam.inference.linear_weights import Linear
 from semantic_slam.inference.manifold import PlanarPositions
-from semantic_slam.inference.observation import Linearisation
 
 
 def everything(log_known: np.ndarray, log_new: np.ndarray) -> list[tuple[float, tuple[int, ...]]]:
@@ -56,24 +56,16 @@ def test_no_detections_have_one_assignment() -> None:
     assert np.isneginf(chosen.log_left_out)
 
 
-class Offsets:
-    """z = o - x + noise with variance 0.25 along each axis of the plane: exactly linear."""
-
-    num_classes = 0
-
-    def geometry(self, detection: np.ndarray, x: np.ndarray, o: np.ndarray) -> Linearisation:
-        identity = np.broadcast_to(2.0 * np.eye(2), (len(x), 2, 2))
-        return Linearisation(2.0 * (o - x - detection), -identity, identity, np.full(len(x), np.log(2.0 / np.pi)))
-
-
 def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
-    """p(z1, z2) is normal with covariance J P J' + I / 4, and the robot's posterior is that of conditioning."""
+    """z = o - x + noise: p(z1, z2) is normal with covariance J P J' + I / 4, and the robot's posterior is that of conditioning."""
     random = np.random.default_rng(0)
     mean = random.normal(size=(3, 2))
     root = random.normal(size=(6, 6))
     covariance = root @ root.T + np.eye(6)
-    detections = [mean[1] - mean[0] + 0.3, mean[2] - mean[0] - 0.8]
-    pairs = pair_densities(Offsets(), detections, mean, covariance)
+    offsets = [mean[1] - mean[0] + 0.3, mean[2] - mean[0] - 0.8]
+    detections = [LinearDetection(offset, np.zeros(2)) for offset in offsets]
+    model = LinearModel(0.25 * np.eye(2), np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
+    pairs = pair_densities(model, detections, mean, covariance)
     linear = Linear(PlanarPositions(), mean, covariance, pairs, [], np.zeros(2))
     result = linear.evaluate(np.array([[0, 1], [1, 0]]))
     for row, (first, second) in enumerate([(1, 2), (2, 1)]):
@@ -81,7 +73,7 @@ def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
         jacobian[:, :2] = np.tile(-np.eye(2), (2, 1))
         jacobian[:2, 2 * first : 2 * first + 2] = jacobian[2:, 2 * second : 2 * second + 2] = np.eye(2)
         spread = jacobian @ covariance @ jacobian.T + 0.25 * np.eye(4)
-        innovation = np.concatenate(detections) - jacobian @ mean.ravel()
+        innovation = np.concatenate(offsets) - jacobian @ mean.ravel()
         expected = -0.5 * innovation @ np.linalg.solve(spread, innovation)
         expected -= 0.5 * np.linalg.slogdet(2.0 * np.pi * spread)[1]
         assert result.log_evidence[row] == pytest.approx(expected)

@@ -1,5 +1,6 @@
 """Real nodes over DDS against the offline pipeline: the same beliefs, and nothing lost."""
 
+import re
 import shutil
 import sys
 from dataclasses import replace
@@ -17,6 +18,7 @@ from semantic_slam.pipeline.offline import run_bag
 
 NUM_FRAMES = 10
 FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parent / "faulty_backends.py")]
+EXPECTED_TO_DIE = ["bash", "-c", '"$0" "$@" || true']
 EXAMPLE = [sys.executable, str(Path(__file__).parents[1] / "examples" / "print_belief.py")]
 
 
@@ -88,12 +90,21 @@ def test_one_backend_agrees_with_offline_and_a_user_reads_along(
     assert len(last) == len(reference[-1].object_ids)
 
 
-def test_hypotheses_of_a_dead_backend_move_to_the_others(
+def test_hypotheses_of_a_killed_backend_move_to_the_others(
     offline_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
 ) -> None:
-    dying = {"backend_2": [*FAULTY_BACKENDS, "dying"]}
-    impatient = {"hypothesis_manager": {"backend_timeout_s": 4.0}}
-    assert_same(run(Replay(offline_bag, configuration, tmp_path, 3, commands=dying, parameters=impatient)), reference)
+    """It is missed by its sign of life, long before its time to answer is over."""
+    replay = Replay(
+        offline_bag, configuration, tmp_path, 3, commands={"backend_2": [*EXPECTED_TO_DIE, *FAULTY_BACKENDS, "dying"]}
+    )
+    assert_same(run(replay), reference)
+    killed = re.search(r"killed at ([\d.]+)", replay.output_of("backend_2"))
+    missed = re.search(
+        r"\[([\d.]+)\] \[hypothesis_manager\]: backend_2 is gone", replay.output_of("hypothesis_manager")
+    )
+    assert killed and missed
+    print(f"missed after {float(missed[1]) - float(killed[1]):.2f} s")
+    assert 0.0 < float(missed[1]) - float(killed[1]) < 10.0
 
 
 def test_three_backends_agree_with_offline(slow_replay: list[HybridBelief], reference: list[HybridBelief]) -> None:

@@ -35,7 +35,11 @@ def test_jacobians_against_differences(with_range: bool, part: str, axis: int) -
     z = detection(with_range)
 
     def evaluate(x: np.ndarray, o: np.ndarray):
-        return MODEL.geometry(z, x, o) if part == "geometry" else MODEL.semantics(z, x, o, CLASSES)
+        return (
+            MODEL.geometry(MODEL.collect([z]), x, o)
+            if part == "geometry"
+            else MODEL.semantics(MODEL.collect([z]), x, o, CLASSES)
+        )
 
     step = np.zeros(3)
     step[axis] = 1e-6
@@ -50,11 +54,17 @@ def test_jacobians_against_differences(with_range: bool, part: str, axis: int) -
 def test_factors_are_the_likelihood(with_range: bool) -> None:
     """-log p = factor error + constant, with the same gradient that the graph sees."""
     z, x, o = detection(with_range), X[0], O[0]
-    factors = MODEL.factors(z, (0, 1), 1, x, o)
+    factors = [
+        MODEL.geometry_factor(z, (0, 1)),
+        *MODEL.semantic_factors([z], [(0, 1)], np.array([1]), x[None], o[None]),
+    ]
     values = gtsam.Values()
     values.insert(0, gtsam.Pose2(*x))
     values.insert(1, gtsam.Pose2(*o))
-    geometry, semantics = MODEL.geometry(z, X[:1], O[:1]), MODEL.semantics(z, X[:1], O[:1], np.array([1]))
+    geometry, semantics = (
+        MODEL.geometry(MODEL.collect([z]), X[:1], O[:1]),
+        MODEL.semantics(MODEL.collect([z]), X[:1], O[:1], np.array([1])),
+    )
     assert factors[0].error(values) == pytest.approx(0.5 * (geometry.residual[0] ** 2).sum())
     assert factors[1].error(values) == pytest.approx(0.5 * (semantics.residual[0] ** 2).sum())
     for factor, part in zip(factors, (geometry, semantics), strict=True):
@@ -69,18 +79,18 @@ def test_a_bearing_alone_leaves_the_range_free() -> None:
     robot = np.zeros((2, 3))
     ray = np.array([np.cos(0.3), np.sin(0.3)])
     objects = np.array([[*(z.sensor + 1.0 * ray), 0.0], [*(z.sensor + 7.0 * ray), 0.0]])
-    assert np.abs(MODEL.geometry(z, robot, objects).residual).max() < 1e-12
+    assert np.abs(MODEL.geometry(MODEL.collect([z]), robot, objects).residual).max() < 1e-12
 
 
 def test_the_heading_profile_is_the_density_of_turned_objects() -> None:
     """Out to half a turn where the heading is unknown, a narrow window where it is known."""
     z = detection(True)
     sigma = np.array([3.0, 0.01, 3.0, 0.01, 3.0, 0.3])
-    profile, turns = MODEL.heading_profile(z, X, O, CLASSES, sigma)
+    profile, turns = MODEL.heading_profile(MODEL.collect([z]), X, O, CLASSES, sigma)
     np.testing.assert_allclose(np.abs(turns).max(axis=1), [np.pi, 0.6, np.pi, 0.6, np.pi, 0.9])
     for column in range(turns.shape[1]):
         turned = O + np.stack([np.zeros(6), np.zeros(6), turns[:, column]], axis=-1)
-        part = MODEL.semantics(z, X, turned, CLASSES)
+        part = MODEL.semantics(MODEL.collect([z]), X, turned, CLASSES)
         density = part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
         np.testing.assert_allclose(profile[:, column], density, atol=1e-9)
 
@@ -91,7 +101,7 @@ def test_correlated_views_temper_the_whole_density() -> None:
     once, repeated = (PlanarObservation(MODEL.model, PlanarVisibility(), None, n) for n in (1.0, 4.0))
 
     def log_density(model: PlanarObservation) -> np.ndarray:
-        part = model.semantics(z, X, O, CLASSES)
+        part = model.semantics(MODEL.collect([z]), X, O, CLASSES)
         return part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
 
     np.testing.assert_allclose(4.0 * log_density(repeated), log_density(once), atol=1e-9)
@@ -107,14 +117,20 @@ def test_visibility_is_hard_for_samples_and_soft_for_modes() -> None:
 
 def test_robot_start_explains_the_detection() -> None:
     z = detection(True)
-    start = MODEL.robot_start(z, X, O)
-    assert np.abs(MODEL.geometry(z, start, O).residual).max() < 1e-9
+    start = MODEL.robot_start(MODEL.collect([z]), X, O)
+    assert np.abs(MODEL.geometry(MODEL.collect([z]), start, O).residual).max() < 1e-9
     assert np.array_equal(start[:, 2], X[:, 2])
 
 
 def test_an_object_first_seen_without_depth_is_guessed_with_a_guess_s_uncertainty() -> None:
     with_range, without = (MODEL.object_prior(detection(value), np.zeros(3)) for value in (True, False))
-    assert np.abs(MODEL.geometry(detection(True), np.zeros((1, 3)), with_range.mean[None]).residual).max() < 1e-9
-    assert np.abs(MODEL.geometry(detection(False), np.zeros((1, 3)), without.mean[None]).residual).max() < 1e-9
+    assert (
+        np.abs(MODEL.geometry(MODEL.collect([detection(True)]), np.zeros((1, 3)), with_range.mean[None]).residual).max()
+        < 1e-9
+    )
+    assert (
+        np.abs(MODEL.geometry(MODEL.collect([detection(False)]), np.zeros((1, 3)), without.mean[None]).residual).max()
+        < 1e-9
+    )
     assert np.sqrt(with_range.covariance[0, 0]) > 100.0
     assert np.sqrt(without.covariance[0, 0]) == pytest.approx(MODEL.new_objects.range_m)

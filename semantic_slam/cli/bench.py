@@ -25,7 +25,15 @@ def measure(quick: bool, seed: int) -> list[Any]:
     import torch
     from tqdm import tqdm
 
-    from semantic_slam.benchmarks import classification, mc_dropout
+    from semantic_slam.benchmarks import (
+        classification,
+        hybrid_smoother,
+        keyframe_floor,
+        mc_dropout,
+        two_backends,
+        weights_accuracy,
+        weights_time,
+    )
 
     torch.set_num_threads(1)
     benchmarks = (
@@ -33,6 +41,11 @@ def measure(quick: bool, seed: int) -> list[Any]:
         classification.against_literal,
         classification.window_loss,
         mc_dropout.passes,
+        weights_accuracy.accuracy,
+        weights_time.weights,
+        keyframe_floor.floor,
+        hybrid_smoother.hybrid,
+        two_backends.two_backends,
     )
     return [row for benchmark in tqdm(benchmarks, desc="benchmarks") for row in benchmark(quick, seed)]
 

@@ -12,9 +12,11 @@ STUDIES = {
     "avd_bigbird": "semantic_slam.studies.avd_bigbird",
     "ch3_localization": "semantic_slam.studies.ch3_localization",
     "ch3_model_uncertainty": "semantic_slam.studies.ch3_model_uncertainty",
-    "victoria_park": "semantic_slam.studies.victoria_park",
+    "ch4_example": "semantic_slam.studies.ch4_example",
+    "ch4_statistics": "semantic_slam.studies.ch4_statistics",
     "rendered_localization": "semantic_slam.studies.rendered_localization",
     "rendered_model_uncertainty": "semantic_slam.studies.rendered_model_uncertainty",
+    "victoria_park": "semantic_slam.studies.victoria_park",
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
 STUDIES_OF_DATA = ("avd_bigbird",)

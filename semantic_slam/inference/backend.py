@@ -1,7 +1,6 @@
 """A backend: holds components, weighs their continuations, forks and updates the survivors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.class_knowledge import ClassKnowledge, class_knowledge
-from semantic_slam.inference.component import Component, LostComponentError, Observed, object_key, robot_key
+from semantic_slam.inference.component import Component, Held, LostComponentError, object_key, robot_key
 from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.objects import ObjectRegistry, Roster
@@ -21,14 +20,6 @@ from semantic_slam.inference.run import problem_of
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Held:
-    """A hypothesis this backend holds."""
-
-    component: Component
-    log_weight: float
 
 
 class Backend:
@@ -71,7 +62,7 @@ class Backend:
         if not self.held:
             return self._no_candidates(step)
         parents = sorted(self.held)
-        continuations = self.expander.expand(step, parents, [self.held[n].component for n in parents])
+        continuations = self.expander.expand(step, parents, [self.held[n] for n in parents])
         self._expanded = (continuations, parents)
         return self._candidates(step, continuations, parents)
 
@@ -119,7 +110,7 @@ class Backend:
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             if child not in rebuilt:
-                continuations = self.expander.expand(step, [number], [component], taken)
+                continuations = self.expander.expand(step, [number], [Held(component, 0.0)], taken)
                 if child not in continuations.ids:
                     raise LostComponentError("a lineage names an impossible continuation")
                 at = continuations.ids.index(child)
@@ -247,17 +238,8 @@ class Backend:
 
 def _extended(component: Component, step: Step, found: Continuations, at: int) -> Component:
     taken = found.steps[at]
-    observed = [Observed(step.detections[i], taken.association[i], taken.class_assignment[i]) for i in found.used]
-    new = found.new_objects[found.parents[at]]
-    return component.extended(
-        step.motion,
-        observed,
-        new,
-        found.robot[at],
-        list(found.objects[at]),
-        found.views[at],
-        found.robot_corrections[at],
-    )
+    observed = step.observed(taken.association, taken.class_assignment, found.used)
+    return component.extended(step.motion, observed, found.continued(at))
 
 
 def _rows(rows: list[tuple[int, ...]], width: int) -> NDArray[np.int32]:

@@ -2,33 +2,28 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.smoother import LostComponentError, Named, Smoother
 from semantic_slam.inference.stack import Predicted
+
+if TYPE_CHECKING:
+    from semantic_slam.inference.history import History
+
+__all__ = ["Component", "Continued", "Held", "LostComponentError", "Motion", "Observed", "object_key", "robot_key"]
 
 Array = NDArray[np.float64]
 
-MAX_UPDATES = 8
-CONVERGED = 1e-4
-"""Largest change of a state of this keyframe, metres or radians, after which an update counts as converged."""
-RELINEARIZE_THRESHOLD = 0.02
-WILDFIRE_THRESHOLD = 1e-9
-"""Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
 JUMP = 0.5
 """Change of the robot's predicted state, metres or radians, from which on the whole graph is optimised at once."""
-
-
-class LostComponentError(SemanticSlamError):
-    """A component's linear system is indeterminate; its hypothesis has to be given up."""
 
 
 def robot_key(keyframe: int) -> int:
@@ -58,18 +53,34 @@ class Observed:
     assigned_class: int
 
 
-@dataclass
+@dataclass(frozen=True)
+class Continued:
+    """What a continuation is, besides its motion and detections."""
+
+    robot: Array  # (d,) mode of the robot, where the new factors are created
+    objects: Sequence[Array]  # one (d,) for each observed object, too
+    new_objects: dict[int, GaussianPrior]
+    views: dict[int, ObjectViews]  # new records of those objects
+    robot_correction: Correction | None
+    history: "History | None"  # since the component was last Gaussian
+    smoothed: dict[int, Array]  # GTSAM key -> (d,) mode, where the whole history was looked at
+    corrections: dict[int, Correction]  # GTSAM key -> of the Gaussian at that mode
+
+
+@dataclass(frozen=True)
 class Component:
-    """iSAM2, the newest robot key and the classes enumerated so far. :meth:`extended` leaves it as it was."""
+    """The smoother, the newest robot key and the classes enumerated so far. :meth:`extended` leaves it as it was."""
 
     manifold: Manifold
     model: ObservationModel
-    isam: gtsam.ISAM2
+    smoother: Smoother
     keyframe: int  # newest, -1 before the first
     classes: dict[int, int] = field(default_factory=dict)  # object id -> enumerated class
     object_ids: frozenset[int] = frozenset()
     views: dict[int, ObjectViews] = field(default_factory=dict)  # object id -> record of its semantic views
     robot_correction: Correction | None = None  # of the newest robot pose, by semantics that have no factor
+    history: "History | None" = None  # None: the component is Gaussian
+    corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of a Gaussian that does not suffice
 
     @classmethod
     def root(
@@ -80,9 +91,8 @@ class Component:
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
             graph.add(manifold.prior_factor(key, prior.mean, prior.covariance))
             manifold.insert(values, key, prior.mean)
-        isam = _new_isam()
-        isam.update(graph, values)
-        return cls(manifold, model, isam, -1, object_ids=frozenset(objects))
+        smoother = Smoother.of(manifold, model, graph, values)
+        return cls(manifold, model, smoother, -1, object_ids=frozenset(objects))
 
     def newest_robot(self) -> Array:
         """(d,) estimate of the robot at the newest keyframe."""
@@ -90,33 +100,21 @@ class Component:
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, d) estimates."""
-        return _states(self.manifold, self.isam, keys)
+        return self.smoother.states(keys)
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """(n d, n d) marginal covariance in the order of ``keys``, in the tangent spaces at the estimate."""
-        try:
-            covariance = self.isam.jointMarginalCovariance(list(keys)).fullMatrix()
-        except (RuntimeError, IndexError) as fault:
-            raise LostComponentError(f"marginals are not to be had ({_first_line(fault)})") from None
-        return np.asarray(0.5 * (covariance + covariance.T))
-
-    def covariances(self, keys: Sequence[int]) -> Array:
-        """(n, d, d) marginal covariances, in the tangent spaces at the estimate. Raises LostComponentError."""
-        try:
-            blocks = [self.isam.marginalCovariance(key) for key in keys]
-        except (RuntimeError, IndexError) as fault:
-            raise LostComponentError(f"marginals are not to be had ({_first_line(fault)})") from None
-        return np.array(blocks).reshape(len(keys), self.manifold.dimension, self.manifold.dimension)
+        """(n d, n d) marginal covariance, in the tangent spaces at the estimate. Raises LostComponentError."""
+        return self.smoother.joint_covariance(keys)
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
-        """(n, d) estimates and (n, d, d) covariances with what semantics without factors have to say of them."""
-        states, covariances = self.states(keys), self.covariances(keys)
-        corrections = {object_key(n): views.correction for n, views in self.views.items()}
-        corrections[robot_key(self.keyframe)] = self.robot_correction
+        """(n, d) estimates and (n, d, d) covariances with what their Gaussians and their factors do not say."""
+        states, covariances = self.states(keys), self.smoother.covariances(keys)
+        semantic = {object_key(n): views.correction for n, views in self.views.items()}
+        semantic[robot_key(self.keyframe)] = self.robot_correction
         for row, key in enumerate(keys):
-            correction = corrections.get(key)
-            if correction is not None:
-                states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
+            for correction in (self.corrections.get(key), semantic.get(key)):
+                if correction is not None:
+                    states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
         return states, covariances
 
     def predict(self, motion: Motion, object_ids: Sequence[int]) -> Predicted:
@@ -131,97 +129,63 @@ class Component:
         covariance[:dimension, :dimension] += motion.covariance
         return Predicted(mean[None], covariance[None])
 
-    def extended(
-        self,
-        motion: Motion,
-        observed: Sequence[Observed],
-        new_objects: dict[int, GaussianPrior],
-        robot: Array,
-        objects: Sequence[Array],
-        views: dict[int, ObjectViews],
-        robot_correction: Correction | None,
-    ) -> "Component":
-        """The child of Eqs. 4.9-4.11 for one continuation.
-
-        ``robot`` (d,) and ``objects`` (one (d,) per entry of ``observed``) are the continuation's mode, where the
-        new factors are created; ``views`` are the new records of those objects. Raises LostComponentError when the
-        system is indeterminate.
-        """
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    def extended(self, motion: Motion, observed: Sequence[Observed], continued: Continued) -> "Component":
+        """The child of Eqs. 4.9-4.11 for one continuation. Raises LostComponentError when it is indeterminate."""
         keyframe = self.keyframe + 1
-        key = robot_key(keyframe)
-        predicted = self.manifold.compose(self.newest_robot(), motion.control)
+        graph, values = self._new(motion, observed, continued)
+        classed = [item for item in observed if item.assigned_class >= 0]
+        named = [
+            Named(robot_key(keyframe), object_key(item.object_id), item.detection, item.assigned_class)
+            for item in classed
+        ]
+        start = {robot_key(keyframe): continued.robot} | continued.smoothed
+        start |= {object_key(item.object_id): o for item, o in zip(observed, continued.objects, strict=True)}
+        smoother = self.smoother.extended(graph, values, named, start, self._jumped(motion, continued))
+        return Component(
+            self.manifold,
+            self.model,
+            smoother,
+            keyframe,
+            self.classes | {item.object_id: item.assigned_class for item in classed},
+            self.object_ids | continued.new_objects.keys(),
+            self.views | continued.views,
+            continued.robot_correction,
+            continued.history,
+            continued.corrections,
+        )
+
+    def _new(
+        self, motion: Motion, observed: Sequence[Observed], continued: Continued
+    ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """Odometry, priors of new objects and geometry; and values of the new keys."""
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        key = robot_key(self.keyframe + 1)
         graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
-        self.manifold.insert(values, key, robot)
-        for number, prior in new_objects.items():
+        self.manifold.insert(values, key, continued.robot)
+        for number, prior in continued.new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
             self.manifold.insert(values, object_key(number), prior.mean)
-        for item, state in zip(observed, objects, strict=True):
-            keys = (key, object_key(item.object_id))
-            for factor in self.model.factors(item.detection, keys, item.assigned_class, robot, state):
-                graph.add(factor)
-        isam = gtsam.ISAM2(self.isam)
-        jumped = float(np.abs(self.manifold.local(predicted, robot)).max()) > JUMP
-        touched = sorted({key, *(object_key(item.object_id) for item in observed)})
-        isam = _updated(self.manifold, isam, graph, values, touched, jumped)
-        classes = self.classes | {item.object_id: item.assigned_class for item in observed if item.assigned_class >= 0}
-        object_ids = self.object_ids | new_objects.keys()
-        known = self.views | views
-        return Component(self.manifold, self.model, isam, keyframe, classes, object_ids, known, robot_correction)
+        for item in observed:
+            graph.add(self.model.geometry_factor(item.detection, (key, object_key(item.object_id))))
+        return graph, values
 
-
-def _updated(
-    manifold: Manifold,
-    isam: gtsam.ISAM2,
-    graph: gtsam.NonlinearFactorGraph,
-    values: gtsam.Values,
-    keys: list[int],
-    jumped: bool,
-) -> gtsam.ISAM2:
-    """iSAM2 updates until they converge; Levenberg-Marquardt over the whole graph where they cannot."""
-    try:
-        isam.update(graph, values)
-        if not jumped and _settled(manifold, isam, keys):
-            return isam
-        return _optimised(isam)
-    except RuntimeError as fault:
-        raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
-
-
-def _settled(manifold: Manifold, isam: gtsam.ISAM2, keys: list[int]) -> bool:
-    before = _states(manifold, isam, keys)
-    for _ in range(MAX_UPDATES):
-        isam.update()
-        after = _states(manifold, isam, keys)
-        if np.abs(manifold.local(before, after)).max() < CONVERGED:
+    def _jumped(self, motion: Motion, continued: Continued) -> bool:
+        """Whether the continuation's mode is elsewhere than the estimate, or should be met exactly."""
+        if continued.history is not None:
             return True
-        before = after
-    return False
+        predicted = self.manifold.compose(self.newest_robot(), motion.control)
+        moved = [self.manifold.local(predicted, continued.robot)]
+        past = [key for key in continued.smoothed if self.smoother.isam.valueExists(key)]
+        moved += [
+            self.manifold.local(state, continued.smoothed[key])
+            for key, state in zip(past, self.states(past), strict=True)
+        ]
+        return bool(np.abs(moved).max() > JUMP)
 
 
-def _states(manifold: Manifold, isam: gtsam.ISAM2, keys: Sequence[int]) -> Array:
-    values = isam.calculateEstimate(list(keys))
-    return np.array([manifold.state(values, key) for key in keys]).reshape(len(keys), manifold.dimension)
+@dataclass(frozen=True)
+class Held:
+    """A hypothesis as a backend holds it."""
 
-
-def _optimised(isam: gtsam.ISAM2) -> gtsam.ISAM2:
-    """A new iSAM2 of the same factors, linearised at their Levenberg-Marquardt optimum."""
-    factors = gtsam.NonlinearFactorGraph(isam.getFactorsUnsafe())
-    optimum = gtsam.LevenbergMarquardtOptimizer(factors, isam.calculateEstimate()).optimize()
-    renewed = _new_isam()
-    renewed.update(factors, optimum)
-    return renewed
-
-
-def _new_isam() -> gtsam.ISAM2:
-    parameters = gtsam.ISAM2Params()
-    parameters.relinearizeSkip = 1
-    parameters.setRelinearizeThreshold(RELINEARIZE_THRESHOLD)
-    solver = gtsam.ISAM2GaussNewtonParams()
-    solver.setWildfireThreshold(WILDFIRE_THRESHOLD)
-    parameters.setOptimizationParams(solver)
-    return gtsam.ISAM2(parameters)
-
-
-def _first_line(fault: BaseException) -> str:
-    return next((line for line in str(fault).splitlines() if line.strip()), type(fault).__name__)
+    component: Component
+    log_weight: float

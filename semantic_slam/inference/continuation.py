@@ -1,13 +1,13 @@
 """All continuations of a set of parents by one keyframe, weighed: rounds one's work of a backend."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from semantic_slam.inference.component import Component
+from semantic_slam.inference.component import Component, Continued, Held
 from semantic_slam.inference.enumeration import (
     Enumerated,
     Setting,
@@ -16,15 +16,18 @@ from semantic_slam.inference.enumeration import (
     fixed_association,
 )
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.history import History
 from semantic_slam.inference.identity import generator, hypothesis_id
 from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.modes import Expanded, Split, split
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
+from semantic_slam.inference.refinement import Refined
 from semantic_slam.inference.sampled import sample_evidence
 from semantic_slam.inference.semantics import Moment, Weighed
-from semantic_slam.inference.stack import Predicted, Stack
+from semantic_slam.inference.stack import Predicted, Rows, Stack
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
@@ -49,6 +52,23 @@ class Continuations:
     new_objects: list[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
     views: list[dict[int, ObjectViews]]  # K: new records of the objects seen
     robot_corrections: list[Correction | None]  # K
+    refined: list[Refined | None]  # K: what the whole history had to say, where it was looked at
+    histories: list[History | None]  # K: since the continuation was last Gaussian
+
+    def continued(self, at: int) -> Continued:
+        """What a component needs to know of one continuation."""
+        refined = self.refined[at]
+        association = self.steps[at].association
+        return Continued(
+            self.robot[at],
+            [state for i, state in zip(self.used, self.objects[at], strict=True) if association[i] >= 0],
+            self.new_objects[self.parents[at]],
+            self.views[at],
+            self.robot_corrections[at],
+            self.histories[at],
+            refined.smoothed if refined is not None else {},
+            refined.corrections if refined is not None else {},
+        )
 
 
 class Expander:
@@ -58,9 +78,10 @@ class Expander:
         self.problem, self.registry = problem, registry
 
     def expand(
-        self, step: Step, parent_ids: Sequence[int], components: Sequence[Component], path: LineageStep | None = None
+        self, step: Step, parent_ids: Sequence[int], held: Sequence[Held], path: LineageStep | None = None
     ) -> Continuations:
         """Continuations of every parent, or of one along ``path`` alone. Raises LostComponentError."""
+        components = [each.component for each in held]
         given = [self.registry.identify(name) for name in step.names] if self.problem.association == "given" else None
         used = self._used(step, given)
         known, unknown = self._objects(components[0], used, given)
@@ -73,9 +94,23 @@ class Expander:
         stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
         if setting.model.num_classes > 0 and len(used):
             mode = find_modes(stack, enumerated.start)
+        steps = _lineage_steps(enumerated.rows, used, object_ids, len(step.names))
+        expanded = Expanded(
+            step=step,
+            parents=components,
+            log_parent_weights=np.array([each.log_weight for each in held]),
+            stack=stack,
+            mode=mode,
+            log_prior=enumerated.log_class_prior,
+            observed=[step.observed(each.association, each.class_assignment, used) for each in steps],
+            new=new,
+            object_ids=object_ids,
+        )
+        splits = self._split(expanded, parent_ids, steps, path)
         prior = self.registry.log_class_prior()[[self.registry.index(n) for n in object_ids]]
+        stack, mode = _at_modes(expanded, splits)
         moment = Moment(step, components, stack, mode, used, object_ids, prior, new)
-        return self._weighed(moment, parent_ids, enumerated)
+        return self._weighed(moment, parent_ids, enumerated, steps, splits)
 
     def _used(self, step: Step, given: list[int] | None) -> Index:
         """Detections that can be an object: with an identity, or the best-scored where there are more than objects."""
@@ -131,25 +166,42 @@ class Expander:
             enumerated = enumerate_classes(setting, predicted, enumerated)
         return enumerated, mode
 
-    def _weighed(self, moment: Moment, parent_ids: Sequence[int], enumerated: Enumerated) -> Continuations:
-        rows, step, stack, mode, used = enumerated.rows, moment.step, moment.stack, moment.mode, moment.used
-        steps = _lineage_steps(rows.objects, rows.classes, used, moment.object_ids, len(step.names))
-        ids = [
-            hypothesis_id(parent_ids[p], step.stamp_ns, s.association, s.class_assignment, s.mode)
-            for p, s in zip(rows.parents, steps, strict=True)
-        ]
-        log_psi, effective = self._evidence(step, ids, stack, mode)
+    def _split(
+        self, expanded: Expanded, parent_ids: Sequence[int], steps: Sequence[LineageStep], path: LineageStep | None
+    ) -> Split:
+        weights, rows = self.problem.weights, expanded.stack.rows
+        if weights.method == "importance":
+            return split(expanded, weights, path.mode if path is not None else None)
+        if weights.method == "laplace":
+            log_evidence = expanded.mode.log_evidence + expanded.stack.log_visibility(expanded.mode.y, soft=True)
+            return Split.unchanged(log_evidence, np.full(len(steps), np.nan))
+        stamp = expanded.step.stamp_ns
+        ids = [_identity(parent_ids[p], stamp, each) for p, each in zip(rows.parents, steps, strict=True)]
+        generators = [generator(self.problem.seed, "weights", stamp, key) for key in ids]
+        return Split.unchanged(*sample_evidence(expanded.stack, weights.num_samples, generators))
+
+    def _weighed(
+        self,
+        moment: Moment,
+        parent_ids: Sequence[int],
+        enumerated: Enumerated,
+        steps: Sequence[LineageStep],
+        splits: Split,
+    ) -> Continuations:
+        rows, step, stack, mode, used = moment.stack.rows, moment.step, moment.stack, moment.mode, moment.used
+        of_modes = [replace(steps[row], mode=int(n)) for row, n in zip(splits.origin, splits.number, strict=True)]
+        ids = [_identity(parent_ids[p], step.stamp_ns, s) for p, s in zip(rows.parents, of_modes, strict=True)]
         states, covariances = _marginals(stack, mode)
         weighed = self._semantics(moment)
-        log_psi = log_psi + enumerated.log_class_prior + weighed.log_weights
+        log_psi = splits.log_evidence + enumerated.log_class_prior[splits.origin] + weighed.log_weights
         best = np.full(len(parent_ids), -np.inf)
         np.maximum.at(best, rows.parents, log_psi)
         return Continuations(
             ids=ids,
             parents=rows.parents,
-            steps=steps,
+            steps=of_modes,
             log_psi=log_psi,
-            effective_sample_sizes=np.fmin(effective, weighed.effective_sample_sizes),
+            effective_sample_sizes=np.fmin(splits.effective_sample_sizes, weighed.effective_sample_sizes),
             robot=states[:, 0],
             robot_covariance=covariances[:, 0],
             objects=_of_detections(stack, states),
@@ -159,6 +211,8 @@ class Expander:
             new_objects=list(moment.new),
             views=weighed.views,
             robot_corrections=weighed.robot,
+            refined=splits.refined,
+            histories=splits.histories,
         )
 
     def _semantics(self, moment: Moment) -> Weighed:
@@ -166,12 +220,6 @@ class Expander:
         if self.problem.semantics is None or not len(moment.used):
             return Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
         return self.problem.semantics.weigh(moment)
-
-    def _evidence(self, step: Step, ids: list[int], stack: Stack, mode: Mode) -> tuple[Array, Array]:
-        if self.problem.weights.method == "sampled":
-            generators = [generator(self.problem.seed, "weights", step.stamp_ns, key) for key in ids]
-            return sample_evidence(stack, self.problem.weights.num_samples, generators)
-        return mode.log_evidence + stack.log_visibility(mode.y, soft=True), np.full(len(ids), np.nan)
 
 
 def _stacked(parts: list[Predicted]) -> Predicted:
@@ -191,14 +239,32 @@ def _path(path: LineageStep, used: Index, object_ids: list[int]) -> tuple[Index,
     return np.array(objects, dtype=int), np.array([path.class_assignment[i] for i in used], dtype=int)
 
 
-def _lineage_steps(
-    objects: Index, classes: Index | None, used: Index, object_ids: Sequence[int], count: int
-) -> list[LineageStep]:
-    association = np.full((len(objects), count), -1)
-    association[:, used] = np.array([*object_ids, -1], dtype=int)[objects]
-    assignment = np.full((len(objects), count), -1)
-    if classes is not None:
-        assignment[:, used] = classes
+def _at_modes(expanded: Expanded, splits: Split) -> tuple[Stack, Mode]:
+    """The candidates once for every mode of theirs, where it is."""
+    stack = expanded.stack.select(splits.origin)
+    mode = expanded.mode
+    y, hessian, log_evidence = mode.y[splits.origin], mode.hessian[splits.origin], mode.log_evidence[splits.origin]
+    moved = np.array([row for row, refined in enumerate(splits.refined) if refined is not None], dtype=int)
+    if len(moved):
+        part = stack.select(moved)
+        states = [
+            expanded.states_of(splits.origin[row], refined) for row, refined in enumerate(splits.refined) if refined
+        ]
+        y[moved] = part.coordinates(np.array(states))
+        hessian[moved] = part.normal_equations(y[moved])[2]
+    return stack, Mode(y, hessian, log_evidence)
+
+
+def _identity(parent_id: int, stamp_ns: int, step: LineageStep) -> int:
+    return hypothesis_id(parent_id, stamp_ns, step.association, step.class_assignment, step.mode)
+
+
+def _lineage_steps(rows: Rows, used: Index, object_ids: Sequence[int], count: int) -> list[LineageStep]:
+    association = np.full((len(rows.objects), count), -1)
+    association[:, used] = np.array([*object_ids, -1], dtype=int)[rows.objects]
+    assignment = np.full((len(rows.objects), count), -1)
+    if rows.classes is not None:
+        assignment[:, used] = rows.classes
     return [LineageStep(tuple(a), tuple(c)) for a, c in zip(association.tolist(), assignment.tolist(), strict=True)]
 
 

@@ -156,11 +156,13 @@ def _semantic_profiles(setting: Setting, stack: Stack, y: Array) -> tuple[Array,
     bounds = np.zeros((count, len(setting.detections), num_classes))
     turns = np.zeros_like(bounds)
     classes = np.tile(np.arange(num_classes), count)
-    for number, detection in enumerate(setting.detections):
+    for number in range(len(setting.detections)):
         sigma = stack.heading_sigma(number)
         x = np.repeat(states[:, 0], num_classes, axis=0)
         o = np.repeat(stack.objects_of(states, number), num_classes, axis=0)
-        profile, angles = setting.model.heading_profile(detection, x, o, classes, np.repeat(sigma, num_classes))
+        profile, angles = setting.model.heading_profile(
+            stack.seen.take([number]), x, o, classes, np.repeat(sigma, num_classes)
+        )
         penalty = 0.5 * (angles / np.maximum(np.repeat(sigma, num_classes), 1e-9)[:, None]) ** 2
         best = np.argmax(profile - penalty, axis=1)
         bounds[:, number] = profile.max(axis=1).reshape(count, num_classes)

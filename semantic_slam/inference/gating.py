@@ -36,9 +36,9 @@ class Pairs:
 def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array) -> Pairs:
     """From the predicted ``mean`` (1 + M, d) and ``covariance`` of the robot and M objects."""
     count, dimension = len(mean) - 1, mean.shape[-1]
-    log_density, distance = np.zeros((len(detections), count)), np.zeros((len(detections), count))
-    if not count:
-        return Pairs(log_density, distance, [])
+    if not count or not detections:
+        nothing = np.zeros((len(detections), count))
+        return Pairs(nothing, nothing, [])
     blocks = covariance.reshape(1 + count, dimension, 1 + count, dimension)
     objects = np.arange(1, 1 + count)
     joint = np.empty((count, 2 * dimension, 2 * dimension))
@@ -46,15 +46,24 @@ def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Arr
     joint[:, dimension:, :dimension] = blocks[objects, :, 0]
     joint[:, :dimension, dimension:] = np.swapaxes(joint[:, dimension:, :dimension], 1, 2)
     joint[:, dimension:, dimension:] = blocks[objects, :, objects]
-    robot = np.broadcast_to(mean[0], (count, dimension))
-    parts = [model.geometry(detection, robot, mean[1:]) for detection in detections]
-    for number, part in enumerate(parts):
-        jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
-        spread = jacobian @ joint @ np.swapaxes(jacobian, 1, 2) + np.eye(part.residual.shape[-1])
-        squared = (part.residual * np.linalg.solve(spread, part.residual[..., None])[..., 0]).sum(-1)
-        log_density[number] = part.log_normaliser - 0.5 * squared - 0.5 * np.linalg.slogdet(spread)[1]
-        distance[number] = np.sqrt(np.maximum(squared, 0.0))
-    return Pairs(log_density, distance, parts)
+    rows = len(detections) * count
+    seen = model.collect(detections).take(np.repeat(np.arange(len(detections)), count))
+    robot, states = np.broadcast_to(mean[0], (rows, dimension)), np.tile(mean[1:], (len(detections), 1))
+    part = model.geometry(seen, robot, states)
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
+    prior = np.tile(joint, (len(detections), 1, 1))
+    spread = jacobian @ prior @ np.swapaxes(jacobian, 1, 2) + np.eye(part.residual.shape[-1])
+    squared = (part.residual * np.linalg.solve(spread, part.residual[..., None])[..., 0]).sum(-1)
+    log_density = part.log_normaliser - 0.5 * squared - 0.5 * np.linalg.slogdet(spread)[1]
+    distance = np.sqrt(np.maximum(squared, 0.0)).reshape(-1, count)
+    parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
+    return Pairs(log_density.reshape(-1, count), distance, parts)
+
+
+def _rows(part: Linearisation, rows: slice) -> Linearisation:
+    return Linearisation(
+        part.residual[rows], part.jacobian_robot[rows], part.jacobian_object[rows], part.log_normaliser[rows]
+    )
 
 
 @dataclass(frozen=True)

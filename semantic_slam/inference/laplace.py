@@ -5,6 +5,7 @@ the mode y*. Undamped Gauss-Newton loses the mode while the robot is lost; Leven
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,16 @@ INITIAL_DAMPING = 1e-4
 LARGEST_DAMPING = 1e12
 
 
+class LeastSquares(Protocol):
+    """The energies of B problems in whitened coordinates."""
+
+    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
+        """Energy (B,), gradient (B, n) and Gauss-Newton Hessian (B, n, n)."""
+
+    def select(self, selection: NDArray[np.int_]) -> "LeastSquares":
+        """Some of the problems."""
+
+
 @dataclass(frozen=True)
 class Mode:
     """Mode and curvature of B problems."""
@@ -31,7 +42,7 @@ class Mode:
     log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
 
 
-def find_modes(stack: Stack, start: Array, max_iterations: int = MAX_ITERATIONS) -> Mode:
+def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS) -> Mode:
     """Levenberg-Marquardt from ``start`` (B, n); rows that have converged are left alone.
 
     The damping follows the gain of each step (Nielsen, 1999): rows with large residuals settle at the damping
@@ -69,8 +80,8 @@ def search_start(stack: Stack) -> Array:
     least = stack.energy(best)
     dimension = stack.dimension
     robot = stack.mean[:, 0]
-    for number, detection in enumerate(stack.detections[: stack.rows.objects.shape[1]]):
-        wanted = stack.model.robot_start(detection, robot, stack.objects_of(stack.mean, number))
+    for number in range(stack.rows.objects.shape[1]):
+        wanted = stack.model.robot_start(stack.seen.take([number]), robot, stack.objects_of(stack.mean, number))
         start = np.zeros_like(best)
         tangent = stack.manifold.local(robot, wanted)
         start[:, :dimension] = np.linalg.solve(stack.root[:, :dimension, :dimension], tangent[..., None])[..., 0]

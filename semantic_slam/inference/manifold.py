@@ -25,6 +25,9 @@ class Manifold(Protocol):
     def local(self, state: Array, other: Array) -> Array:
         """Log(state^-1 other)."""
 
+    def mean(self, states: Array, weights: Array) -> Array:
+        """(d,) mean of (P, d) states with (P,) normalised weights, in map: of positions and of directions."""
+
     def retract_jacobian(self, tangent: Array) -> Array:
         """(..., d, d): change of retract(state, t) in its own tangent space per change of t."""
 
@@ -36,6 +39,9 @@ class Manifold(Protocol):
 
     def state(self, values: gtsam.Values, key: int) -> Array:
         """(d,) state of ``key``."""
+
+    def states(self, values: gtsam.Values) -> Array:
+        """(n, d) of all keys, in ascending order."""
 
     def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
         """Gaussian prior; covariance in the tangent space at the mean."""
@@ -58,6 +64,10 @@ class PlanarPoses:
     def local(self, state: Array, other: Array) -> Array:
         return se2.log(se2.between(state, other))
 
+    def mean(self, states: Array, weights: Array) -> Array:
+        heading = np.arctan2(weights @ np.sin(states[:, 2]), weights @ np.cos(states[:, 2]))
+        return np.append(weights @ states[:, :2], heading)
+
     def retract_jacobian(self, tangent: Array) -> Array:
         return se2.right_jacobian(tangent)
 
@@ -70,6 +80,9 @@ class PlanarPoses:
     def state(self, values: gtsam.Values, key: int) -> Array:
         pose = values.atPose2(key)
         return np.array([pose.x(), pose.y(), pose.theta()])
+
+    def states(self, values: gtsam.Values) -> Array:
+        return np.asarray(gtsam.utilities.extractPose2(values))
 
     def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
         return gtsam.PriorFactorPose2(key, gtsam.Pose2(*mean), gtsam.noiseModel.Gaussian.Covariance(covariance))
@@ -93,6 +106,9 @@ class PlanarPositions:
     def local(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
 
+    def mean(self, states: Array, weights: Array) -> Array:
+        return np.asarray(weights @ states)
+
     def retract_jacobian(self, tangent: Array) -> Array:
         return np.broadcast_to(np.eye(2), (*tangent.shape[:-1], 2, 2))
 
@@ -104,6 +120,9 @@ class PlanarPositions:
 
     def state(self, values: gtsam.Values, key: int) -> Array:
         return np.asarray(values.atPoint2(key))
+
+    def states(self, values: gtsam.Values) -> Array:
+        return np.asarray(gtsam.utilities.extractPoint2(values))
 
     def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
         return gtsam.PriorFactorPoint2(key, np.asarray(mean), gtsam.noiseModel.Gaussian.Covariance(covariance))

@@ -35,6 +35,17 @@ class Correction:
         values, vectors = np.linalg.eigh((spread * weights[:, None]).T @ spread)
         return cls(shift, (vectors * np.maximum(values, LEAST_SHARE)) @ vectors.T)
 
+    @classmethod
+    def towards(
+        cls, manifold: Manifold, state: Array, covariance: Array, samples: Array, weights: Array
+    ) -> "Correction":
+        """From a Gaussian at ``state`` (d,) to the moments of (P, d) samples with (P,) normalised weights."""
+        root = np.linalg.cholesky(covariance)
+        mean = manifold.mean(samples, weights)
+        shift = np.linalg.solve(root, manifold.local(state, mean))
+        spread = np.linalg.solve(root, manifold.local(np.broadcast_to(mean, samples.shape), samples).T)
+        return cls(shift, (spread * weights) @ spread.T)
+
     def applied(self, manifold: Manifold, state: Array, covariance: Array) -> tuple[Array, Array]:
         """A state (d,) and its covariance (d, d), corrected."""
         root = np.linalg.cholesky(covariance)

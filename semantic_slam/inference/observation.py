@@ -1,5 +1,6 @@
 """What the engine asks of an observation model: P(z | x, o, c) P(beta | x, o) for one detection (Eq. 4.10)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -22,23 +23,28 @@ class Linearisation:
     log_normaliser: Array  # (B,)
 
 
+class Detections(Protocol):
+    """Detections as arrays: B rows, or one that stands for any number."""
+
+    def take(self, index: Any) -> "Detections":
+        """Rows of a selection."""
+
+
 class ObservationModel(Protocol):
     """States are (B, d) robot ``x`` and object ``o`` in map; a detection is opaque to the engine."""
 
     num_classes: int  # 0: classes are not enumerated
 
-    def geometry(self, detection: Any, x: Array, o: Array) -> Linearisation:
-        """The geometric part z_geo."""
+    def collect(self, detections: Sequence[Any]) -> Detections:
+        """Detections as arrays, a row each."""
 
-    def semantics(self, detection: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
+    def geometry(self, seen: Any, x: Array, o: Array) -> Linearisation:
+        """The geometric part z_geo of (B,) collected detections."""
+
+    def semantics(self, seen: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
         """The semantic part z_sem for (B,) classes."""
 
-    def geometry_peak(self, detection: Any) -> float:
-        """Log of the largest geometric density the detection can reach."""
-
-    def heading_profile(
-        self, detection: Any, x: Array, o: Array, classes: Classes, sigma: Array
-    ) -> tuple[Array, Array]:
+    def heading_profile(self, seen: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
         """(B, K) log of the semantic density when the object is turned by (B, K) angles, far enough for ``sigma`` (B,).
 
         States without a heading have one angle, 0, and the largest density that the detection can reach.
@@ -47,11 +53,16 @@ class ObservationModel(Protocol):
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, o), up to a constant that is equal for all beta."""
 
-    def robot_start(self, detection: Any, x: Array, o: Array) -> Array:
-        """(B, d) robot states near ``x`` that explain the detection of object ``o``: where a search may start."""
+    def robot_start(self, seen: Any, x: Array, o: Array) -> Array:
+        """(B, d) robot states near ``x`` that explain the detections of objects ``o``: where a search may start."""
 
     def object_prior(self, detection: Any, x: Array) -> GaussianPrior:
         """Broad prior of an object first seen from robot state ``x`` (d,)."""
 
-    def factors(self, detection: Any, keys: tuple[int, int], assigned_class: int, x: Array, o: Array) -> list[Any]:
-        """GTSAM factors between robot and object keys; (d,) states ``x``, ``o`` are where they are created."""
+    def geometry_factor(self, detection: Any, keys: tuple[int, int]) -> Any:
+        """GTSAM factor between robot and object."""
+
+    def semantic_factors(
+        self, detections: Sequence[Any], keys: Sequence[tuple[int, int]], classes: Classes, x: Array, o: Array
+    ) -> list[Any]:
+        """GTSAM factors of (n,) semantic measurements, linearised together at (n, d) robots and objects."""

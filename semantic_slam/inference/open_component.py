@@ -7,21 +7,20 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import Component, LostComponentError, Observed, object_key, robot_key
+from semantic_slam.inference.component import JUMP, Component, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.local_map import LocalMap
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.smoother import Named, Smoother
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
-JUMP = 0.5
-"""Change of the robot's predicted state, metres or radians, after which updates are repeated even if not settled."""
-MAX_UPDATES = 8
-CONVERGED = 1e-4
+RELINEARIZE_THRESHOLD = 0.1
+"""Metres or radians, where updates are not iterated."""
 RELINEARIZE_SKIP = 5
 """Keyframes from one relinearisation to the next where updates are not iterated."""
 
@@ -40,7 +39,7 @@ class Grown:
     local: LocalMap  # after the detections
 
 
-@dataclass
+@dataclass(frozen=True)
 class OpenComponent(Component):
     """``population`` mirrors what iSAM2 holds; ``settle`` False: one update per keyframe, and a ``local`` map."""
 
@@ -58,7 +57,9 @@ class OpenComponent(Component):
     def before_any_keyframe(cls, problem: Problem) -> "OpenComponent":
         """The prior of Eq. 4.3 with what existence the map states."""
         plain, settle = problem.root(), problem.open_world.settle
-        isam = plain.isam if settle else _single_step_isam(plain.isam)
+        smoother = plain.smoother
+        if not settle:
+            smoother = smoother.with_single_steps(RELINEARIZE_THRESHOLD, RELINEARIZE_SKIP)
         entries = sorted(problem.objects, key=lambda entry: entry.object_id)
         dimension = problem.manifold.dimension
         states = np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension)
@@ -76,7 +77,7 @@ class OpenComponent(Component):
         return cls(
             problem.manifold,
             problem.model,
-            isam,
+            smoother,
             -1,
             object_ids=plain.object_ids,
             population=population,
@@ -89,34 +90,27 @@ class OpenComponent(Component):
         ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
         """
         keyframe = self.keyframe + 1
-        key = robot_key(keyframe)
-        graph, values = self._factors(step, added, key)
-        isam = self.isam if in_place else gtsam.ISAM2(self.isam)
         predicted = self.manifold.compose(self.objects.robot, step.motion.control)
         jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
+        smoother = self._smoothed(step, added, jumped, in_place=in_place)
         account = added.account
         alive = frozenset((*self.objects.ids[account.kept].tolist(), *account.new_ids.tolist()))
         classes = self.classes | {o.object_id: o.assigned_class for o in added.observed if o.assigned_class >= 0}
-        child = replace(
+        return replace(
             self,
-            isam=isam,
+            smoother=smoother,
             keyframe=keyframe,
             classes={number: cls for number, cls in classes.items() if number in alive},
             object_ids=alive,
             views={number: views for number, views in (self.views | added.views).items() if number in alive},
             robot_correction=added.robot_correction,
             local=None if self.settle or jumped else added.local,
+            population=_population(smoother, keyframe, self.objects, added, max_fresh),
         )
-        try:
-            isam.update(graph, values)
-            if self.settle or jumped:
-                child._iterate([key, *(object_key(o.object_id) for o in added.observed)])
-            child.population = child._population(self.objects, added, max_fresh)
-        except RuntimeError as fault:
-            raise LostComponentError(f"an update failed ({fault})") from None
-        return child
 
-    def _factors(self, step: Step, added: Grown, key: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    def _smoothed(self, step: Step, added: Grown, jumped: bool, *, in_place: bool) -> Smoother:
+        """With the keyframe's factors; without ``settle`` updated once, the next keyframe goes on."""
+        key = robot_key(self.keyframe + 1)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         motion = step.motion
         graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
@@ -124,51 +118,16 @@ class OpenComponent(Component):
         for number, prior in added.new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
             self.manifold.insert(values, object_key(number), prior.mean)
+        start, named = {key: added.robot}, []
         for item, state in zip(added.observed, added.objects, strict=True):
-            keys = (key, object_key(item.object_id))
-            for factor in self.model.factors(item.detection, keys, item.assigned_class, added.robot, state):
-                graph.add(factor)
-        return graph, values
-
-    def _iterate(self, keys: list[int]) -> None:
-        """Updates until the states of this keyframe stand still; without ``settle`` one, the next keyframe goes on."""
-        before = self.states(keys)
-        for _ in range(MAX_UPDATES if self.settle else 1):
-            self.isam.update(force_relinearize=True)
-            after = self.states(keys)
-            if np.abs(self.manifold.local(before, after)).max() < CONVERGED:
-                return
-            before = after
-
-    def _population(self, parent: Population, added: Grown, max_fresh: int) -> Population:
-        account, manifold = added.account, self.manifold
-        kept, new = account.kept, len(account.new_ids)
-        ids = np.concatenate([parent.ids[kept], account.new_ids])
-        keys = [object_key(int(n)) for n in ids]
-        states = self._planar_states([*keys, robot_key(self.keyframe)])
-        unknown = np.zeros((new, manifold.dimension, manifold.dimension))
-        covariances = np.concatenate([parent.covariances[kept], unknown])
-        sigmas = np.concatenate([parent.sigmas[kept], np.zeros(new)])
-        fresh = np.arange(len(ids))
-        if len(ids) > max_fresh:
-            fresh = np.unique(np.searchsorted(ids, [item.object_id for item in added.observed])).astype(int)
-        own = self.covariances([robot_key(self.keyframe), *(keys[row] for row in fresh)])
-        covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
-        return Population(
-            ids=ids,
-            existence=np.concatenate([account.existence[kept], account.new_existence]),
-            states=states[:-1],
-            covariances=covariances,
-            sigmas=sigmas,
-            robot=states[-1],
-            robot_covariance=own[0],
-            trail=np.concatenate([parent.trail, states[-1:]]),
-            given_up=parent.given_up + int((~kept).sum()),
-        )
-
-    def _planar_states(self, keys: list[int]) -> Array:
-        """(n, 3) estimates of ascending keys, all at once."""
-        return np.asarray(gtsam.utilities.extractPose2(self.isam.calculateEstimate(keys)))
+            own = object_key(item.object_id)
+            graph.add(self.model.geometry_factor(item.detection, (key, own)))
+            start[own] = state
+            if item.assigned_class >= 0:
+                named.append(Named(key, own, item.detection, item.assigned_class))
+        if self.settle:
+            return self.smoother.extended(graph, values, named, start, jumped)
+        return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
         """As the population has them: the robot first, then all objects."""
@@ -187,11 +146,28 @@ class OpenComponent(Component):
         return views.correction if views is not None else None
 
 
-def _single_step_isam(isam: gtsam.ISAM2) -> gtsam.ISAM2:
-    """The same system, with thresholds for one update per keyframe."""
-    parameters = gtsam.ISAM2Params()
-    parameters.relinearizeSkip = RELINEARIZE_SKIP
-    parameters.setRelinearizeThreshold(0.1)
-    renewed = gtsam.ISAM2(parameters)
-    renewed.update(isam.getFactorsUnsafe(), isam.getLinearizationPoint())
-    return renewed
+def _population(smoother: Smoother, keyframe: int, parent: Population, added: Grown, max_fresh: int) -> Population:
+    account, manifold = added.account, smoother.manifold
+    kept, new = account.kept, len(account.new_ids)
+    ids = np.concatenate([parent.ids[kept], account.new_ids])
+    keys = [object_key(int(n)) for n in ids]
+    states = smoother.states([*keys, robot_key(keyframe)])
+    unknown = np.zeros((new, manifold.dimension, manifold.dimension))
+    covariances = np.concatenate([parent.covariances[kept], unknown])
+    sigmas = np.concatenate([parent.sigmas[kept], np.zeros(new)])
+    fresh = np.arange(len(ids))
+    if len(ids) > max_fresh:
+        fresh = np.unique(np.searchsorted(ids, [item.object_id for item in added.observed])).astype(int)
+    own = smoother.covariances([robot_key(keyframe), *(keys[row] for row in fresh)])
+    covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
+    return Population(
+        ids=ids,
+        existence=np.concatenate([account.existence[kept], account.new_existence]),
+        states=states[:-1],
+        covariances=covariances,
+        sigmas=sigmas,
+        robot=states[-1],
+        robot_covariance=own[0],
+        trail=np.concatenate([parent.trail, states[-1:]]),
+        given_up=parent.given_up + int((~kept).sum()),
+    )

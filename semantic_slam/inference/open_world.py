@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import Component, LostComponentError, Observed
+from semantic_slam.inference.component import Component, Held, LostComponentError, Observed
 from semantic_slam.inference.continuation import Continuations
 from semantic_slam.inference.enumeration import Enumerated, Setting, enumerate_classes
 from semantic_slam.inference.existence import missed
@@ -85,9 +85,10 @@ class OpenExpander:
         self.region = self.lookout.region
 
     def expand(
-        self, step: Step, parent_ids: Sequence[int], components: Sequence[Component], path: LineageStep | None = None
+        self, step: Step, parent_ids: Sequence[int], held: Sequence[Held], path: LineageStep | None = None
     ) -> OpenContinuations:
         """Continuations of every parent, or of one along ``path`` alone. Raises LostComponentError."""
+        components = [item.component for item in held]
         outlooks = [self.lookout.outlook(component, step.motion, step.detections) for component in components]
         candidates = self._candidates(step, outlooks, path)
         if self.problem.model.num_classes > 0 and len(step.detections):
@@ -282,6 +283,8 @@ class OpenExpander:
             new_objects=self._priors(step, outlooks),
             views=found.semantics.views,
             robot_corrections=found.semantics.robot,
+            refined=[None] * len(ids),
+            histories=[None] * len(ids),
             accounts=accounts,
             outlooks=outlooks,
             pairs=pairs,

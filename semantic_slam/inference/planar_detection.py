@@ -1,11 +1,15 @@
-"""A detection as the planar observation model takes it."""
+"""Detections as the planar observation model takes them: one by one, and as arrays."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -27,3 +31,44 @@ class PlanarDetection:
     def origin(self) -> Array:
         """(2,) point of the body that range and bearing are seen from."""
         return np.zeros(2) if self.has_range else self.sensor
+
+
+@dataclass(frozen=True)
+class PlanarDetections:
+    """B detections as arrays; a bearing alone has a range that counts nothing. One row stands for any number."""
+
+    range_m: Array  # (B,) 0 where there is none
+    bearing_rad: Array  # (B,)
+    whiten: Array  # (B, 2, 2) residuals of [range, bearing] to unit covariance, no row for a range that is missing
+    log_normaliser: Array  # (B,) of the geometric density
+    has_range: NDArray[np.bool_]  # (B,)
+    origin: Array  # (B, 2)
+    sensor: Array  # (B, 2)
+    feature: Array  # (B, F)
+    feature_covariance: Array  # (B, F, F)
+
+    @classmethod
+    def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
+        """All detections of a keyframe, or of a track."""
+        count, size = len(detections), detections[0].feature.size if detections else 0
+        whiten, log_normaliser = np.zeros((count, 2, 2)), np.zeros(count)
+        for row, item in enumerate(detections):
+            rows = slice(0, 2) if item.has_range else slice(1, 2)
+            root = np.linalg.cholesky(item.covariance[rows, rows])
+            whiten[row, rows, rows] = np.linalg.inv(root)
+            log_normaliser[row] = -np.log(np.diag(root)).sum() - 0.5 * len(root) * LOG_2PI
+        return cls(
+            np.nan_to_num([item.range_m for item in detections]),
+            np.array([item.bearing_rad for item in detections]),
+            whiten,
+            log_normaliser,
+            np.array([item.has_range for item in detections], dtype=bool),
+            np.array([item.origin for item in detections]).reshape(count, 2),
+            np.array([item.sensor for item in detections]).reshape(count, 2),
+            np.array([item.feature for item in detections]).reshape(count, size),
+            np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
+        )
+
+    def take(self, index: Any) -> "PlanarDetections":
+        """Rows of a selection."""
+        return PlanarDetections(*(getattr(self, item.name)[index] for item in fields(self)))

@@ -6,6 +6,7 @@ perturbations give dd/dx = [-I, -S d], dd/do = [R_x^T R_o, 0], dv/dx = R_o^T R_x
 where S turns by a quarter.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,13 +17,12 @@ from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
-from semantic_slam.inference.planar_detection import PlanarDetection
-from semantic_slam.inference.planar_factors import geometry_factor, semantic_factor
+from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_factors import geometry_factor, linear_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
 Array = NDArray[np.float64]
 
-LOG_2PI = float(np.log(2.0 * np.pi))
 LEAST_DISTANCE_M = 1e-6
 LEAST_WINDOW_RAD = 0.6
 """Half the range of azimuths about a mode that is searched at least."""
@@ -64,51 +64,47 @@ class PlanarObservation:
         self.new_objects = new_objects or NewObjectConfiguration()
         self.num_classes = len(model.class_names) if model is not None else 0
 
-    def geometry(self, detection: PlanarDetection, x: Array, o: Array) -> Linearisation:
-        """Residual of [range, bearing], or of the bearing alone."""
-        d = object_in_body(x, o) - detection.origin
+    def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
+        """Detections as arrays."""
+        return PlanarDetections.of(detections)
+
+    def geometry(self, seen: PlanarDetections, x: Array, o: Array) -> Linearisation:
+        """Residual of [range, bearing], the range's 0 where there is only a bearing."""
+        body = object_in_body(x, o)
+        d = body - seen.origin
         distance, bearing = _polar(d)
-        radial, turn = _polar_jacobian(d, distance)
-        residual = np.stack([distance - detection.range_m, wrap_angle(bearing - detection.bearing_rad)], -1)
-        by_point = np.stack([radial, turn], axis=1)
-        jacobian_x = by_point @ _body_jacobian(d + detection.origin)
-        jacobian_o = np.concatenate([by_point @ _relative_rotation(x, o), np.zeros((len(d), 2, 1))], axis=-1)
-        rows = slice(0, 2) if detection.has_range else slice(1, 2)
-        root = np.linalg.cholesky(detection.covariance[rows, rows])
-        whiten = np.linalg.inv(root)
-        log_normaliser = -np.log(np.diag(root)).sum() - 0.5 * len(root) * LOG_2PI
+        residual = np.empty((len(x), 2))
+        residual[:, 0] = distance - seen.range_m
+        residual[:, 1] = wrap_angle(bearing - seen.bearing_rad)
+        by_polar = np.empty((len(x), 2, 2))
+        by_polar[:, 0], by_polar[:, 1] = _polar_jacobian(d, distance)
+        by_point: Array = seen.whiten @ by_polar
+        whitened: Array = (seen.whiten @ residual[..., None])[..., 0]
         return Linearisation(
-            residual[:, rows] @ whiten.T,
-            whiten @ jacobian_x[:, rows],
-            whiten @ jacobian_o[:, rows],
-            np.full(len(d), log_normaliser),
+            whitened,
+            _by_pose(by_point, body),
+            _by_position(by_point, o[:, 2] - x[:, 2]),
+            np.broadcast_to(seen.log_normaliser, len(x)),
         )
 
-    def geometry_peak(self, detection: PlanarDetection) -> float:
-        """Log density at the measured range and bearing."""
-        rows = slice(0, 2) if detection.has_range else slice(1, 2)
-        covariance = detection.covariance[rows, rows]
-        return float(-0.5 * np.linalg.slogdet(2.0 * np.pi * covariance)[1])
-
-    def semantics(self, detection: PlanarDetection, x: Array, o: Array, classes: Classes) -> Linearisation:
+    def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
         """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes."""
-        v = camera_in_object(x, o, detection.sensor)
+        v = camera_in_object(x, o, seen.sensor)
         distance, azimuth = _polar(v)
         prediction = self._predict(classes, azimuth, distance)
-        root, log_normaliser = self._noise(prediction, detection)
+        root, log_normaliser = self._noise(prediction, seen)
         radial, turn = _polar_jacobian(v, distance)
-        slope = (
-            prediction.mean_jacobian[:, :, :1] * turn[:, None] + prediction.mean_jacobian[:, :, 2:] * radial[:, None]
-        )
-        by_x, by_o = _viewpoint_jacobians(x, o, v, detection.sensor)
-        stacked = np.concatenate(
-            [(prediction.mean - detection.feature)[..., None], slope @ by_x, slope @ by_o], axis=-1
-        )
-        whitened = np.linalg.solve(root, stacked)
+        by_view = prediction.mean_jacobian[:, :, :1] * turn[:, None]
+        by_view += prediction.mean_jacobian[:, :, 2:] * radial[:, None]
+        stacked = np.empty((*prediction.mean.shape, 7))
+        stacked[..., 0] = prediction.mean - seen.feature
+        stacked[..., 1:4] = _by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
+        stacked[..., 4:] = _by_pose(by_view, v)
+        whitened: Array = np.asarray(np.linalg.solve(root, stacked), dtype=np.float64)
         return Linearisation(whitened[..., 0], whitened[..., 1:4], whitened[..., 4:], log_normaliser)
 
     def heading_profile(
-        self, detection: PlanarDetection, x: Array, o: Array, classes: Classes, sigma: Array
+        self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
         """Semantic log density (B, K) when the object is turned by (B, K) angles, out to three sigma (B,) [rad].
 
@@ -116,12 +112,13 @@ class PlanarObservation:
         """
         reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
         turns = reach[:, None] * np.linspace(-1.0, 1.0, WINDOW_ANGLES)
-        distance, azimuth = _polar(camera_in_object(x, o, detection.sensor))
+        distance, azimuth = _polar(camera_in_object(x, o, seen.sensor))
         prediction = self._predict(
             np.repeat(classes, WINDOW_ANGLES), (azimuth[:, None] - turns).ravel(), np.repeat(distance, WINDOW_ANGLES)
         )
-        root, log_normaliser = self._noise(prediction, detection)
-        whitened = np.linalg.solve(root, (prediction.mean - detection.feature)[..., None])[..., 0]
+        repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), WINDOW_ANGLES if len(seen.range_m) > 1 else 1))
+        root, log_normaliser = self._noise(prediction, repeated)
+        whitened = np.linalg.solve(root, (prediction.mean - repeated.feature)[..., None])[..., 0]
         return (log_normaliser - 0.5 * (whitened**2).sum(-1)).reshape(turns.shape), turns
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
@@ -129,13 +126,13 @@ class PlanarObservation:
         distance, bearing = _polar(object_in_body(x, o))
         return self.visibility.log_probability(distance, bearing, soft=soft)
 
-    def robot_start(self, detection: PlanarDetection, x: Array, o: Array) -> Array:
+    def robot_start(self, seen: PlanarDetections, x: Array, o: Array) -> Array:
         """Keep the heading, stand where the object is seen as measured."""
-        if not detection.has_range:
-            return x
-        direction = x[:, 2] + detection.bearing_rad
-        position = o[:, :2] - detection.range_m * np.stack([np.cos(direction), np.sin(direction)], -1)
-        return np.concatenate([position, x[:, 2:]], axis=-1)
+        direction = x[:, 2] + seen.bearing_rad
+        start = x.copy()
+        start[:, 0] = np.where(seen.has_range, o[:, 0] - seen.range_m * np.cos(direction), x[:, 0])
+        start[:, 1] = np.where(seen.has_range, o[:, 1] - seen.range_m * np.sin(direction), x[:, 1])
+        return start
 
     def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
         """Where the detection points, heading as the robot's; without depth as uncertain as the guess is far."""
@@ -147,29 +144,32 @@ class PlanarObservation:
         mean = np.append(x[:2] + rotation @ (detection.origin + distance * along), x[2])
         return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
 
-    def factors(
-        self, detection: PlanarDetection, keys: tuple[int, int], assigned_class: int, x: Array, o: Array
-    ) -> list[Any]:
-        """Range-bearing factor and, with a class, a semantic factor whose covariance is that at (x, o)."""
-        factors = [geometry_factor(lambda x, o: self.geometry(detection, x, o), detection, keys)]
-        if assigned_class >= 0 and self.model is not None:
-            _, azimuth = _polar(camera_in_object(x[None], o[None], detection.sensor))
-            distance = np.linalg.norm(camera_in_object(x[None], o[None], detection.sensor), axis=-1)
-            prediction = self._predict(np.array([assigned_class]), azimuth, distance)
-            root = self._noise(prediction, detection)[0][0]
-            covariance = root @ root.T
-            factors.append(semantic_factor(self.model, detection, keys, assigned_class, covariance))
-        return factors
+    def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
+        """Range and bearing, or the bearing alone."""
+        seen = self.collect([detection])
+        return geometry_factor(lambda x, o: self.geometry(seen, x, o), detection, keys)
 
-    def _noise(self, prediction: Prediction, detection: PlanarDetection) -> tuple[Array, Array]:
+    def semantic_factors(
+        self,
+        detections: Sequence[PlanarDetection],
+        keys: Sequence[tuple[int, int]],
+        classes: Classes,
+        x: Array,
+        o: Array,
+    ) -> list[Any]:
+        """One evaluation for all of them."""
+        part = self.semantics(self.collect(detections), x, o, classes)
+        return [linear_factor(pair, part, row, x[row], o[row]) for row, pair in enumerate(keys)]
+
+    def _noise(self, prediction: Prediction, seen: PlanarDetections) -> tuple[Array, Array]:
         """(B, F, F) root of the covariance that the residual counts with, and (B,) log normaliser.
 
         The covariance S is that of the model and of the dropout passes; N(z; h, S)^(1 / N) has residuals as under N S
         and the N-th part of log N(h; h, S): the determinant must not count fully in every view either.
         """
-        root = np.linalg.cholesky(prediction.covariance + detection.feature_covariance)
+        root = np.linalg.cholesky(prediction.covariance + seen.feature_covariance)
         logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
-        log_peak = -logdet - 0.5 * detection.feature.size * LOG_2PI
+        log_peak = -logdet - 0.5 * seen.feature.shape[1] * LOG_2PI
         return np.sqrt(self.correlated_views) * root, log_peak / self.correlated_views
 
     def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
@@ -183,9 +183,11 @@ def object_in_body(x: Array, o: Array) -> Array:
 
 
 def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
-    """(B, 2) positions of the camera in the objects' frames; ``sensor`` (2,) in the body frame."""
+    """(B, 2) positions of the camera in the objects' frames; ``sensor`` (2,) or (B, 2) in the body frame."""
     cos, sin = np.cos(x[:, 2]), np.sin(x[:, 2])
-    camera = x[:, :2] + np.stack([cos * sensor[0] - sin * sensor[1], sin * sensor[0] + cos * sensor[1]], -1)
+    camera = np.empty((len(x), 2))
+    camera[:, 0] = x[:, 0] + cos * sensor[..., 0] - sin * sensor[..., 1]
+    camera[:, 1] = x[:, 1] + sin * sensor[..., 0] + cos * sensor[..., 1]
     return _turn_back(o[:, 2], camera - o[:, :2])
 
 
@@ -197,7 +199,10 @@ def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
 
 def _turn_back(angle: Array, vector: Array) -> Array:
     cos, sin = np.cos(angle), np.sin(angle)
-    return np.stack([cos * vector[:, 0] + sin * vector[:, 1], cos * vector[:, 1] - sin * vector[:, 0]], -1)
+    turned = np.empty_like(vector)
+    turned[:, 0] = cos * vector[:, 0] + sin * vector[:, 1]
+    turned[:, 1] = cos * vector[:, 1] - sin * vector[:, 0]
+    return turned
 
 
 def _polar(point: Array) -> tuple[Array, Array]:
@@ -208,26 +213,31 @@ def _polar(point: Array) -> tuple[Array, Array]:
 def _polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
     """(B, 2) derivatives of distance and of direction with respect to the point."""
     radial = point / distance[:, None]
-    return radial, np.stack([-radial[:, 1], radial[:, 0]], -1) / distance[:, None]
+    turn = np.empty_like(radial)
+    turn[:, 0] = -radial[:, 1] / distance
+    turn[:, 1] = radial[:, 0] / distance
+    return radial, turn
 
 
-def _body_jacobian(d: Array) -> Array:
-    """(B, 2, 3) dd/dx."""
-    jacobian = np.zeros((len(d), 2, 3))
-    jacobian[:, 0, 0] = jacobian[:, 1, 1] = -1.0
-    jacobian[:, 0, 2], jacobian[:, 1, 2] = d[:, 1], -d[:, 0]
-    return jacobian
+def _by_pose(by_point: Array, point: Array) -> Array:
+    """(B, m, 3) derivatives by the pose of the frame that ``point`` (B, 2) is given in: by_point [-I, -S point]."""
+    found = np.empty((*by_point.shape[:2], 3))
+    np.negative(by_point, out=found[:, :, :2])
+    found[:, :, 2] = by_point[:, :, 0] * point[:, 1:] - by_point[:, :, 1] * point[:, :1]
+    return found
 
 
-def _relative_rotation(x: Array, o: Array) -> Array:
-    """(B, 2, 2) R_x^T R_o."""
-    cos, sin = np.cos(o[:, 2] - x[:, 2]), np.sin(o[:, 2] - x[:, 2])
-    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], axis=1)
+def _by_position(by_point: Array, angle: Array) -> Array:
+    """(B, m, 3) derivatives by a pose of which only the position counts, turned by ``angle`` (B,) against the frame."""
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    found = np.zeros((*by_point.shape[:2], 3))
+    found[:, :, 0] = by_point[:, :, 0] * cos + by_point[:, :, 1] * sin
+    found[:, :, 1] = by_point[:, :, 1] * cos - by_point[:, :, 0] * sin
+    return found
 
 
-def _viewpoint_jacobians(x: Array, o: Array, v: Array, sensor: Array) -> tuple[Array, Array]:
-    """(B, 2, 3) dv/dx and dv/do."""
-    rotation = _relative_rotation(o, x)
-    by_turn = rotation @ np.array([-sensor[1], sensor[0]])
-    by_x = np.concatenate([rotation, by_turn[..., None]], axis=-1)
-    return by_x, _body_jacobian(v)
+def _by_camera(by_point: Array, angle: Array, sensor: Array) -> Array:
+    """(B, m, 3) derivatives by the robot's pose, its camera at ``sensor``: by_point R [I, S s]."""
+    found = _by_position(by_point, angle)
+    found[:, :, 2] = found[:, :, 1] * sensor[..., :1] - found[:, :, 0] * sensor[..., 1:]
+    return found

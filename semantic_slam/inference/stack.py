@@ -48,8 +48,9 @@ class Stack:
     def __init__(
         self, manifold: Manifold, model: ObservationModel, predicted: Predicted, detections: Sequence[Any], rows: Rows
     ):
-        self.manifold, self.model, self.detections, self.rows = manifold, model, detections, rows
+        self.manifold, self.model, self.rows = manifold, model, rows
         self.dimension = manifold.dimension
+        self.seen = model.collect(detections[: rows.objects.shape[1]])
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
         self.mean, self.root = self._gather(predicted)
@@ -83,6 +84,11 @@ class Stack:
         """(B, 1 + n, d) states."""
         return self.manifold.retract(self.mean, self.tangent(y))
 
+    def coordinates(self, states: Array) -> Array:
+        """(B, n) whitened y of (B, 1 + n, d) states."""
+        tangent = self.manifold.local(self.mean, states).reshape(len(states), -1)
+        return np.asarray(np.linalg.solve(self.root, tangent[..., None])[..., 0])
+
     def objects_of(self, states: Array, detection: int) -> Array:
         """(B, d) states of the objects that detection ``detection`` is associated with."""
         return states[np.arange(len(states)), 1 + self.slots[:, detection]]
@@ -94,12 +100,9 @@ class Stack:
 
     def log_likelihood(self, y: Array) -> Array:
         """(B,) log P(Z | x, O, C), Eq. 4.10."""
-        states = self.states(y)
         total = np.zeros(len(y))
-        for number in range(self.rows.objects.shape[1]):
-            for part in self._parts(states, number):
-                density = part.log_normaliser - 0.5 * (part.residual**2).sum(-1)
-                total += np.where(self.active[:, number], density, 0.0)
+        for part in self._parts(self.states(y)):
+            total += self._by_row(part.log_normaliser - 0.5 * (part.residual**2).sum(-1)).sum(-1)
         return total
 
     def energy(self, y: Array) -> Array:
@@ -109,20 +112,17 @@ class Stack:
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
-        states = self.manifold.retract(self.mean, tangent)
         energy = 0.5 * (y**2).sum(-1)
         residuals, jacobians = [], []
-        for number in range(self.rows.objects.shape[1]):
-            for part in self._parts(states, number):
-                applies = self.active[:, number]
-                energy = energy + np.where(applies, 0.5 * (part.residual**2).sum(-1) - part.log_normaliser, 0.0)
-                residuals.append(np.where(applies[:, None], part.residual, 0.0))
-                jacobians.append(np.where(applies[:, None, None], self._place(part, number), 0.0))
+        for part in self._parts(self.manifold.retract(self.mean, tangent)):
+            energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
+            residuals.append(self._by_row(part.residual).reshape(len(y), -1))
+            jacobians.append(self._placed(part))
         if not residuals:
             return energy, y, np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size))
         chart = self.manifold.retract_jacobian(tangent)  # (B, 1 + n, d, d)
-        blocks = np.concatenate(jacobians, axis=1).reshape(len(y), -1, self.mean.shape[1], self.dimension)
-        by_tangent = np.einsum("bmnd,bnde->bmne", blocks, chart).reshape(len(y), -1, self.size)
+        blocks = np.concatenate(jacobians, axis=1)  # (B, m, 1 + n, d)
+        by_tangent = np.swapaxes(np.swapaxes(blocks, 1, 2) @ chart, 1, 2).reshape(len(y), -1, self.size)
         jacobian = by_tangent @ self.root
         transposed = np.swapaxes(jacobian, -1, -2)
         gradient = y + (transposed @ np.concatenate(residuals, axis=1)[..., None])[..., 0]
@@ -130,29 +130,42 @@ class Stack:
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) over the associated objects."""
-        states = self.states(y)
-        total = np.zeros(len(y))
-        for number in range(self.rows.objects.shape[1]):
-            value = self.model.log_visibility(states[:, 0], self.objects_of(states, number), soft=soft)
-            total += np.where(self.active[:, number], value, 0.0)
-        return total
+        if not self.rows.objects.shape[1]:
+            return np.zeros(len(y))
+        x, o = self._pairs(self.states(y))
+        return np.asarray(self._by_row(self.model.log_visibility(x, o, soft=soft)).sum(-1))
 
-    def _parts(self, states: Array, number: int) -> list[Linearisation]:
-        x, o, detection = states[:, 0], self.objects_of(states, number), self.detections[number]
-        parts = [self.model.geometry(detection, x, o)]
+    def _pairs(self, states: Array) -> tuple[Array, Array]:
+        """(B n, d) robot and object of every detection of every candidate."""
+        count = self.rows.objects.shape[1]
+        rows = np.arange(len(states))[:, None]
+        return np.repeat(states[:, 0], count, axis=0), states[rows, 1 + self.slots].reshape(-1, self.dimension)
+
+    def _parts(self, states: Array) -> list[Linearisation]:
+        count = self.rows.objects.shape[1]
+        if not count:
+            return []
+        x, o = self._pairs(states)
+        seen = self.seen.take(np.tile(np.arange(count), len(states)))
+        parts = [self.model.geometry(seen, x, o)]
         if self.rows.classes is not None and self.model.num_classes > 0:
-            parts.append(self.model.semantics(detection, x, o, np.maximum(self.rows.classes[:, number], 0)))
+            parts.append(self.model.semantics(seen, x, o, np.maximum(self.rows.classes, 0).ravel()))
         return parts
 
-    def _place(self, part: Linearisation, number: int) -> Array:
-        """(B, m, size) Jacobian in the tangent spaces at the states."""
-        batch, rows, dimension = part.jacobian_robot.shape
-        placed = np.zeros((batch, rows, self.size))
-        placed[:, :, :dimension] = part.jacobian_robot
-        columns = (1 + self.slots[:, number, None]) * dimension + np.arange(dimension)
-        index = np.broadcast_to(columns[:, None, :], part.jacobian_object.shape)
-        np.put_along_axis(placed, index, part.jacobian_object, axis=2)
-        return placed
+    def _by_row(self, values: Array) -> Array:
+        """(B n, ...) values of the detections to (B, n, ...), 0 for clutter."""
+        shaped = values.reshape(*self.active.shape, *values.shape[1:])
+        return np.where(self.active.reshape(*self.active.shape, *(1,) * (values.ndim - 1)), shaped, 0.0)
+
+    def _placed(self, part: Linearisation) -> Array:
+        """(B, n m, 1 + n, d) Jacobians in the tangent spaces at the states."""
+        batch, count = self.active.shape
+        rows = part.residual.shape[1]
+        placed = np.zeros((batch, count, rows, 1 + count, self.dimension))
+        placed[:, :, :, 0] = self._by_row(part.jacobian_robot)
+        index = (np.arange(batch)[:, None], np.arange(count), slice(None), 1 + self.slots)
+        placed[index] = self._by_row(part.jacobian_object)
+        return placed.reshape(batch, count * rows, 1 + count, self.dimension)
 
 
 def _first_occurrence(objects: Index) -> Index:

@@ -1,13 +1,13 @@
 """A keyframe as the engine sees it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import Motion
+from semantic_slam.inference.component import Motion, Observed
 
 Array = NDArray[np.float64]
 
@@ -25,3 +25,7 @@ class Step:
     names: tuple[str, ...]  # (D,) identities given, "" for none
     in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
     dropped: int = 0  # inputs not used so far
+
+    def observed(self, association: Sequence[int], classes: Sequence[int], used: Iterable[int]) -> tuple[Observed, ...]:
+        """The detections ``used`` that a hypothesis associates with objects."""
+        return tuple(Observed(self.detections[i], association[i], classes[i]) for i in used if association[i] >= 0)

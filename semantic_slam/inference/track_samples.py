@@ -34,12 +34,12 @@ class StateSamples:
     @classmethod
     def of(cls, component: Component, num_samples: int, seed: int) -> "StateSamples":
         """Draws keyed by ``seed`` and the state; raises LostComponentError where the system is indeterminate."""
-        estimate = component.isam.calculateEstimate()
+        estimate = component.smoother.isam.calculateEstimate()
         keys = sorted(estimate.keys())
         ordering = gtsam.Ordering()
         for key in keys:
             ordering.push_back(key)
-        linear = gtsam.NonlinearFactorGraph(component.isam.getFactorsUnsafe()).linearize(estimate)
+        linear = gtsam.NonlinearFactorGraph(component.smoother.isam.getFactorsUnsafe()).linearize(estimate)
         try:
             root: Array = np.linalg.cholesky(np.asarray(linear.hessian(ordering)[0], dtype=np.float64))
         except np.linalg.LinAlgError:

@@ -13,6 +13,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros import qos
+from semantic_slam.ros.liveliness import Sign
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.rounds import Answer, Rounds
@@ -30,6 +31,7 @@ class BackendNode(PipelineNode):
         refuse_undeclared(self)
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
         self._rounds = Rounds(backend_class(self.backend_id))
+        self._sign = Sign(self, self.backend_id)
         self._candidates = self._outlet(topics.CANDIDATES)
         self._components = self._outlet(topics.COMPONENTS)
         self.listen(topics.RUN_CONFIGURATION, self._start, qos.latched())

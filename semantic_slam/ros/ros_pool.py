@@ -15,6 +15,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import SILENT_AFTER_S, Level, Status
+from semantic_slam.ros.liveliness import Watch
 from semantic_slam.ros.transport import Outlet, private_name, receive
 
 CHECK_S = 0.2
@@ -23,7 +24,8 @@ CHECK_S = 0.2
 class RosPool:
     """A ``BackendPool`` over topics. Its rounds run on the worker's thread, the answers arrive on the executor's.
 
-    A backend that does not answer within ``timeout_s`` is given up: the manager rebuilds its hypotheses elsewhere.
+    A backend that is gone, or does not answer within ``timeout_s``, is given up: the manager rebuilds its hypotheses
+    elsewhere.
     """
 
     def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
@@ -31,6 +33,9 @@ class RosPool:
         self._timeout_s = timeout_s
         self._run_id = ""
         self._given_up: tuple[int, ...] = ()
+        self._gone: set[int] = set()
+        self._logger = node.get_logger()
+        self._watch = Watch(node, backend_ids, self._gone.add)
         self._awaited: tuple[int, ...] = ()
         self._since_s = time.monotonic()
         self._what = ""
@@ -94,10 +99,13 @@ class RosPool:
     def _check(self) -> None:
         if not rclpy.ok():
             raise SemanticSlamError("interrupted while waiting for backends")
-        if time.monotonic() - self._since_s > self._timeout_s:
-            self._given_up += self._awaited
-            self.backend_ids = tuple(n for n in self.backend_ids if n not in self._awaited)
-            self._awaited = ()
+        late = time.monotonic() - self._since_s > self._timeout_s
+        for number in [n for n in self._awaited if late or n in self._gone]:
+            reason = "is gone" if number in self._gone else f"has not answered for {self._timeout_s:.0f} s"
+            self._logger.warning(f"backend_{number} {reason}; its hypotheses move to other backends")
+            self._given_up += (number,)
+            self._awaited = tuple(n for n in self._awaited if n != number)
+        self.backend_ids = tuple(n for n in self.backend_ids if n not in self._given_up)
 
     @staticmethod
     def _outlet(node: Node, topic: str, profile: Any) -> Outlet:

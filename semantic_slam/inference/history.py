@@ -1,0 +1,96 @@
+"""What a hypothesis has seen since it was last Gaussian, kept until it is Gaussian again.
+
+The anchor is the component of that time. A hypothesis that is one of several modes also keeps its region: the soft
+share of the states that it answers for, so that the modes of one association sum to its whole evidence.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from semantic_slam.inference.chain import Chain, Link, Seen
+from semantic_slam.inference.component import Component, Motion, Observed, object_key, robot_key
+from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.importance import Gaussians
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Taken:
+    """One keyframe of a hypothesis."""
+
+    motion: Motion
+    observed: tuple[Observed, ...]
+
+
+@dataclass(frozen=True)
+class Region:
+    """The share of one of several modes, over the blocks of y that a chain had when it split."""
+
+    modes: Gaussians
+    number: int
+    num_objects: int
+    num_links: int
+
+    def log_share(self, chain: Chain, y: Array) -> Array:
+        """(B,) log responsibility of the mode, a function of the chain's earlier blocks."""
+        anchor = (1 + self.num_objects) * chain.dimension
+        width = len(chain.mean) * chain.dimension
+        motions = y[:, width : width + self.num_links * chain.dimension]
+        earlier = np.concatenate([y[:, :anchor], motions], axis=1)
+        return np.asarray(self.modes.log_responsibilities(earlier)[self.number])
+
+
+@dataclass(frozen=True)
+class History:
+    """The anchor, the keyframes since, and the evidence of those keyframes."""
+
+    anchor: Component
+    taken: tuple[Taken, ...] = ()
+    introduced: tuple[tuple[int, GaussianPrior], ...] = ()  # objects that the keyframes since have introduced
+    regions: tuple[Region, ...] = ()
+    log_evidence: float = 0.0
+
+    @classmethod
+    def of(cls, component: Component) -> "History":
+        """A component's, which is its own anchor where it is Gaussian."""
+        return component.history if component.history is not None else cls(component)
+
+    def with_keyframe(self, taken: Taken, new: dict[int, GaussianPrior], log_psi: float = 0.0) -> "History":
+        """One keyframe more, with an estimate of what it adds to the evidence."""
+        return replace(
+            self,
+            taken=(*self.taken, taken),
+            introduced=(*self.introduced, *new.items()),
+            log_evidence=self.log_evidence + log_psi,
+        )
+
+    def object_ids(self) -> list[int]:
+        """Objects seen since the anchor, in the order in which they were."""
+        return list(dict.fromkeys(item.object_id for taken in self.taken for item in taken.observed))
+
+    def chain(self) -> Chain:
+        """The integral over everything since the anchor. Raises LostComponentError."""
+        anchor, objects = self.anchor, self.object_ids()
+        introduced = dict(self.introduced)
+        known = [n for n in objects if n not in introduced]
+        keys = [robot_key(anchor.keyframe), *(object_key(n) for n in known)]
+        mean, covariance = anchor.states(keys), anchor.joint_covariance(keys)
+        added = [introduced[n] for n in objects if n in introduced]
+        mean = np.concatenate([mean, *(prior.mean[None] for prior in added)])
+        covariance = block_diag(covariance, *(prior.covariance for prior in added))
+        place = {n: i for i, n in enumerate([*known, *(n for n in objects if n in introduced)])}
+        order = [0, *(1 + place[n] for n in objects)]
+        blocks = (np.array(order)[:, None] * mean.shape[1] + np.arange(mean.shape[1])).ravel()
+        links = [
+            Link(t.motion, tuple(Seen(o.detection, objects.index(o.object_id), o.assigned_class) for o in t.observed))
+            for t in self.taken
+        ]
+        return Chain(anchor.manifold, anchor.model, mean[order], covariance[np.ix_(blocks, blocks)], links)
+
+    def log_share(self, chain: Chain, y: Array) -> Array:
+        """(B,) log of the share that this mode answers for."""
+        return np.asarray(sum((region.log_share(chain, y) for region in self.regions), np.zeros(len(y))))

@@ -1,0 +1,151 @@
+"""Evidence by importance samples from a mixture of Laplace modes and the prior, in whitened coordinates.
+
+The points are a fixed low-discrepancy set with its mirror image about every mode: neighbours in the enumeration get
+the same points, so that their errors cancel in the weights, and nothing depends on who draws them or when.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, qmc
+
+Array = NDArray[np.float64]
+
+PRIOR_SHARE = 0.1
+"""Share of the samples drawn from the prior: no weight can then exceed ten likelihoods."""
+LEAST_MODE_SHARE = 0.1
+"""Share of the other samples that a mode gets at least, divided by the number of modes."""
+WIDENED = 1.1
+"""Factor on adapted covariances, because a proposal must not be narrower than its target."""
+
+
+class Target(Protocol):
+    """What is integrated: P(Z | y) P(beta | y) N(y; 0, I)."""
+
+    def log_likelihood(self, y: Array) -> Array:
+        """(B,) log P(Z | y)."""
+
+    def log_visibility(self, y: Array, *, soft: bool) -> Array:
+        """(B,) log P(beta | y)."""
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """M Gaussians over n whitened coordinates with their shares of a mixture."""
+
+    means: Array  # (M, n)
+    roots: Array  # (M, n, n) lower Cholesky factors of the precisions
+    log_shares: Array  # (M,)
+
+    def log_densities(self, y: Array) -> Array:
+        """(M, B) logs of share times density."""
+        deviation = np.einsum("mbi,mij->mbj", y[None] - self.means[:, None], self.roots)
+        scale = np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(-1) - 0.5 * y.shape[1] * np.log(2.0 * np.pi)
+        return np.asarray((self.log_shares + scale)[:, None] - 0.5 * (deviation**2).sum(-1))
+
+    def log_responsibilities(self, y: Array) -> Array:
+        """(M, B) logs of each Gaussian's part in the mixture at y."""
+        logs = self.log_densities(y)
+        return np.asarray(logs - np.logaddexp.reduce(logs, axis=0))
+
+    def without_prior(self) -> "Gaussians":
+        """All but the last."""
+        return Gaussians(self.means[:-1], self.roots[:-1], self.log_shares[:-1])
+
+    def with_prior(self) -> "Gaussians":
+        """And N(0, I) as the last."""
+        size = self.means.shape[1]
+        return Gaussians(
+            np.concatenate([self.means, np.zeros((1, size))]),
+            np.concatenate([self.roots, np.eye(size)[None]]),
+            np.append(self.log_shares, np.log(PRIOR_SHARE)),
+        )
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N weighted samples: the mean of exp(log_weights) estimates the evidence."""
+
+    y: Array  # (N, n)
+    log_weights: Array  # (N,)
+
+    def log_evidence(self, log_parts: Array | None = None) -> float:
+        """Log of the estimate, of all of it or of the part with (N,) logs of shares."""
+        logs = self.log_weights if log_parts is None else self.log_weights + log_parts
+        largest = float(logs.max())
+        return largest + float(np.log(np.exp(logs - largest).mean())) if np.isfinite(largest) else -np.inf
+
+    def normalised(self, log_parts: Array) -> Array:
+        """(N,) weights that sum to one, of the part with (N,) logs of shares."""
+        logs = self.log_weights + log_parts
+        weights = np.exp(logs - logs.max())
+        return np.asarray(weights / weights.sum())
+
+
+def effective_share(log_weights: Array) -> float:
+    """Effective sample size over the number of samples, 0 where none has any weight."""
+    largest = log_weights.max()
+    if not np.isfinite(largest):
+        return 0.0
+    weights = np.exp(log_weights - largest)
+    return float(weights.sum() ** 2 / (weights**2).sum() / len(weights))
+
+
+def proposal(modes: Array, hessians: Array, log_evidence: Array) -> Gaussians:
+    """Laplace modes (M, n) with shares by their evidence (M,), and the prior last."""
+    shares: Array = np.exp(log_evidence - np.logaddexp.reduce(log_evidence))
+    shares = (1.0 - LEAST_MODE_SHARE) * shares + LEAST_MODE_SHARE / len(modes)
+    roots: Array = np.asarray(np.linalg.cholesky(hessians), dtype=np.float64)
+    return Gaussians(modes, roots, np.log((1.0 - PRIOR_SHARE) * shares)).with_prior()
+
+
+def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians:
+    """The mixture after what its samples showed: each mode with the moments of its part, the prior as before.
+
+    Moments of few effective samples are shrunk towards the Gaussian they were drawn from.
+    """
+    alone = mixture.without_prior()
+    weights = samples.normalised(log_parts)
+    parts = np.exp(alone.log_responsibilities(samples.y)) * weights  # (M, N)
+    totals = np.maximum(parts.sum(axis=1), 1e-12)
+    size = samples.y.shape[1]
+    means: Array = alone.means.copy()
+    roots: Array = alone.roots.copy()
+    for row, (part, total) in enumerate(zip(parts, totals, strict=True)):
+        effective = total**2 / max(float((part**2).sum()), 1e-300)
+        trust = effective / (effective + size)
+        centre = part @ samples.y / total
+        spread = samples.y - centre
+        before = np.linalg.inv(roots[row] @ roots[row].T)
+        covariance = trust * (spread * (part / total)[:, None]).T @ spread + (1.0 - trust) * before
+        means[row] = trust * centre + (1.0 - trust) * means[row]
+        roots[row] = np.linalg.cholesky(np.linalg.inv(WIDENED * covariance))
+    shares: Array = (1.0 - LEAST_MODE_SHARE) * totals / totals.sum() + LEAST_MODE_SHARE / len(totals)
+    return Gaussians(means, roots, np.log((1.0 - PRIOR_SHARE) * shares)).with_prior()
+
+
+def draw(target: Target, mixture: Gaussians, num_samples: int) -> Samples:
+    """About ``num_samples`` points, each weighed against the whole mixture (balance heuristic)."""
+    pairs = np.maximum(1, np.round(0.5 * num_samples * np.exp(mixture.log_shares))).astype(int)
+    parts = []
+    for mean, root, count in zip(mixture.means, mixture.roots, pairs, strict=True):
+        half = np.linalg.solve(root.T, normal_points(int(count), len(mean)).T).T
+        parts += [mean + half, mean - half]
+    y = np.concatenate(parts)
+    drawn = Gaussians(mixture.means, mixture.roots, np.log(pairs / pairs.sum()))
+    log_target = target.log_likelihood(y) + target.log_visibility(y, soft=False)
+    log_prior = -0.5 * (y**2).sum(-1) - 0.5 * y.shape[1] * np.log(2.0 * np.pi)
+    return Samples(y, log_target + log_prior - np.logaddexp.reduce(drawn.log_densities(y), axis=0))
+
+
+@lru_cache(maxsize=256)
+def normal_points(count: int, size: int) -> Array:
+    """(count, size) standard normal points of low discrepancy, always the same."""
+    exponent = int(np.ceil(np.log2(max(count, 2))))
+    uniform = qmc.Sobol(size, scramble=True, seed=size).random_base2(exponent)[:count]
+    points: Array = norm.ppf(np.clip(uniform, 1e-10, 1.0 - 1e-10))
+    points.setflags(write=False)
+    return points

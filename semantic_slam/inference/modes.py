@@ -1,0 +1,173 @@
+"""Candidates become modes: those heavy enough are sampled, and split where they are not one Gaussian."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import WeightsConfiguration
+from semantic_slam.inference.component import Component, Observed, object_key, robot_key
+from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.history import History, Taken
+from semantic_slam.inference.importance import effective_share, normal_points
+from semantic_slam.inference.laplace import Mode
+from semantic_slam.inference.refinement import Refined, refine
+from semantic_slam.inference.stack import Stack
+from semantic_slam.inference.step import Step
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Expanded:
+    """K candidates before they split: each under one association and class assignment."""
+
+    step: Step
+    parents: Sequence[Component]
+    log_parent_weights: Array  # (P,)
+    stack: Stack
+    mode: Mode
+    log_prior: Array  # (K,) of the classes first enumerated here
+    observed: Sequence[tuple[Observed, ...]]  # K
+    new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
+    object_ids: Sequence[int]  # that ``stack.rows.objects`` refers to
+
+    def states_of(self, row: int, refined: Refined) -> Array:
+        """(1 + n, d) states of the blocks of one candidate at a mode of its whole history."""
+        states: Array = self.stack.mean[row].copy()
+        states[0] = refined.smoothed[robot_key(self.parents[self.stack.rows.parents[row]].keyframe + 1)]
+        for slot, place in enumerate(self.stack.rows.objects[row]):
+            if place >= 0 and self.stack.slots[row, slot] == slot:
+                states[1 + slot] = refined.smoothed[object_key(self.object_ids[place])]
+        return states
+
+
+@dataclass(frozen=True)
+class Split:
+    """M >= K modes of candidates."""
+
+    origin: Index  # (M,) candidate
+    number: Index  # (M,) 0: the candidate as it is; from 1 on: a mode found in its whole history
+    log_evidence: Array  # (M,) log psi without the class prior
+    effective_sample_sizes: Array  # (M,) NaN where nothing was sampled
+    refined: list[Refined | None]  # M
+    histories: list[History | None]  # M
+
+    @classmethod
+    def unchanged(cls, log_evidence: Array, effective_sample_sizes: Array) -> "Split":
+        """Every candidate one mode."""
+        count = len(log_evidence)
+        number = np.zeros(count, dtype=int)
+        return cls(np.arange(count), number, log_evidence, effective_sample_sizes, [None] * count, [None] * count)
+
+
+def split(expanded: Expanded, weights: WeightsConfiguration, path_mode: int | None) -> Split:
+    """All modes of all candidates. ``path_mode`` names the mode of a lineage: 0 has no history looked at."""
+    log_evidence = expanded.mode.log_evidence + expanded.stack.log_visibility(expanded.mode.y, soft=True)
+    effective = np.full(len(log_evidence), np.nan)
+    heavy = _heavy(expanded, log_evidence, weights.importance_gate, path_mode)
+    has_history = np.array([parent.history is not None for parent in expanded.parents])[expanded.stack.rows.parents]
+    plain = heavy & ~has_history
+    shares = np.zeros(len(log_evidence))
+    if plain.any():
+        rows = np.flatnonzero(plain)
+        log_evidence[rows], shares[rows] = _screened(expanded, rows, log_evidence[rows], weights.screening_samples)
+        effective[rows] = shares[rows] * weights.screening_samples
+    look = heavy & (shares < weights.gaussian_share) if path_mode is None else heavy
+    found = [_modes(expanded, row, weights) if look[row] else [] for row in range(len(log_evidence))]
+    return _collected(expanded, found, log_evidence, effective, weights)
+
+
+def _heavy(expanded: Expanded, log_evidence: Array, gate: float, path_mode: int | None) -> NDArray[np.bool_]:
+    """(K,) whether a candidate weighs so much that its weight should be exact; never for one without a rival."""
+    if path_mode is not None:
+        return np.full(len(log_evidence), path_mode > 0)
+    parents = expanded.stack.rows.parents
+    score = log_evidence + expanded.log_prior
+    best = np.full(len(expanded.parents), -np.inf)
+    np.maximum.at(best, parents, score)
+    heavy = expanded.log_parent_weights[parents] + score - best[parents] >= -gate
+    alone = np.bincount(parents, minlength=len(best)) == 1
+    certain = expanded.log_parent_weights >= np.log1p(-1e-9)
+    return np.asarray(heavy & ~(alone & certain)[parents])
+
+
+def _screened(expanded: Expanded, rows: Index, laplace: Array, count: int) -> tuple[Array, Array]:
+    """(R,) log evidence by samples about the mode, and their effective share."""
+    half = normal_points(count // 2, expanded.stack.size)
+    points = np.concatenate([half, -half])
+    part = expanded.stack.select(np.repeat(rows, len(points)))
+    roots = np.linalg.cholesky(expanded.mode.hessian[rows])
+    deviations = np.linalg.solve(np.swapaxes(roots, 1, 2), np.broadcast_to(points.T, (len(rows), *points.T.shape)))
+    y = (expanded.mode.y[rows][:, None] + np.swapaxes(deviations, 1, 2)).reshape(-1, expanded.stack.size)
+    target = part.log_likelihood(y) + part.log_visibility(y, soft=False) - 0.5 * (y**2).sum(-1)
+    logs = target.reshape(len(rows), -1) + 0.5 * (points**2).sum(-1)
+    logs -= np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(-1)[:, None]
+    shares = np.array([effective_share(row) for row in logs])
+    seen = shares > 0.0
+    largest = np.where(seen, logs.max(axis=1), 0.0)
+    found = largest + np.log(np.maximum(np.exp(logs - largest[:, None]).mean(axis=1), 1e-300))
+    return np.where(seen, found, laplace), shares
+
+
+def _modes(expanded: Expanded, row: int, weights: WeightsConfiguration) -> list[Refined]:
+    """Modes of one candidate over its history, from where its parent and its own mode are."""
+    parent = expanded.parents[expanded.stack.rows.parents[row]]
+    new = expanded.new[expanded.stack.rows.parents[row]]
+    history = History.of(parent).with_keyframe(Taken(expanded.step.motion, expanded.observed[row]), new)
+    states = expanded.stack.select(np.array([row])).states(expanded.mode.y[row : row + 1])[0]
+    seen = {
+        expanded.object_ids[place]: states[1 + expanded.stack.slots[row, number]]
+        for number, place in enumerate(expanded.stack.rows.objects[row])
+        if place >= 0
+    }
+    past = range(history.anchor.keyframe, parent.keyframe + 1)
+    robots = np.concatenate([parent.states([robot_key(k) for k in past]), states[:1]])
+    objects = [seen[n] if n in seen else parent.states([object_key(n)])[0] for n in history.object_ids()]
+    return refine(history, robots, np.array(objects).reshape(-1, robots.shape[1]), weights)
+
+
+def _collected(
+    expanded: Expanded, found: list[list[Refined]], log_evidence: Array, effective: Array, weights: WeightsConfiguration
+) -> Split:
+    origin, number, evidence, sizes = [], [], [], []
+    refined: list[Refined | None] = []
+    histories: list[History | None] = []
+    for row, modes in enumerate(found):
+        parent = expanded.parents[expanded.stack.rows.parents[row]]
+        before = parent.history.log_evidence if parent.history is not None else 0.0
+        for at, mode in enumerate(modes):
+            origin.append(row)
+            number.append(1 + at)
+            evidence.append(mode.log_evidence - before)
+            sizes.append(mode.effective_share * weights.importance_samples)
+            refined.append(mode)
+            histories.append(mode.history)
+        if not modes:
+            origin.append(row)
+            number.append(0)
+            evidence.append(float(log_evidence[row]))
+            sizes.append(float(effective[row]))
+            refined.append(None)
+            histories.append(_carried(expanded, row, log_evidence[row], weights.max_history))
+    return Split(
+        np.array(origin, dtype=int),
+        np.array(number, dtype=int),
+        np.array(evidence),
+        np.array(sizes),
+        refined,
+        histories,
+    )
+
+
+def _carried(expanded: Expanded, row: int, log_evidence: float, max_links: int) -> History | None:
+    """The history of a candidate that was not looked at, while its parent has one."""
+    parent = expanded.parents[expanded.stack.rows.parents[row]]
+    if parent.history is None or len(parent.history.taken) + 1 >= max_links:
+        return None
+    new = expanded.new[expanded.stack.rows.parents[row]]
+    taken = Taken(expanded.step.motion, expanded.observed[row])
+    carried: History = parent.history.with_keyframe(taken, new, log_evidence)
+    return carried

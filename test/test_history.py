@@ -1,0 +1,161 @@
+"""A hypothesis's whole history: evidence and modes against samples of the prior and finite differences."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from semantic_slam.configuration import WeightsConfiguration
+from semantic_slam.geometry import se2
+from semantic_slam.inference.component import Component, Continued, Motion, Observed, robot_key
+from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.history import History, Taken
+from semantic_slam.inference.manifold import PlanarPoses
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
+from semantic_slam.inference.refinement import Refined, refine
+from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.parametric import ParametricModel
+
+MANIFOLD = PlanarPoses()
+SETTINGS = WeightsConfiguration(importance_samples=8192, gaussian_share=0.9999, max_history=100)
+OBJECT = np.array([0.0, 0.0, 0.0])
+START = np.array([3.0, 0.0, np.pi])
+"""The robot looks at the object from its front, where the class's score is the same on either side."""
+
+
+def observation(visibility: PlanarVisibility | None = None) -> PlanarObservation:
+    return PlanarObservation(ParametricModel(0.5, 15.0), visibility or PlanarVisibility())
+
+
+def component(model: PlanarObservation, sigma_m: float, sigma_rad: float) -> Component:
+    robot = GaussianPrior(START, np.diag([0.01, sigma_m**2, sigma_rad**2]))
+    return Component.root(MANIFOLD, model, robot, {0: GaussianPrior(OBJECT, np.diag([1e-4, 1e-4, 1e-6]))})
+
+
+def detection(
+    model: PlanarObservation, azimuth: float, *, range_m: float = 3.0, bearing: float = 0.0
+) -> PlanarDetection:
+    """As the robot would make it from ``azimuth`` [rad] about the object."""
+    viewpoint = Viewpoints(np.array([azimuth]), np.zeros(1), np.array([range_m]))
+    assert model.model is not None
+    feature = model.model.predict(np.zeros(1, dtype=int), viewpoint).mean[0]
+    return PlanarDetection(range_m, bearing, np.diag([0.01, 0.0025]), np.zeros(2), feature, np.zeros((2, 2)))
+
+
+def history(root: Component, detections: Sequence[PlanarDetection], control: np.ndarray) -> History:
+    motion = Motion(control, np.diag([0.02, 0.02, 0.01]) ** 2)
+    found = History.of(root)
+    for item in detections:
+        found = found.with_keyframe(Taken(motion, (Observed(item, 0, 0),)), {})
+    return found
+
+
+def modes_of(given: History) -> list[Refined]:
+    steps = [taken.motion.control for taken in given.taken]
+    robots = [START]
+    for control in steps:
+        robots.append(se2.compose(robots[-1], control))
+    return refine(given, np.array(robots), OBJECT[None], SETTINGS)
+
+
+def prior_evidence(given: History, count: int = 400_000) -> tuple[float, float]:
+    """Log evidence from samples of the prior, which know of no modes, and its relative standard error."""
+    chain = given.chain()
+    y = np.random.default_rng(1).standard_normal((count, chain.size))
+    logs = chain.log_likelihood(y) + chain.log_visibility(y, soft=False)
+    weights = np.exp(logs - logs.max())
+    return float(logs.max() + np.log(weights.mean())), float(weights.std() / weights.mean() / np.sqrt(count))
+
+
+@pytest.mark.parametrize("visibility", [PlanarVisibility(), PlanarVisibility(3.02, 0.4)], ids=["everywhere", "limited"])
+def test_evidence_of_three_keyframes_is_that_of_the_prior_s_samples(visibility: PlanarVisibility) -> None:
+    model = observation(visibility)
+    given = history(component(model, 1.0, 0.3), [detection(model, a) for a in (0.3, 0.4, 0.5)], np.zeros(3))
+    expected, error = prior_evidence(given)
+    found = float(np.logaddexp.reduce([mode.log_evidence for mode in modes_of(given)]))
+    assert error < 0.02
+    assert found == pytest.approx(expected, abs=4.0 * error + 0.01)
+
+
+def test_coordinates_and_slopes_are_those_of_the_states() -> None:
+    model = observation()
+    chain = history(component(model, 1.0, 0.3), [detection(model, 0.3)] * 2, np.array([0.3, 0.1, 0.2])).chain()
+    y = np.random.default_rng(0).standard_normal(chain.size)
+    robots, objects = chain.states(y[None])
+    np.testing.assert_allclose(chain.coordinates(robots[0], objects[0]), y, atol=1e-9)
+    energy, gradient, _ = chain.normal_equations(y[None])
+    steps = 1e-6 * np.eye(chain.size)
+    numeric = (chain.energy(y + steps) - chain.energy(y - steps)) / 2e-6
+    np.testing.assert_allclose(gradient[0], numeric, rtol=1e-5, atol=1e-4)
+    assert chain.energy(y[None])[0] == pytest.approx(energy[0])
+
+
+def test_either_side_of_a_symmetric_object_is_a_mode_with_half_the_evidence() -> None:
+    model = observation()
+    given = history(component(model, 1.5, 0.4), [detection(model, 0.8)] * 2, np.zeros(3))
+    modes = modes_of(given)
+    assert len(modes) == 2
+    sides = [mode.smoothed[robot_key(1)][1] for mode in modes]
+    assert sides[0] == pytest.approx(-sides[1], abs=0.02) and abs(sides[0]) > 0.5
+    evidence = np.array([mode.log_evidence for mode in modes])
+    np.testing.assert_allclose(evidence - np.logaddexp.reduce(evidence), np.log(0.5), atol=0.05)
+    expected, error = prior_evidence(given)
+    assert np.logaddexp.reduce(evidence) == pytest.approx(expected, abs=4.0 * error + 0.01)
+
+
+def test_a_mode_answers_for_its_own_side_from_then_on() -> None:
+    """One more keyframe: what both modes make of it adds up to the evidence of all."""
+    model = observation()
+    root = component(model, 1.5, 0.4)
+    modes = modes_of(history(root, [detection(model, 0.8)] * 2, np.zeros(3)))
+    assert len(modes) == 2
+    total = -np.inf
+    motion = Motion(np.zeros(3), np.diag([0.02, 0.02, 0.01]) ** 2)
+    for mode in modes:
+        assert mode.history is not None
+        given = mode.history.with_keyframe(Taken(motion, (Observed(detection(model, 0.9), 0, 0),)), {})
+        robots = np.array([mode.smoothed[robot_key(k)] for k in (-1, 0, 1, 1)])
+        found = refine(given, robots, OBJECT[None], SETTINGS)
+        assert np.sign(found[0].smoothed[robot_key(2)][1]) == np.sign(mode.smoothed[robot_key(1)][1])
+        total = np.logaddexp(total, np.logaddexp.reduce([each.log_evidence for each in found]))
+    everything = history(root, [detection(model, a) for a in (0.8, 0.8, 0.9)], np.zeros(3))
+    expected, error = prior_evidence(everything)
+    assert total == pytest.approx(expected, abs=4.0 * error + 0.02)
+
+
+def test_the_component_of_a_mode_is_where_the_mode_is() -> None:
+    """iSAM2 of the second mode does not slide back to the parent's side."""
+    model = observation()
+    root = component(model, 1.5, 0.4)
+    item = detection(model, 0.8)
+    given = history(root, [item], np.zeros(3))
+    modes = modes_of(given)
+    assert len(modes) == 2
+    for mode in modes:
+        robot = mode.smoothed[robot_key(0)]
+        continued = Continued(robot, [OBJECT], {}, {}, None, mode.history, mode.smoothed, mode.corrections)
+        child = root.extended(given.taken[0].motion, given.taken[0].observed, continued)
+        np.testing.assert_allclose(child.newest_robot(), robot, atol=1e-3)
+
+
+def test_moments_are_those_of_the_posterior() -> None:
+    """A turned robot lost along an arc: the mean of its positions is not where its mode is."""
+    model = observation()
+    given = history(component(model, 2.0, 0.4), [detection(model, 0.0)], np.zeros(3))
+    chain = given.chain()
+    y = np.random.default_rng(2).standard_normal((1_000_000, chain.size))
+    logs = chain.log_likelihood(y)
+    weights = np.exp(logs - logs.max())
+    expected = MANIFOLD.mean(chain.states(y)[0][:, -1], weights / weights.sum())
+    modes = modes_of(given)
+    shares = np.exp([mode.log_evidence for mode in modes])
+    root = component(model, 2.0, 0.4)
+    means = []
+    for mode in modes:
+        robot = mode.smoothed[robot_key(0)]
+        continued = Continued(robot, [OBJECT], {}, {}, None, mode.history, mode.smoothed, mode.corrections)
+        child = root.extended(given.taken[0].motion, given.taken[0].observed, continued)
+        means.append(child.corrected([robot_key(0)])[0][0])
+    found = MANIFOLD.mean(np.array(means), shares / shares.sum())
+    np.testing.assert_allclose(found, expected, atol=0.02)
