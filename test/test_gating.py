@@ -57,7 +57,7 @@ def test_no_detections_have_one_assignment() -> None:
 
 
 def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
-    """z = o - x + noise: p(z1, z2) is normal with covariance J P J' + I / 4, and the robot's posterior is that of conditioning."""
+    """z = o - x + noise: p(z1, z2) is normal with covariance J P J' + I / 4, the posterior follows by conditioning."""
     random = np.random.default_rng(0)
     mean = random.normal(size=(3, 2))
     root = random.normal(size=(6, 6))
@@ -85,14 +85,14 @@ def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
             result.object_covariances[row, 0], after[2 * first : 2 * first + 2, 2 * first : 2 * first + 2]
         )
         if row == 0:
-            assert pairs.log_density[0, 0] == pytest.approx(_single(mean, covariance, detections[0], 1))
+            assert pairs.log_density[0, 0] == pytest.approx(_single(mean, covariance, offsets[0], 1))
 
 
-def _single(mean: np.ndarray, covariance: np.ndarray, detection: np.ndarray, number: int) -> float:
+def _single(mean: np.ndarray, covariance: np.ndarray, offset: np.ndarray, number: int) -> float:
     jacobian = np.zeros((2, 6))
     jacobian[:, :2], jacobian[:, 2 * number : 2 * number + 2] = -np.eye(2), np.eye(2)
     spread = jacobian @ covariance @ jacobian.T + 0.25 * np.eye(2)
-    innovation = detection - jacobian @ mean.ravel()
+    innovation = offset - jacobian @ mean.ravel()
     return float(
         -0.5 * innovation @ np.linalg.solve(spread, innovation) - 0.5 * np.linalg.slogdet(2 * np.pi * spread)[1]
     )
