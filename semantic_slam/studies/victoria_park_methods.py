@@ -162,19 +162,28 @@ def smoothed_poses(component: OpenComponent) -> Array:
 
 def scores(associations: Sequence[tuple[int, ...]], labels: Sequence[tuple[str, ...]]) -> dict[str, float]:
     """Pairwise scores against the file's numbers, and against those with the doubtful pairs made one."""
+    known = labels[: len(associations)]
     estimate = [number for own in associations for number in own]
-    names = [name for own in labels[: len(associations)] for name in own]
-    first_seen = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    raw = [first_seen[name] for name in names]
-    same = {second: first for first, second in ONE_TRUNK}
-    found = pair_score(estimate, raw)
-    merged = pair_score(estimate, [same.get(number, number) for number in raw])
+    found, merged = (pair_score(estimate, _numbers(own)) for own in (known, one_trunk(known)))
     return {
         "association_f1": found.f1,
         "association_f1_merged": merged.f1,
         "association_precision_merged": merged.precision,
         "association_recall_merged": merged.recall,
     }
+
+
+def one_trunk(labels: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """The file's numbers of a drive with :data:`ONE_TRUNK` made one."""
+    names = list(dict.fromkeys(name for own in labels for name in own))
+    same = {names[second]: names[first] for first, second in ONE_TRUNK if second < len(names)}
+    return [tuple(same.get(name, name) for name in own) for own in labels]
+
+
+def _numbers(labels: Sequence[tuple[str, ...]]) -> list[int]:
+    """Each label as a number, the first seen being 0."""
+    number: dict[str, int] = {}
+    return [number.setdefault(name, len(number)) for own in labels for name in own]
 
 
 def _times(seconds: Array, duration_s: float) -> dict[str, float]:
