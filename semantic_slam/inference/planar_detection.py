@@ -51,18 +51,19 @@ class PlanarDetections:
     def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
         """All detections of a keyframe, or of a track."""
         count, size = len(detections), detections[0].feature.size if detections else 0
-        whiten, log_normaliser = np.zeros((count, 2, 2)), np.zeros(count)
-        for row, item in enumerate(detections):
-            rows = slice(0, 2) if item.has_range else slice(1, 2)
-            root = np.linalg.cholesky(item.covariance[rows, rows])
-            whiten[row, rows, rows] = np.linalg.inv(root)
-            log_normaliser[row] = -np.log(np.diag(root)).sum() - 0.5 * len(root) * LOG_2PI
+        ranged = np.array([item.has_range for item in detections], dtype=bool)
+        covariance = np.array([item.covariance for item in detections], dtype=np.float64).reshape(count, 2, 2)
+        covariance[~ranged, 0] = covariance[~ranged, :, 0] = np.array([1.0, 0.0])  # a unit range, of which nothing stays
+        root = np.linalg.cholesky(covariance)
+        whiten = np.linalg.inv(root)
+        whiten[~ranged, 0] = 0.0
+        log_normaliser = -np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1) - 0.5 * (1.0 + ranged) * LOG_2PI
         return cls(
-            np.nan_to_num([item.range_m for item in detections]),
+            np.array([item.range_m if item.has_range else 0.0 for item in detections]),
             np.array([item.bearing_rad for item in detections]),
             whiten,
             log_normaliser,
-            np.array([item.has_range for item in detections], dtype=bool),
+            ranged,
             np.array([item.origin for item in detections]).reshape(count, 2),
             np.array([item.sensor for item in detections]).reshape(count, 2),
             np.array([item.feature for item in detections]).reshape(count, size),
