@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import gtsam
@@ -31,6 +32,7 @@ def robot_key(keyframe: int) -> int:
     return int(gtsam.symbol("x", keyframe + 1))
 
 
+@cache
 def object_key(object_id: int) -> int:
     """O(n)."""
     return int(gtsam.symbol("o", object_id))

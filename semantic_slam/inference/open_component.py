@@ -19,12 +19,6 @@ from semantic_slam.inference.step import Step
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
-RELINEARIZE_THRESHOLD = 0.1
-"""Metres or radians, where updates are not iterated."""
-RELINEARIZE_SKIP = 5
-"""Keyframes from one relinearisation to the next where updates are not iterated."""
-
-
 @dataclass(frozen=True)
 class Grown:
     """What one continuation adds to its parent."""
@@ -59,7 +53,7 @@ class OpenComponent(Component):
         plain, settle = problem.root(), problem.open_world.settle
         smoother = plain.smoother
         if not settle:
-            smoother = smoother.with_single_steps(RELINEARIZE_THRESHOLD, RELINEARIZE_SKIP)
+            smoother = smoother.with_single_steps()
         entries = sorted(problem.objects, key=lambda entry: entry.object_id)
         dimension = problem.manifold.dimension
         states = np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension)
@@ -135,7 +129,9 @@ class OpenComponent(Component):
         assert len(keys) == 1 + len(population.ids)
         states = np.concatenate([population.robot[None], population.states])
         covariances = np.concatenate([population.robot_covariance[None], population.covariances])
-        corrections = [self.robot_correction, *(self._correction(int(n)) for n in population.ids)]
+        corrections = [self.robot_correction]
+        if self.views:
+            corrections += [self._correction(int(n)) for n in population.ids]
         for row, correction in enumerate(corrections):
             if correction is not None:
                 states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])

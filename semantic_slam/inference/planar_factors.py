@@ -17,15 +17,15 @@ from semantic_slam.inference.planar_detection import PlanarDetection
 Array = NDArray[np.float64]
 
 
-def geometry_factor(
-    linearise: Callable[[Array, Array], Linearisation], detection: PlanarDetection, keys: tuple[int, int]
-) -> Any:
-    """Built-in bearing-range factor; a bearing alone, from a camera off the body's origin, is a custom factor."""
-    if detection.has_range:
-        bearing_first = detection.covariance[::-1, ::-1]  # GTSAM's order is [bearing, range]
-        noise = gtsam.noiseModel.Gaussian.Covariance(bearing_first)
-        bearing = gtsam.Rot2.fromAngle(detection.bearing_rad)
-        return gtsam.BearingRangeFactorPose2(*keys, bearing, detection.range_m, noise)
+def bearing_range_factor(detection: PlanarDetection, keys: tuple[int, int]) -> Any:
+    """GTSAM's own."""
+    noise = gtsam.noiseModel.Gaussian.Covariance(detection.covariance[::-1, ::-1])  # GTSAM's order is [bearing, range]
+    bearing = gtsam.Rot2.fromAngle(detection.bearing_rad)
+    return gtsam.BearingRangeFactorPose2(*keys, bearing, detection.range_m, noise)
+
+
+def bearing_factor(linearise: Callable[[Array, Array], Linearisation], keys: tuple[int, int]) -> Any:
+    """A bearing alone, from a camera off the body's origin, is a custom factor."""
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         x, o = _planar_states(values, this.keys())

@@ -18,7 +18,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
-from semantic_slam.inference.planar_factors import geometry_factor, linear_factor
+from semantic_slam.inference.planar_factors import bearing_factor, bearing_range_factor, linear_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
 Array = NDArray[np.float64]
@@ -146,8 +146,10 @@ class PlanarObservation:
 
     def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
         """Range and bearing, or the bearing alone."""
+        if detection.has_range:
+            return bearing_range_factor(detection, keys)
         seen = self.collect([detection])
-        return geometry_factor(lambda x, o: self.geometry(seen, x, o), detection, keys)
+        return bearing_factor(lambda x, o: self.geometry(seen, x, o), keys)
 
     def semantic_factors(
         self,

@@ -29,6 +29,8 @@ MOVED = 0.1
 SAME = 1e-3
 """Change of a state, metres or radians, below which linear factors need not be made again in an optimisation."""
 MAX_ROUNDS = 6
+STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
+"""Where updates are not iterated: keyframes from one relinearisation to the next, and metres or radians."""
 
 
 class LostComponentError(SemanticSlamError):
@@ -140,11 +142,15 @@ class Smoother:
             raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
         return replace(self, isam=isam, named=(*self.named, *named))
 
-    def with_single_steps(self, threshold: float, skip: int) -> "Smoother":
-        """The same system; relinearised every ``skip`` updates where a state is ``threshold`` off."""
+    def with_single_steps(self) -> "Smoother":
+        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres."""
         parameters = gtsam.ISAM2Params()
-        parameters.relinearizeSkip = skip
-        parameters.setRelinearizeThreshold(threshold)
+        parameters.relinearizeSkip = STEPPED_SKIP
+        parameters.setRelinearizeThreshold(STEPPED_THRESHOLD)
+        parameters.enablePartialRelinearizationCheck = True
+        solver = gtsam.ISAM2GaussNewtonParams()
+        solver.setWildfireThreshold(STEPPED_WILDFIRE)
+        parameters.setOptimizationParams(solver)
         isam = gtsam.ISAM2(parameters)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         return replace(self, isam=isam)
