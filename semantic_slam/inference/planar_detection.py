@@ -53,7 +53,7 @@ class PlanarDetections:
         count, size = len(detections), detections[0].feature.size if detections else 0
         ranged = np.array([item.has_range for item in detections], dtype=bool)
         covariance = np.array([item.covariance for item in detections], dtype=np.float64).reshape(count, 2, 2)
-        covariance[~ranged, 0] = covariance[~ranged, :, 0] = np.array([1.0, 0.0])  # a unit range, of which nothing stays
+        covariance[~ranged, 0] = covariance[~ranged, :, 0] = np.array([1.0, 0.0])  # unit, and then nothing
         root = np.linalg.cholesky(covariance)
         whiten = np.linalg.inv(root)
         whiten[~ranged, 0] = 0.0

@@ -6,15 +6,15 @@ evidence of the first keyframes alone; landmark numbers serve the scores and not
 
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
 from semantic_slam.configuration import to_dict
-from semantic_slam.datasets.victoria_park import example_path, read_log
+from semantic_slam.datasets.victoria_park import Log, example_path, read_log
 from semantic_slam.studies.result import write_result
 from semantic_slam.studies.victoria_park_data import Variant, make_drive
 from semantic_slam.studies.victoria_park_methods import NUM_HYPOTHESES, Outcome, configuration_of, drive_with
@@ -58,7 +58,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     limit = QUICK_KEYFRAMES if quick else None
     noise = choose_noise(quick, jobs)
     tasks = _tasks(noise, quick, seed, limit)
-    outcomes = dict(zip([task.name for task in tasks], _all_of(tasks, jobs), strict=True))
+    outcomes = _all_of(tasks[: len(NUM_HYPOTHESES)], jobs, alone=True) | _all_of(tasks[len(NUM_HYPOTHESES) :], jobs)
     base = noise.of(Variant(num_keyframes=limit))
     reference = _reference(base)
     result = _summary(outcomes, noise, reference, base, quick, seed)
@@ -71,11 +71,15 @@ def choose_noise(quick: bool, jobs: int) -> Noise:
     factors, variances = ((8.0, 16.0, 32.0), (0.1, 0.2)) if quick else (FACTORS, VARIANCES_M2)
     count = QUICK_KEYFRAMES // 2 if quick else NOISE_KEYFRAMES
     settings = [(factor, variance) for factor in factors for variance in variances]
-    tasks = [Task("", "ours", Variant(factor, variance, num_keyframes=count)) for factor, variance in settings]
-    found = [outcome.log_evidence if not outcome.fault else -np.inf for outcome in _all_of(tasks, jobs)]
-    factor, variance = settings[int(np.argmax(found))]
     names = [f"x{factor:g}, {variance:g} m^2" for factor, variance in settings]
-    return Noise(factor, variance, {name: float(value) for name, value in zip(names, found, strict=True)})
+    tasks = [
+        Task(name, "ours", Variant(factor, variance, num_keyframes=count))
+        for name, (factor, variance) in zip(names, settings, strict=True)
+    ]
+    outcomes = _all_of(tasks, jobs)
+    found = {name: outcomes[name].log_evidence for name in names if not outcomes[name].fault}
+    factor, variance = settings[names.index(max(found, key=lambda name: found[name]))]
+    return Noise(factor, variance, found)
 
 
 def _tasks(noise: Noise, quick: bool, seed: int, limit: int | None) -> list[Task]:
@@ -93,19 +97,25 @@ def _tasks(noise: Noise, quick: bool, seed: int, limit: int | None) -> list[Task
     return tasks
 
 
-def _all_of(tasks: list[Task], jobs: int) -> list[Outcome]:
-    """Every task in a fresh process, so that memory is that of one run."""
-    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
-        return list(tqdm(pool.map(outcome_of, tasks), total=len(tasks), desc="drives"))
+def _all_of(tasks: list[Task], jobs: int, *, alone: bool = False) -> dict[str, Outcome]:
+    """``alone``: every task in a fresh process, so that memory is that of one run."""
+    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1 if alone else None) as pool:
+        outcomes = tqdm(pool.map(outcome_of, tasks), total=len(tasks), desc="drives")
+        return {task.name: outcome for task, outcome in zip(tasks, outcomes, strict=True)}
 
 
 def outcome_of(task: Task) -> Outcome:
-    """Read the file, make the drive, run the method."""
-    return drive_with(task.method, make_drive(read_log(example_path()), task.variant))
+    """Make the drive, run the method."""
+    return drive_with(task.method, make_drive(_log(), task.variant))
+
+
+@cache
+def _log() -> Log:
+    return read_log(example_path())
 
 
 def _reference(variant: Variant) -> Solution:
-    return known_association(make_drive(read_log(example_path()), variant), variant.landmark_variance_m2)
+    return known_association(make_drive(_log(), variant), variant.landmark_variance_m2)
 
 
 def _summary(
@@ -113,7 +123,7 @@ def _summary(
 ) -> dict[str, Any]:
     from semantic_slam.pipeline.provenance import revision
 
-    drive = make_drive(read_log(example_path()), base)
+    drive = make_drive(_log(), base)
     methods: dict[str, dict[str, Any]] = {}
     for method in NUM_HYPOTHESES:
         outcome = outcomes[method]
