@@ -120,6 +120,11 @@ class OpenWorldConfiguration:
     max_joint_objects: int = parameter(
         30, "objects near the detections whose covariance with the robot is computed, per hypothesis", minimum=1
     )
+    classes: str = parameter(
+        "carried",
+        "carried: a table over class and heading for each object; enumerated: hypotheses of their own",
+        choices=("carried", "enumerated"),
+    )
     settle: bool = parameter(
         True, "iterate every update until it converges; false: one update per keyframe, for drives of kilometres"
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.inference.carried_classes import CarriedClasses, Views
 from semantic_slam.inference.component import Component, Held, LostComponentError, Observed
 from semantic_slam.inference.continuation import Continuations
 from semantic_slam.inference.enumeration import Enumerated, Setting, enumerate_classes
@@ -191,9 +192,30 @@ class OpenExpander:
             result = result.replaced(chosen, evaluated(small.stack, mode))
         none = (-1,) * len(step.detections)
         steps = [LineageStep(tuple(row), none) for row in ids.tolist()]
-        count = len(steps)
-        nothing = Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
-        return _Weighable(candidates.parents, steps, result, np.zeros(count), nothing, candidates.log_left_out)
+        semantics = self._carried(step, outlooks, candidates.parents, ids, result)
+        return _Weighable(candidates.parents, steps, result, np.zeros(len(steps)), semantics, candidates.log_left_out)
+
+    def _carried(self, step: Step, outlooks: list[Outlook], parents: Index, ids: Index, result: Evaluated) -> Weighed:
+        """What views say of associations (K, D) under carried classes; nothing where there are no class models."""
+        count, semantics = len(parents), self.problem.semantics
+        if not isinstance(semantics, CarriedClasses) or not len(step.detections):
+            return Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
+        numbers = np.unique(ids).tolist()
+        prior = dict(zip(numbers, self.registry.log_class_prior_of(numbers), strict=True))
+        components = [outlook.component for outlook in outlooks]
+        populations = [outlook.population for outlook in outlooks]
+        views = Views(
+            step.detections,
+            step.in_coverage,
+            components,
+            populations,
+            parents,
+            ids,
+            result.robot,
+            result.objects,
+            prior,
+        )
+        return semantics.carried(views)
 
     def _small(self, step: Step, outlooks: list[Outlook], parents: Index, ids: Index) -> SmallProblems:
         return SmallProblems.of(self.problem, step, outlooks, self._born(step), parents, ids)

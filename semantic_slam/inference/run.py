@@ -9,6 +9,7 @@ from semantic_slam.configuration import Configuration, SemanticModelConfiguratio
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.inference.carried_classes import CarriedClasses
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import digest
 from semantic_slam.inference.manifold import PlanarPoses
@@ -93,7 +94,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     return Problem(
         manifold=PlanarPoses(),
         model=PlanarObservation(
-            None if configuration.semantic_model.kind == "gp_correlated" else model,
+            model if _in_graph(configuration) else None,
             PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
             configuration.new_objects,
             _correlated_views(configuration.semantic_model),
@@ -121,7 +122,15 @@ def _semantics(configuration: Configuration, model: ViewpointModel | None) -> Se
         return CorrelatedTracks(
             correlated, settings.num_tracks, settings.window, settings.track_average, configuration.seed
         )
+    if not _in_graph(configuration):
+        return CarriedClasses(model, _correlated_views(settings))
     return IndependentViews(model, _correlated_views(settings))
+
+
+def _in_graph(configuration: Configuration) -> bool:
+    """Whether semantic measurements enter by factors, under classes that hypotheses enumerate."""
+    carried = configuration.association == "open" and configuration.open_world.classes == "carried"
+    return configuration.semantic_model.kind != "gp_correlated" and not carried
 
 
 def _correlated_views(settings: SemanticModelConfiguration) -> float:
