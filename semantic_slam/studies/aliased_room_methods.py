@@ -1,4 +1,4 @@
-"""One drive through a room without a map, with one method; births, clutter and misses are the same front end for all."""
+"""One drive through a room without a map, with one method; births, clutter and misses are one front end for all."""
 
 import time
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from semantic_slam.geometry.pose import (
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.run import make_run_configuration
-from semantic_slam.studies.aliased_room_data import Rates, Recording, alarms_per_frame
+from semantic_slam.studies.aliased_room_data import Rates, Recording
 from semantic_slam.studies.victoria_park_methods import StudyPool, smoothed_poses
 
 Array = NDArray[np.float64]
@@ -34,6 +34,8 @@ START_SIGMA = (0.01, 0.01, 0.01)
 """Of x, y [m] and yaw [rad]: map is where the robot starts."""
 CUT_OFF_SHARE = 0.1
 """Of the objects inside the region, those that the camera does not see as a whole and the detector leaves out."""
+FIRST_SIGHT_DENSITY = 0.02
+"""Objects per square metre not seen yet: few enough that a single detection leaves an existence below one half."""
 MAX_HYPOTHESES = {"ours": 60, "max_mixture": 1, "no_semantics": 60, "nearest_neighbour": 1}
 
 
@@ -62,7 +64,7 @@ def front_end(alarms: float, misses: float) -> OpenWorldConfiguration:
     return OpenWorldConfiguration(
         detection_probability=(1.0 - misses) * (1.0 - CUT_OFF_SHARE),
         clutter_per_frame=alarms,
-        birth_density=0.1,
+        birth_density=FIRST_SIGHT_DENSITY,
         field_of_view_rad=1.3,
         min_range_m=0.8,
         max_range_m=4.6,
