@@ -39,6 +39,7 @@ def measurements(d=2, t=3, c=4, f=2):
         feature_covariances=numbers(d, f, f), predictive_entropy=numbers(d), mutual_information=numbers(d),
         ranges_m=ranges, bearings_rad=numbers(d), geometric_covariances=numbers(d, 2, 2),
         sensor_position=numbers(3), in_coverage=numbers(d) > 1, dropped=3,
+        sight=numbers(4, 2),
     )  # fmt: skip
 
 

@@ -126,6 +126,23 @@ def test_a_map_prior_and_an_open_world_go_together() -> None:
     assert (belief.object_ids > 2).any()
 
 
+def test_what_a_wall_hides_is_not_missed() -> None:
+    """Nothing is detected where the map has an object; the depth image shows a wall in front of it, or open space."""
+    covariance = covariance_from_planar(np.diag([0.01, 0.01, 0.01]))
+    ghost = ObjectPrior(0, "ghost", pose_vector_from_planar(np.array([4.0, 0.0, 0.0])), covariance, {}, existence=0.8)
+    room = make_room(1, map_prior=MapPrior((ghost,)))
+    directions = np.linspace(-0.7, 0.7, 20)
+    left: dict[float, float] = {}
+    for wall_m in (1.0, 5.0):
+        sight = np.column_stack([directions, np.full(20, wall_m)])
+        frame = dataclasses.replace(room.keyframes[0].measurements, sight=sight)
+        keyframe = dataclasses.replace(room.keyframes[0], measurements=frame)
+        belief = HypothesisManager(room.run, InProcessPool(1)).process(keyframe)
+        left[wall_m] = float(belief.existence[0])
+    assert left[1.0] == pytest.approx(0.8)
+    assert left[5.0] < 0.4
+
+
 def test_near_copies_merge_and_are_counted() -> None:
     room = make_room(20, seed=0, clutter=0.3)
     _, merged = run(room)

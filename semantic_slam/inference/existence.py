@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from semantic_slam.geometry.pose import wrap_angle
+
 Array = NDArray[np.float64]
 
+NO_SIGHT = np.zeros((0, 2))
 LEAST_SIGMA = 1e-6
 """Metres and radians: the softest edge is never quite sharp."""
 
@@ -70,12 +73,18 @@ class SensorRegion:
         bearing, sigma = np.arctan2(relative[..., 1], relative[..., 0]), sigma_across / distance
         return np.asarray(np.maximum(inside, 0.0) * (ndtr((half - bearing) / sigma) - ndtr((-half - bearing) / sigma)))
 
-    def unhidden(self, relative: Array, ranges_m: Array, bearings_rad: Array) -> Array:
+    def unhidden(self, relative: Array, ranges_m: Array, bearings_rad: Array, sight: Array = NO_SIGHT) -> Array:
         """(...,) 1 where nothing stands in front of (..., 2) positions in the body frame, else 0.
 
-        What hides: discs of the occluder's radius where the frame's own detections (D,) are, NaN ranges aside.
+        What hides: discs of the occluder's radius where the frame's own detections (D,) are, NaN ranges aside; and
+        what ends the line of ``sight`` (B, 2), bearing and range of the farthest surface that a depth image shows.
         """
-        if self.occluder_radius_m <= 0.0 or not np.isfinite(ranges_m).any():
+        if self.occluder_radius_m <= 0.0:
+            return np.ones(relative.shape[:-1])
+        return self._unhidden_by_objects(relative, ranges_m, bearings_rad) * self._within(relative, sight)
+
+    def _unhidden_by_objects(self, relative: Array, ranges_m: Array, bearings_rad: Array) -> Array:
+        if not np.isfinite(ranges_m).any():
             return np.ones(relative.shape[:-1])
         known = np.isfinite(ranges_m)
         ranges, bearings = ranges_m[known], bearings_rad[known]
@@ -84,3 +93,14 @@ class SensorRegion:
         aside = np.abs(np.sin(turn)) * ranges < self.occluder_radius_m
         behind = (np.cos(turn) > 0.0) & (distance > ranges + 2.0 * self.occluder_radius_m)
         return np.asarray(1.0 - (aside & behind).any(axis=-1))
+
+    def _within(self, relative: Array, sight: Array) -> Array:
+        """Positions beside every direction of sight count as seen."""
+        if len(sight) < 2:
+            return np.ones(relative.shape[:-1])
+        distance = np.hypot(relative[..., 0], relative[..., 1])
+        aside = np.abs(wrap_angle(np.arctan2(relative[..., 1], relative[..., 0])[..., None] - sight[:, 0]))
+        nearest = aside.argmin(axis=-1)
+        apart = float(np.median(np.abs(np.diff(np.sort(sight[:, 0])))))
+        behind = distance > sight[nearest, 1] + 2.0 * self.occluder_radius_m
+        return np.asarray(1.0 - (behind & (aside.min(axis=-1) < apart)))

@@ -29,7 +29,7 @@ from semantic_slam.inference.population import Account
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.semantics import Moment, Weighed
-from semantic_slam.inference.sightlines import detection_probabilities
+from semantic_slam.inference.sightlines import Shown, detection_probabilities
 from semantic_slam.inference.small_problems import SmallProblems, evaluated
 from semantic_slam.inference.stack import Rows, Stack
 from semantic_slam.inference.step import Step
@@ -331,14 +331,15 @@ class OpenExpander:
     def _detected(self, step: Step, outlook: Outlook, result: Evaluated, rows: Index) -> Array:
         """(K, O) detection probabilities at the modes; at the prediction where that tells as much."""
         ranges = np.array([detection.range_m for detection in step.detections], dtype=np.float64)
-        seen = ranges, np.array([detection.bearing_rad for detection in step.detections], dtype=np.float64)
+        bearings = np.array([detection.bearing_rad for detection in step.detections], dtype=np.float64)
+        shown = Shown(ranges, bearings, step.sight)
         detected = np.zeros((len(rows), len(outlook.detected)))
         if not outlook.is_lost and self.region.occluder_radius_m <= 0.0:
             detected[:] = outlook.detected
             return detected
         robot, covariance = result.robot[rows], result.robot_covariance[rows]
         detected[:, outlook.in_reach] = detection_probabilities(
-            self.region, outlook.prediction, robot, covariance, seen
+            self.region, outlook.prediction, robot, covariance, shown
         )
         return detected
 

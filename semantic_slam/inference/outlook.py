@@ -16,7 +16,7 @@ from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.population import Population, position_sigmas
-from semantic_slam.inference.sightlines import Prediction, detection_probabilities, undetected_share
+from semantic_slam.inference.sightlines import NOTHING_SHOWN, Prediction, detection_probabilities, undetected_share
 from semantic_slam.inference.stack import Predicted
 
 Array = NDArray[np.float64]
@@ -86,8 +86,7 @@ class Lookout:
         prediction = _prediction(population, reach, near, predicted)
         intensity, existence = self._births(population, births, detections)
         detected = np.zeros(len(population.ids))
-        nothing = (np.zeros(0), np.zeros(0))
-        detected[reach] = detection_probabilities(self.region, prediction, robot[None], spread[None], nothing)[0]
+        detected[reach] = detection_probabilities(self.region, prediction, robot[None], spread[None], NOTHING_SHOWN)[0]
         return Outlook(component, near, predicted, local, births, intensity, existence, reach, prediction, detected)
 
     def _near(

@@ -1,16 +1,28 @@
 """How probably each object of one hypothesis is detected by a robot at each of K modes (planar poses)."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.existence import SensorRegion
+from semantic_slam.inference.existence import NO_SIGHT, SensorRegion
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
+
+
+class Shown(NamedTuple):
+    """What a frame itself tells of what stands in the way, in the body frame."""
+
+    ranges_m: Array  # (D,) of its detections, NaN without depth
+    bearings_rad: Array  # (D,)
+    sight: Array = NO_SIGHT  # (B, 2) bearing and range of the farthest surface in each direction
+
+
+NOTHING_SHOWN = Shown(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -25,11 +37,11 @@ class Prediction:
 
 
 def detection_probabilities(
-    region: SensorRegion, prediction: Prediction, robot: Array, covariance: Array, seen: tuple[Array, Array]
+    region: SensorRegion, prediction: Prediction, robot: Array, covariance: Array, shown: Shown
 ) -> Array:
     """(K, N) probabilities that objects that exist are detected from modes ``robot`` (K, 3) with (K, 3, 3).
 
-    ``seen`` ranges [m] and bearings [rad] of the frame's own detections (D,), which may hide what is behind them.
+    What is ``shown`` may hide what is behind it.
     """
     shift = se2.log(se2.between(prediction.robot, robot))  # (K, 3)
     moved = np.einsum("nij,kj->kni", prediction.gain, shift)
@@ -37,7 +49,7 @@ def detection_probabilities(
     relative = se2.between(robot[:, None], objects)
     spread = _relative_covariance(relative, prediction, covariance)
     inside = region.contains(relative[..., :2], spread)
-    return np.asarray(region.detection_probability * inside * region.unhidden(relative[..., :2], *seen))
+    return np.asarray(region.detection_probability * inside * region.unhidden(relative[..., :2], *shown))
 
 
 def _relative_covariance(relative: Array, prediction: Prediction, covariance: Array) -> Array:
