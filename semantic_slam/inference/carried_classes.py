@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.component import Component
@@ -91,9 +90,9 @@ class CarriedClasses(IndependentViews):
             prior = views.log_class_prior[object_id]
             azimuths = (camera - np.arange(HEADINGS)) % HEADINGS
             after = table + seen.log_likelihood[:, azimuths]
-            by_class = logsumexp(after, axis=1)
-            evidence = logsumexp(prior + by_class) - logsumexp(prior + logsumexp(table, axis=1))
-            draws = logsumexp(table[None] + seen.drawn[azimuths].transpose(1, 2, 0), axis=2)  # (M, C)
+            by_class = _log_sum(after)
+            evidence = float(_log_sum(prior + by_class) - _log_sum(prior + _log_sum(table)))
+            draws = _log_sum(table[None] + seen.drawn[azimuths].transpose(1, 2, 0))  # (M, C)
             best = int(np.argmax(prior + by_class))
             view = Viewpoints(*(value[azimuths[[int(after[best].argmax())]]] for value in vars(self._around).values()))
             covered = inside and bool(self._model.in_coverage(np.array([best]), view)[0])
@@ -103,8 +102,14 @@ class CarriedClasses(IndependentViews):
                 covered and (before is None or before.in_coverage),
                 recent=(after,),
             )
-            seen.known[key] = (float(evidence), record)
+            seen.known[key] = (evidence, record)
         return seen.known[key]
+
+
+def _log_sum(values: Array) -> Array:
+    """Log of the sum of exponentials over the last axis."""
+    peak = values.max(axis=-1, keepdims=True)
+    return np.asarray(np.log(np.exp(values - peak).sum(axis=-1)) + peak[..., 0])
 
 
 def _bearing_of_camera(robot: Array, objects: Array, sensor: Array) -> NDArray[np.int_]:
@@ -122,4 +127,4 @@ def _unseen(population: Population, object_id: int, num_classes: int) -> Array:
     if row < len(population.ids) and population.ids[row] == object_id:
         away = wrap_angle(STEP_RAD * np.arange(HEADINGS) - population.states[row, 2])
         log_heading = -0.5 * away**2 / max(population.covariances[row, 2, 2], STEP_RAD**2)
-    return np.tile(log_heading - logsumexp(log_heading), (num_classes, 1))
+    return np.tile(log_heading - _log_sum(log_heading), (num_classes, 1))
