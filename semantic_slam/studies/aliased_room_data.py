@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import Configuration, OdometryConfiguration, SemanticModelConfiguration
 from semantic_slam.evaluation.record import Record
 from semantic_slam.evaluation.trajectory import interpolate
-from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, pose_vector_from_planar
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.keyframe import Keyframe, OdometrySample
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -33,10 +34,11 @@ ALARM_FIELD_OF_VIEW_RAD = 1.3
 
 @dataclass(frozen=True)
 class Rates:
-    """What is done to the detections of a drive."""
+    """What is done to a drive."""
 
     clutter: float  # share of all detections that is false, on average
     misses: float  # share of the true detections that is dropped, on average
+    odometry: OdometryConfiguration = OdometryConfiguration()  # drawn from, and told to the methods
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ def alarms_per_frame(recording: Recording, rates: Rates) -> float:
 
 
 def disturbed(recording: Recording, rates: Rates, generator: np.random.Generator) -> Recording:
-    """The drive with detections missed and false ones among the others, in an order that tells nothing.
+    """The drive with odometry of its own, detections missed and false ones among the others, from left to right.
 
     A false alarm lies anywhere in front of the camera and looks like some object: the network's answer is that to a
     detection drawn from the whole drive.
@@ -127,16 +129,30 @@ def disturbed(recording: Recording, rates: Rates, generator: np.random.Generator
     donors = [keyframe.measurements for keyframe in recording.keyframes if len(keyframe.measurements)]
     expected = alarms_per_frame(recording, rates)
     keyframes, labels = [], []
-    for keyframe, own in zip(recording.keyframes, recording.labels, strict=True):
+    motions = _motions(recording, rates.odometry, generator)
+    for keyframe, own, motion in zip(recording.keyframes, recording.labels, motions, strict=True):
         kept = np.flatnonzero(generator.random(len(own)) >= rates.misses)
         parts = [_rows(keyframe.measurements, kept)]
         parts += [_alarm(keyframe.measurements, donors, generator) for _ in range(generator.poisson(expected))]
         joined = _joined(keyframe.measurements, parts)
         names = [own[row] for row in kept] + [CLUTTER] * (len(parts) - 1)
         order = np.argsort(-joined.bearings_rad, kind="stable")  # from left to right
-        keyframes.append(replace(keyframe, measurements=_rows(joined, order, numbered=True)))
+        keyframes.append(replace(keyframe, **motion, measurements=_rows(joined, order, numbered=True)))
         labels.append(tuple(names[row] for row in order))
     return replace(recording, keyframes=tuple(keyframes), labels=tuple(labels))
+
+
+def _motions(recording: Recording, noise: OdometryConfiguration, generator: np.random.Generator) -> list[Any]:
+    """Odometry of each keyframe: the true motion since the one before, with an error of the stated covariance."""
+    found = []
+    point = start(OdometrySample(0, pose_vector_from_planar(recording.truth[0])))
+    for index, pose in enumerate(recording.truth):
+        before, point = point, point.advance(OdometrySample(index, pose_vector_from_planar(pose)))
+        covariance = motion_covariance(before, point, noise)
+        error = np.sqrt(np.diag(planar_from_covariance(covariance))) * generator.standard_normal(3)
+        moved = se2.compose(se2.between(recording.truth[max(index - 1, 0)], pose), se2.exp(error))
+        found.append({"odometry": pose_vector_from_planar(moved), "odometry_covariance": covariance})
+    return found
 
 
 ARRAYS = (
