@@ -47,7 +47,9 @@ def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Arr
     joint[:, :dimension, dimension:] = np.swapaxes(joint[:, dimension:, :dimension], 1, 2)
     joint[:, dimension:, dimension:] = blocks[objects, :, objects]
     rows = len(detections) * count
-    seen = model.collect(detections).take(np.repeat(np.arange(len(detections)), count))
+    seen = model.collect(detections)
+    if len(detections) > 1:  # one row stands for any number
+        seen = seen.take(np.repeat(np.arange(len(detections)), count))
     robot, states = np.broadcast_to(mean[0], (rows, dimension)), np.tile(mean[1:], (len(detections), 1))
     part = model.geometry(seen, robot, states)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)

@@ -47,6 +47,9 @@ class OpenRounds:
         """Candidates (K,) without near copies: ``poses`` (K, 7), ``object_poses`` (K, D, 7), ``classes`` (K, D)."""
         ratio = np.log(self.problem.pruning.ratio)
         likely = np.flatnonzero(log_weights >= log_weights.max(initial=-np.inf) - ratio)
+        if len(likely) < 2:
+            self.num_merged = 0
+            return Merged(np.arange(len(log_weights)), log_weights, 0)
         nothing = Recent(np.zeros((0, 3)), np.zeros(0, dtype=int))
         recent = [self._recent.get(int(parent_ids[row]), nothing) for row in likely]
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)

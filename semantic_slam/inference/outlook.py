@@ -16,7 +16,7 @@ from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.population import Population, position_sigmas
-from semantic_slam.inference.sightlines import NOTHING_SHOWN, Prediction, detection_probabilities, undetected_share
+from semantic_slam.inference.sightlines import Prediction, predicted_detection_probabilities, undetected_share
 from semantic_slam.inference.stack import Predicted
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ class Lookout:
         prediction = _prediction(population, reach, near, predicted)
         intensity, existence = self._births(population, births, detections)
         detected = np.zeros(len(population.ids))
-        detected[reach] = detection_probabilities(self.region, prediction, robot[None], spread[None], NOTHING_SHOWN)[0]
+        detected[reach] = predicted_detection_probabilities(self.region, prediction)
         return Outlook(component, near, predicted, local, births, intensity, existence, reach, prediction, detected)
 
     def _near(

@@ -22,9 +22,6 @@ class Shown(NamedTuple):
     sight: Array = NO_SIGHT  # (B, 2) bearing and range of the farthest surface in each direction
 
 
-NOTHING_SHOWN = Shown(np.zeros(0), np.zeros(0))
-
-
 @dataclass(frozen=True)
 class Prediction:
     """Robot and N objects of one parent before the detections; covariances in the tangent spaces at the means."""
@@ -47,9 +44,15 @@ def detection_probabilities(
     moved = np.einsum("nij,kj->kni", prediction.gain, shift)
     objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
     relative = se2.between(robot[:, None], objects)
-    spread = _relative_covariance(relative, prediction, covariance)
-    inside = region.contains(relative[..., :2], spread)
+    inside = region.contains(relative[..., :2], _relative_covariance(relative, prediction, covariance))
     return np.asarray(region.detection_probability * inside * region.unhidden(relative[..., :2], *shown))
+
+
+def predicted_detection_probabilities(region: SensorRegion, prediction: Prediction) -> Array:
+    """(N,) the same at the prediction itself, nothing being hidden."""
+    relative = se2.between(prediction.robot, prediction.objects)[None]
+    spread = _relative_covariance(relative, prediction, prediction.robot_covariance[None])
+    return np.asarray(region.detection_probability * region.contains(relative[..., :2], spread)[0])
 
 
 def _relative_covariance(relative: Array, prediction: Prediction, covariance: Array) -> Array:

@@ -11,6 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from semantic_slam.configuration import to_dict
@@ -21,8 +22,8 @@ from semantic_slam.studies.victoria_park_methods import NUM_HYPOTHESES, Outcome,
 from semantic_slam.studies.victoria_park_pages import claims_of, figure_of, tables_of
 from semantic_slam.studies.victoria_park_reference import Solution, from_poses, known_association, rms_distance
 
-QUICK_KEYFRAMES, NOISE_KEYFRAMES = 400, 500
-FACTORS, VARIANCES_M2 = (4.0, 8.0, 16.0, 32.0, 50.0), (0.05, 0.1, 0.2, 0.4)
+QUICK_KEYFRAMES, NOISE_KEYFRAMES = 400, 400
+START_FACTOR, FACTORS, VARIANCES_M2 = 16.0, (4.0, 8.0, 16.0, 32.0, 50.0), (0.025, 0.05, 0.1, 0.2, 0.4)
 """Of the odometry covariance, and of the detections: what evidence chooses from."""
 RERUNS, QUICK_RERUNS = 20, 1
 HARD = {
@@ -67,19 +68,30 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
 
 
 def choose_noise(quick: bool, jobs: int) -> Noise:
-    """The setting under which the first keyframes are most probable; no landmark number is looked at."""
-    factors, variances = ((8.0, 16.0, 32.0), (0.1, 0.2)) if quick else (FACTORS, VARIANCES_M2)
-    count = QUICK_KEYFRAMES // 2 if quick else NOISE_KEYFRAMES
-    settings = [(factor, variance) for factor in factors for variance in variances]
-    names = [f"x{factor:g}, {variance:g} m^2" for factor, variance in settings]
-    tasks = [
-        Task(name, "ours", Variant(factor, variance, num_keyframes=count))
-        for name, (factor, variance) in zip(names, settings, strict=True)
-    ]
-    outcomes = _all_of(tasks, jobs)
-    found = {name: outcomes[name].log_evidence for name in names if not outcomes[name].fault}
-    factor, variance = settings[names.index(max(found, key=lambda name: found[name]))]
-    return Noise(factor, variance, found)
+    """The detections' noise, then the odometry's, under which the first keyframes are most probable.
+
+    No landmark number is looked at.
+    """
+    count, found = QUICK_KEYFRAMES // 2 if quick else NOISE_KEYFRAMES, dict[tuple[float, float], float]()
+
+    def best_of(settings: list[tuple[float, float]]) -> tuple[float, float]:
+        tasks = [Task(_words(*own), "ours", Variant(*own, num_keyframes=count)) for own in settings if own not in found]
+        outcomes = _all_of(tasks, jobs)
+        found.update({own: _evidence(outcomes[_words(*own)]) for own in settings if own not in found})
+        return max(settings, key=lambda own: found[own])
+
+    factor, variance = best_of([(START_FACTOR, variance) for variance in VARIANCES_M2])
+    factor, variance = best_of([(factor, variance) for factor in FACTORS])
+    return Noise(factor, variance, {_words(*own): value for own, value in found.items() if np.isfinite(value)})
+
+
+def _evidence(outcome: Outcome) -> float:
+    """Of the whole drive: one that ended early has none."""
+    return outcome.log_evidence if not outcome.fault else -np.inf
+
+
+def _words(factor: float, variance_m2: float) -> str:
+    return f"x{factor:g}, {variance_m2:g} m^2"
 
 
 def _tasks(noise: Noise, quick: bool, seed: int, limit: int | None) -> list[Task]:
