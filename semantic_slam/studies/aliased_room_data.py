@@ -3,7 +3,7 @@
 A room is rendered and measured once; what is missed and what is false is drawn anew for every run, by its own key.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -38,7 +38,9 @@ class Rates:
 
     clutter: float  # share of all detections that is false, on average
     misses: float  # share of the true detections that is dropped, on average
-    odometry: OdometryConfiguration = OdometryConfiguration()  # drawn from, and told to the methods
+    odometry: OdometryConfiguration = field(
+        default_factory=OdometryConfiguration
+    )  # drawn from, and told to the methods
 
 
 @dataclass(frozen=True)
