@@ -19,6 +19,7 @@ from semantic_slam.inference.step import Step
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
+
 @dataclass(frozen=True)
 class Grown:
     """What one continuation adds to its parent."""

@@ -29,11 +29,15 @@ def line_of_sight(depth_m: NDArray[np.float32], camera: CameraModel, T_base_came
     points = transform_points(T_base_camera, _rays(columns, rows, camera) * depths)
     distance = np.where(valid, np.hypot(points[:, 0], points[:, 1]).reshape(readings.shape), -np.inf)
     bearing = np.arctan2(points[:, 1], points[:, 0]).reshape(readings.shape)
-    by_strip = (array.reshape(NUM_ROWS, NUM_STRIPS, COLUMNS_OF_STRIP) for array in (valid, distance, bearing))
-    valid, distance, bearing = (np.moveaxis(array, 1, 0).reshape(NUM_STRIPS, -1) for array in by_strip)
-    strips = np.flatnonzero(valid.mean(axis=1) >= LEAST_VALID)
-    farthest = distance[strips].argmax(axis=1)
-    return np.column_stack([bearing[strips, farthest], distance[strips, farthest]])
+    distances, bearings = _by_strip(distance), _by_strip(bearing)
+    strips = np.flatnonzero(np.isfinite(distances).mean(axis=1) >= LEAST_VALID)
+    farthest = distances[strips].argmax(axis=1)
+    return np.column_stack([bearings[strips, farthest], distances[strips, farthest]])
+
+
+def _by_strip(readings: Array) -> Array:
+    """(rows, columns) to (strips, readings of each)."""
+    return np.moveaxis(readings.reshape(NUM_ROWS, NUM_STRIPS, COLUMNS_OF_STRIP), 1, 0).reshape(NUM_STRIPS, -1)
 
 
 def _spread(length: int, count: int) -> NDArray[np.int_]:
