@@ -13,12 +13,21 @@ Array = NDArray[np.float64]
 
 REQUIREMENT = "project requirement"
 PASSED_F1 = 0.99
+REFERENCE = (
+    "Where a path lies on the broad grey one, association was right. Known association is the minimum of half the"
+    " squared whitened residuals of odometry, detections and start under the same noise, and nothing is aligned:"
+    " both hang on the same start. The costs in the tables are that minimum under a method's own associations."
+)
+FRAME_S = 0.222
+"""From one frame of the drive to the next."""
+STYLES = {"nearest_neighbour": "C1:", "joint_assignment": "C2--", "ours": "C0-"}
 WORDS = {"ours": "open world", "joint_assignment": "joint assignment", "nearest_neighbour": "nearest neighbour"}
 COLUMNS = {
     "association_f1": "F1",
     "association_f1_merged": "F1, doubtful pairs as one",
     "n_landmarks": "landmarks",
     "rms_to_known_association_m": "RMS to known association [m]",
+    "cost_under_own_associations": "cost",
     "ms_per_keyframe_p50": "ms p50",
     "ms_per_keyframe_p95": "p95",
     "ms_per_keyframe_max": "max",
@@ -52,7 +61,7 @@ def claims_of(result: dict[str, Any]) -> list[Claim]:
             ours["rms_to_known_association_m"] <= 1.0,
         ),
         _claim(
-            "At least 50 times real time, no keyframe over 222 ms",
+            "At least 50 times real time, no keyframe over 222 ms (CPU time of the one thread)",
             f"{ours['real_time_factor']:.0f} times, {ours['ms_per_keyframe_max']:.0f} ms",
             ours["real_time_factor"] >= 50.0 and ours["ms_per_keyframe_max"] <= 222.0,
         ),
@@ -80,19 +89,42 @@ def _claim(text: str, measured: str, holds: bool) -> Claim:
 
 def tables_of(result: dict[str, Any]) -> list[Table]:
     """The methods, the hard variants, the reruns, the noise."""
-    tables = [_table("The whole file", result["methods"])]
+    noise = f"odometry x{result['noise']['odometry_factor']:g}, trunks {result['noise']['landmark_variance_m2']:g} m^2"
+    tables = [_table(f"The whole drive, {result['num_keyframes']} keyframes, {noise}", result["methods"])]
     for name, title in (("dropped_40", "40 % of the detections dropped"), ("blind_100m", "100 m of every 300 m blind")):
         tables.append(_table(title, result[name]))
-    tables.append(_table("10 % dropped", result["dropped_10"]))
-    tables.append(_table("The file's odometry covariance times", result["odometry_factors"]))
+    tables.append(_reruns("10 % of the detections dropped, at random", result["dropped_10"]))
+    tables.append(_table("Odometry covariance: the file's times ...", result["odometry_factors"]))
     evidence = tuple((name, f"{value:.0f}") for name, value in result["noise"]["log_evidence"].items())
-    return [*tables, Table("Noise by evidence", ("odometry covariance, detections", "log evidence"), evidence)]
+    title = f"Noise by evidence of the first {result['noise']['num_keyframes']} keyframes"
+    return [*tables, Table(title, ("odometry covariance, variance of a trunk", "log evidence [nats]"), evidence)]
 
 
 def _table(title: str, rows: dict[str, dict[str, Any]]) -> Table:
     columns = {key: words for key, words in COLUMNS.items() if any(key in row for row in rows.values())}
-    cells = tuple((WORDS.get(name, name), *(_number(row.get(key)) for key in columns)) for name, row in rows.items())
-    return Table(title, ("", *columns.values()), cells)
+    cells = tuple(
+        (WORDS.get(name, name), *(_number(row.get(key)) for key in columns), _fault(row)) for name, row in rows.items()
+    )
+    return Table(title, ("", *columns.values(), "ended"), cells)
+
+
+def _fault(row: dict[str, Any]) -> str:
+    return "early" if row["fault"] else "whole"
+
+
+def _reruns(title: str, rows: dict[str, dict[str, Any]]) -> Table:
+    """One line per method: the runs that count as right, the F1 between which they lie, the landmarks."""
+    cells = []
+    for method, words in WORDS.items():
+        own = [row for name, row in rows.items() if name.endswith(f"/{method}")]
+        if own:
+            merged = np.array([row["association_f1_merged"] for row in own])
+            landmarks = np.array([row["n_landmarks"] for row in own])
+            passed = f"{sum(passes(row) for row in own)} of {len(own)}"
+            between = f"{merged.min():.4f}, {np.median(merged):.4f}, {merged.max():.4f}"
+            cells.append((words, passed, between, f"{landmarks.min():.0f} to {landmarks.max():.0f}"))
+    columns = ("", f"F1, doubtful pairs as one, above {PASSED_F1:g}", "that F1: least, median, largest", "landmarks")
+    return Table(title, columns, tuple(cells))
 
 
 def _number(value: float | None) -> str:
@@ -101,8 +133,8 @@ def _number(value: float | None) -> str:
     return f"{value:.4f}" if value <= 1.0 else f"{value:.3g}" if value < 100 else f"{value:.0f}"
 
 
-def figure_of(out: Path, outcomes: dict[str, Outcome], reference: Array) -> Figure:
-    """Paths of the methods over that with known association."""
+def figures_of(out: Path, outcomes: dict[str, Outcome], reference: Array) -> list[Figure]:
+    """Paths of the methods over that with known association; time and hypotheses over the drive."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -110,14 +142,25 @@ def figure_of(out: Path, outcomes: dict[str, Outcome], reference: Array) -> Figu
 
     out.mkdir(parents=True, exist_ok=True)
     picture, axes = pyplot.subplots(figsize=(7.0, 6.0), layout="constrained")
-    axes.plot(*reference[:, :2].T, color="0.6", linewidth=3.0, label="known association")
-    for name, words in WORDS.items():
-        axes.plot(*outcomes[name].poses[:, :2].T, linewidth=0.8, label=words)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    axes.plot(*reference[:, :2].T, color="0.75", linewidth=5.0, label="known association")
+    for name, style in STYLES.items():
+        axes.plot(*outcomes[name].poses[:, :2].T, style, linewidth=0.9, label=WORDS[name])
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.legend()
-    file = out / "paths.png"
-    picture.savefig(file, dpi=110)
+    paths = out / "paths.png"
+    picture.savefig(paths, dpi=110)
     pyplot.close(picture)
-    return Figure("Paths", "The open world's path lies on that of the known association.", file)
+    picture, panels = pyplot.subplots(2, 1, figsize=(7.0, 4.0), layout="constrained", sharex=True)
+    ours = outcomes["ours"]
+    panels[0].plot(ours.milliseconds, linewidth=0.5)
+    panels[0].axhline(1e3 * FRAME_S, color="0.5", linestyle="--", linewidth=0.8)
+    panels[0].set(ylabel="ms", yscale="log")
+    panels[1].plot(ours.hypotheses, linewidth=0.7)
+    panels[1].set(ylabel="hypotheses kept", xlabel="keyframe")
+    times = out / "times.png"
+    picture.savefig(times, dpi=110)
+    pyplot.close(picture)
+    return [
+        Figure("Paths", REFERENCE, paths),
+        Figure("Time and hypotheses", "Per keyframe of the open world; dashed: one frame of the drive.", times),
+    ]

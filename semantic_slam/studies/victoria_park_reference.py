@@ -76,7 +76,9 @@ class _Problem:
     ) -> None:
         """Factors and first values of keyframe ``k`` to ``graph`` and ``values``, and the factors to the whole."""
         noise = gtsam.noiseModel.Gaussian.Covariance(self.drive.covariances[k])
-        factors: list[Any] = [gtsam.BetweenFactorPose2(_pose(k - 1), _pose(k), gtsam.Pose2(*self.drive.controls[k]), noise)]
+        factors: list[Any] = [
+            gtsam.BetweenFactorPose2(_pose(k - 1), _pose(k), gtsam.Pose2(*self.drive.controls[k]), noise)
+        ]
         values.insert(_pose(k), pose)
         positions = self.drive.positions[k]
         ranges, bearings, covariances = range_bearing(positions, self.variance_m2)
