@@ -97,7 +97,7 @@ def tables_of(result: dict[str, Any]) -> list[Table]:
     tables.append(_table("Odometry covariance: the file's times ...", result["odometry_factors"]))
     evidence = tuple((name, f"{value:.0f}") for name, value in result["noise"]["log_evidence"].items())
     title = f"Noise by evidence of the first {result['noise']['num_keyframes']} keyframes"
-    return [*tables, Table(title, ("odometry covariance, variance of a trunk", "log evidence [nats]"), evidence)]
+    return [*tables, Table(title, ("the file's odometry covariance times", "log evidence [nats]"), evidence)]
 
 
 def _table(title: str, rows: dict[str, dict[str, Any]]) -> Table:
