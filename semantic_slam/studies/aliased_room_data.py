@@ -38,9 +38,7 @@ class Rates:
 
     clutter: float  # share of all detections that is false, on average
     misses: float  # share of the true detections that is dropped, on average
-    odometry: OdometryConfiguration = field(
-        default_factory=OdometryConfiguration
-    )  # drawn from, and told to the methods
+    odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)  # drawn, and told
 
 
 @dataclass(frozen=True)
