@@ -9,6 +9,7 @@ from semantic_slam.errors import InputError
 
 STUDIES = {
     "aliased_scenes": "semantic_slam.studies.aliased_scenes",
+    "aliased_room": "semantic_slam.studies.aliased_room",
     "avd_bigbird": "semantic_slam.studies.avd_bigbird",
     "ch3_localization": "semantic_slam.studies.ch3_localization",
     "ch3_model_uncertainty": "semantic_slam.studies.ch3_model_uncertainty",

@@ -20,6 +20,7 @@ from semantic_slam.inference.existence import birth, missed
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.open_world import LEAST_DETECTION_SHARE
 from semantic_slam.inference.outlook import sensor_region
+from semantic_slam.inference.sightlines import undetected_share
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.studies.aliased_room_data import Rates, Recording
 from semantic_slam.studies.aliased_room_methods import START_SIGMA, Outcome, front_end
@@ -81,11 +82,14 @@ class HybridDrive:
         predicted = gtsam.Values(before)
         predicted.insert(_robot(k), gtsam.Pose2(*robot))
         marginals = gtsam.Marginals(known.plain, predicted)
-        seen = []
-        for row in range(len(keyframe.measurements)):
-            seen.append(self._sighting(k, row, keyframe.measurements, predicted, marginals, graph, values))
-        known.sightings.append(seen)
-        found = self._updated(graph, values)
+        self._updated(graph, values)
+        known.sightings.append([])
+        for row in range(len(keyframe.measurements)):  # one by one: together their options multiply before pruning
+            graph, values = gtsam.HybridNonlinearFactorGraph(), gtsam.Values()
+            seen = self._sighting(k, row, keyframe.measurements, predicted, marginals, graph, values)
+            known.sightings[k].append(seen)
+            self._updated(graph, values)
+        found = known.smoother.optimize()
         self._start_unassigned(k, keyframe.measurements, found)
         chosen = self.associations()
         self._account(k, chosen[k])
@@ -179,11 +183,14 @@ class HybridDrive:
         return number
 
     def _new(self, predicted: Any, k: int, polar: Array) -> tuple[float, float]:
-        """Intensity of a first detection, and existence of what it is of; where the robot has looked does not count."""
-        clutter = self._settings.clutter_per_frame / self._region.area_m2
-        intensity, existence = birth(
-            np.array(self._settings.birth_density), clutter, self._region.detection_probability
-        )
+        """Intensity of a first detection, and existence of what it is of."""
+        x, clutter = _pose(predicted, k), self._settings.clutter_per_frame / self._region.area_m2
+        angle = x[2] + polar[1]
+        point = x[:2] + polar[0] * np.array([np.cos(angle), np.sin(angle)])
+        trail = np.array([_pose(predicted, n) for n in range(k)]).reshape(-1, 3)
+        share = np.maximum(undetected_share(self._region, trail, point[None]), self._settings.least_undetected_share)
+        density = self._settings.birth_density * share[0]
+        intensity, existence = birth(density, clutter, self._region.detection_probability)
         return float(intensity), float(existence)
 
     def _log_ratio(self, n: int, k: int, predicted: Any) -> float:
@@ -216,14 +223,13 @@ class HybridDrive:
         model = gtsam.noiseModel.Gaussian.Covariance(noise)
         return gtsam.CustomFactor(model, [_robot(k), *(_object(n) for n in near)], error)
 
-    def _updated(self, graph: Any, values: gtsam.Values) -> gtsam.HybridValues:
+    def _updated(self, graph: Any, values: gtsam.Values) -> None:
         smoother, known = self._map.smoother, self._map
         initial = gtsam.Values(smoother.linearizationPoint())
         initial.insert(values)
         smoother.update(graph, initial, MAX_LEAVES)
         for key in values.keys():  # noqa: SIM118
             _copy(values, known.values, key)
-        return smoother.optimize()
 
     def _start_unassigned(self, k: int, seen: SemanticMeasurements, estimate: Any) -> None:
         """A detection that is best of none starts a landmark after all."""
