@@ -157,6 +157,7 @@ def _summary(
         "num_keyframes": len(drive.keyframes),
         "known_association_cost": reference.cost,
         "merged_association_cost": merged.cost,
+        "known_association_real_time_factor": drive.duration_s / reference.seconds,
         "methods": methods,
         "dropped_10": _runs(others, "dropped_10/"),
         "odometry_factors": _runs(others, "factor/"),

@@ -91,7 +91,11 @@ def tables_of(result: dict[str, Any]) -> list[Table]:
     """The methods, the hard variants, the reruns, the noise."""
     noise = f"odometry x{result['noise']['odometry_factor']:g}, trunks {result['noise']['landmark_variance_m2']:g} m^2"
     known = {
-        "known association": {"cost_under_own_associations": result["known_association_cost"], "fault": ""},
+        "known association": {
+            "cost_under_own_associations": result["known_association_cost"],
+            "real_time_factor": result["known_association_real_time_factor"],
+            "fault": "",
+        },
         "known, doubtful pairs as one": {"cost_under_own_associations": result["merged_association_cost"], "fault": ""},
     }
     title = f"The whole drive, {result['num_keyframes']} keyframes, {noise}"
