@@ -26,8 +26,8 @@ from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
 Array = NDArray[np.float64]
 
-HEADINGS = 120
-"""Cells of a table all around: 3 degrees each."""
+HEADINGS = 72
+"""Cells of a table all around: 5 degrees each."""
 STEP_RAD = 2.0 * np.pi / HEADINGS
 
 

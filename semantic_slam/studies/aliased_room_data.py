@@ -15,7 +15,12 @@ from semantic_slam.configuration import Configuration, OdometryConfiguration, Se
 from semantic_slam.evaluation.record import Record
 from semantic_slam.evaluation.trajectory import interpolate
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, pose_vector_from_planar
+from semantic_slam.geometry.pose import (
+    covariance_from_planar,
+    planar_from_covariance,
+    planar_from_pose_vector,
+    pose_vector_from_planar,
+)
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.keyframe import Keyframe, OdometrySample
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -30,6 +35,8 @@ CLUTTER = ""
 ALARM_RANGE_M = (0.8, 4.5)
 ALARM_FIELD_OF_VIEW_RAD = 1.3
 """Where false alarms lie, evenly on the ground: where the detector finds objects."""
+
+NO_MOTION = covariance_from_planar(1e-8 * np.eye(3))
 
 
 @dataclass(frozen=True)
@@ -143,14 +150,17 @@ def disturbed(recording: Recording, rates: Rates, generator: np.random.Generator
 
 
 def _motions(recording: Recording, noise: OdometryConfiguration, generator: np.random.Generator) -> list[Any]:
-    """Odometry of each keyframe: the true motion since the one before, with an error of the stated covariance."""
-    found = []
+    """Odometry of each keyframe: the true motion since the one before, with an error of the stated covariance.
+
+    The first keyframe is where the robot starts: it has not moved, and knows it.
+    """
+    found = [{"odometry": pose_vector_from_planar(np.zeros(3)), "odometry_covariance": NO_MOTION}]
     point = start(OdometrySample(0, pose_vector_from_planar(recording.truth[0])))
-    for index, pose in enumerate(recording.truth):
+    for index, pose in enumerate(recording.truth[1:], start=1):
         before, point = point, point.advance(OdometrySample(index, pose_vector_from_planar(pose)))
         covariance = motion_covariance(before, point, noise)
         error = np.sqrt(np.diag(planar_from_covariance(covariance))) * generator.standard_normal(3)
-        moved = se2.compose(se2.between(recording.truth[max(index - 1, 0)], pose), se2.exp(error))
+        moved = se2.compose(se2.between(recording.truth[index - 1], pose), se2.exp(error))
         found.append({"odometry": pose_vector_from_planar(moved), "odometry_covariance": covariance})
     return found
 

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 MARGINAL_THRESHOLD = 0.99
 """Probability from which on HybridSmoother fixes a discrete variable."""
 MAX_LEAVES = 10
+FAR_M = 3.0
+"""Along and across the line of sight: beyond it no landmark is looked at."""
 MAX_OPTIONS = 3
 """Landmarks that a detection may be of at most, besides none."""
 NONE = -1
@@ -160,11 +162,13 @@ class HybridDrive:
         return _Sighting(k, polar, (*near, NONE), choice)
 
     def _near(self, k: int, polar: Array, noise: Array, predicted: Any, marginals: Any) -> tuple[int, ...]:
-        """Landmarks inside the gate, nearest first. Their errors count as independent of the robot's."""
+        """Landmarks inside the gate, nearest first."""
         found = []
         for n, landmark in enumerate(self._map.landmarks):
-            if landmark.alive and predicted.exists(_object(n)) and self._map.values.exists(_object(n)):
+            if landmark.alive and predicted.exists(_object(n)):
                 residual, by_robot, by_object = _linearised(predicted, k, n, polar)
+                if np.abs(residual[0]) > FAR_M or np.abs(residual[1]) * polar[0] > FAR_M:
+                    continue
                 joint = marginals.jointMarginalCovariance([_robot(k), _object(n)]).fullMatrix()
                 jacobian = np.hstack([by_robot, by_object])
                 squared = residual @ np.linalg.solve(jacobian @ joint @ jacobian.T + noise, residual)
