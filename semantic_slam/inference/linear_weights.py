@@ -71,23 +71,24 @@ class Linear:
     def _row(self, columns: Index, result: Evaluated, row: int) -> None:
         size = self.dimension
         seen = [number for number, column in enumerate(columns) if column < self.known]
-        blocks = [0, *(1 + int(columns[number]) for number in seen)]
-        places = np.concatenate([np.arange(block * size, (block + 1) * size) for block in blocks])
+        blocks = np.array([0, *(1 + int(columns[number]) for number in seen)])
+        places = (blocks[:, None] * size + np.arange(size)).ravel()
         prior = self.covariance[places[:, None], places]
         shift, after = np.zeros(len(places)), prior
         if seen:
             residual, jacobian, log_normaliser = self._system(columns, seen)
             cross = jacobian @ prior
             innovation = cross @ jacobian.T + np.eye(len(residual))
-            solved = np.linalg.solve(innovation, np.column_stack([residual, cross]))
-            shift = -cross.T @ solved[:, 0]
-            after = prior - cross.T @ solved[:, 1:]
+            inverse = np.linalg.inv(innovation)
+            weighted = inverse @ residual
+            shift = -weighted @ cross
+            after = prior - cross.T @ inverse @ cross
             result.log_evidence[row] = (
-                log_normaliser - 0.5 * residual @ solved[:, 0] - 0.5 * np.linalg.slogdet(innovation)[1]
+                log_normaliser - 0.5 * residual @ weighted - 0.5 * np.linalg.slogdet(innovation)[1]
             )
         self._fill(result, row, columns, seen, shift.reshape(-1, size), after)
         if seen:
-            result.bend[row] = self._bend(seen, jacobian @ shift, np.diag(cross @ jacobian.T))
+            result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)
 
     def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, float]:
         """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser."""
