@@ -85,7 +85,13 @@ class HypothesisManager:
         if self.open_rounds is None:
             return merged
         found = self.open_rounds.merge(
-            merged.ids, merged.parent_ids, merged.log_weights, merged.poses, merged.object_poses, merged.classes
+            merged.ids,
+            merged.parent_ids,
+            merged.log_weights,
+            merged.poses,
+            merged.object_poses,
+            merged.associations,
+            merged.classes,
         )
         return merged.take(found.kept, found.log_weights)
 
@@ -166,7 +172,9 @@ class HypothesisManager:
         if self.open_rounds:
             self.open_rounds.forget_all_but(())
             for n, child in kept.items():
-                self.open_rounds.remember(n, child.lineage, components[n].object_poses)
+                oldest = max(0, len(child.lineage) - self.problem.open_world.merge_keyframes)
+                first_new = self.registry.first_new_id(oldest)
+                self.open_rounds.remember(n, child.lineage, components[n].object_poses, first_new)
 
     def _mixture(self, components: dict[int, "_Row"]) -> Mixture:
         rows = [components[n] for n in self.live]

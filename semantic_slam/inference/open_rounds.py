@@ -1,7 +1,8 @@
 """What a manager does besides in an open world: it lines up objects, merges near copies and keeps a time budget."""
 
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +25,8 @@ class Recent:
 
     objects: Array  # (R, 3) where the object of each lies now, NaN when given up
     classes: Index  # (R,) -1 where classes are not enumerated
+    settles: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
+    tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
 
 
 class OpenRounds:
@@ -42,22 +45,27 @@ class OpenRounds:
         log_weights: Array,
         poses: Array,
         object_poses: Array,
+        associations: NDArray[np.int32],
         classes: NDArray[np.int32],
     ) -> Merged:
-        """Candidates (K,) without near copies: ``poses`` (K, 7), ``object_poses`` (K, D, 7), ``classes`` (K, D)."""
+        """Candidates (K,) without near copies: ``poses`` (K, 7), ``object_poses`` (K, D, 7), the others (K, D)."""
         ratio = np.log(self.problem.pruning.ratio)
         likely = np.flatnonzero(log_weights >= log_weights.max(initial=-np.inf) - ratio)
         if len(likely) < 2:
             self.num_merged = 0
             return Merged(np.arange(len(log_weights)), log_weights, 0)
-        nothing = Recent(np.zeros((0, 3)), np.zeros(0, dtype=int))
+        nothing = Recent(np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
         recent = [self._recent.get(int(parent_ids[row]), nothing) for row in likely]
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
         known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
+        settled = np.array([item.settles for item in recent], dtype=bool).reshape(len(likely), -1)
+        second = [[n in item.tentative for n in associations[row]] for row, item in zip(likely, recent, strict=True)]
+        now = np.array(second, dtype=bool).reshape(len(likely), -1)
         looks = Looks(
             poses[likely],
             np.concatenate([before, object_poses[likely, :, :3]], axis=1),
             np.concatenate([known, classes[likely]], axis=1),
+            np.concatenate([settled, now], axis=1),
         )
         merged = merge_copies(looks, log_weights[likely], ids[likely], self.settings)
         self.num_merged = merged.count
@@ -73,14 +81,23 @@ class OpenRounds:
         priors = self.roster.class_prior()
         return [_over(answer, ids, priors) for answer in answers]
 
-    def remember(self, number: int, lineage: Sequence[LineageStep], object_poses: Array) -> None:
-        """Where the objects of recent detections of a hypothesis are; ``object_poses`` (O, 7) over the roster."""
+    def remember(self, number: int, lineage: Sequence[LineageStep], object_poses: Array, first_new: int) -> None:
+        """Where the objects of recent detections of a hypothesis are; ``object_poses`` (O, 7) over the roster.
+
+        ``first_new``: the first id that was given in the keyframes that count as recent.
+        """
         steps = lineage[-self.settings.merge_keyframes :]
         seen = np.array([n for step in steps for n in step.association], dtype=np.int64)
         classes = np.array([c for step in steps for c in step.class_assignment], dtype=int)
         places = self.roster.indices(seen)
         padded = np.concatenate([object_poses[:, :3], np.full((1, 3), np.nan)])
-        self._recent[number] = Recent(padded[places], classes)
+        times: Counter[int] = Counter()
+        settles = np.zeros(len(seen), dtype=bool)
+        for row, found in enumerate(seen.tolist()):
+            settles[row] = found >= first_new and times[found] == 1
+            times[found] += 1
+        tentative = {found for found, count in times.items() if found >= first_new and count == 1}
+        self._recent[number] = Recent(padded[places], classes, settles, tentative)
 
     def forget_all_but(self, ids: Sequence[int]) -> None:
         """Drop what is remembered of other hypotheses."""
