@@ -174,7 +174,8 @@ class HypothesisManager:
             for n, child in kept.items():
                 oldest = max(0, len(child.lineage) - self.problem.open_world.merge_keyframes)
                 first_new = self.registry.first_new_id(oldest)
-                self.open_rounds.remember(n, child.lineage, components[n].object_poses, first_new)
+                row = components[n]
+                self.open_rounds.remember(n, child.lineage, row.object_poses, row.existence, first_new)
 
     def _mixture(self, components: dict[int, "_Row"]) -> Mixture:
         rows = [components[n] for n in self.live]

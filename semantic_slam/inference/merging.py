@@ -3,7 +3,8 @@
 Two are near copies when their robots stand together, when the objects that each recent detection was associated with
 lie together, and when these objects have the same classes. Which of the objects existed before does not matter, but
 whether a detection is the second of its object does: that one settles that the object exists, and a hypothesis in which
-it was a false alarm, or another object, must stay until misses or further detections decide.
+it was a false alarm, or another object, must stay until misses or further detections decide. So must hypotheses that
+are sure of different objects, wherever these are.
 """
 
 from dataclasses import dataclass
@@ -26,6 +27,8 @@ class Looks:
     objects: Array  # (K, R, 3) where the object of each recent detection is, metres; NaN when given up
     classes: Index  # (K, R) its class, -1 where classes are not enumerated
     settles: NDArray[np.bool_]  # (K, R) whether the detection is the second one of its object
+    parents: Index  # (K,) from 0 on
+    alike: NDArray[np.bool_]  # (P, P) whether two parents are sure of the same objects
 
 
 @dataclass(frozen=True)
@@ -64,5 +67,6 @@ def _near(planar: Array, looks: Looks, row: int, others: Index, limits: OpenWorl
     near &= np.abs(wrap_angle(offset[:, 2])) <= limits.merge_heading_rad
     near &= (looks.classes[others] == looks.classes[row]).all(axis=1)
     near &= (looks.settles[others] == looks.settles[row]).all(axis=1)
+    near &= looks.alike[looks.parents[others], looks.parents[row]]
     distance = np.linalg.norm(looks.objects[others] - looks.objects[row], axis=-1)
     return np.asarray(near & (np.nan_to_num(distance, nan=0.0) <= limits.merge_object_m).all(axis=1))

@@ -3,7 +3,8 @@
 import time
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from semantic_slam.inference.protocol import Components, LineageStep
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
+SURE = 0.5
+"""Existence from which on a hypothesis that lacks an object is no copy."""
+
 
 @dataclass(frozen=True)
 class Recent:
@@ -26,6 +30,7 @@ class Recent:
     objects: Array  # (R, 3) where the object of each lies now, NaN when given up
     classes: Index  # (R,) -1 where classes are not enumerated
     settles: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
+    sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of the objects that are likely to exist
     tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
 
 
@@ -56,6 +61,8 @@ class OpenRounds:
             return Merged(np.arange(len(log_weights)), log_weights, 0)
         nothing = Recent(np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
         recent = [self._recent.get(int(parent_ids[row]), nothing) for row in likely]
+        parents, numbers = np.unique(parent_ids[likely], return_inverse=True)
+        alike = self._alike([self._recent.get(int(n), nothing) for n in parents])
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
         known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
         settled = np.array([item.settles for item in recent], dtype=bool).reshape(len(likely), -1)
@@ -66,12 +73,24 @@ class OpenRounds:
             np.concatenate([before, object_poses[likely, :, :3]], axis=1),
             np.concatenate([known, classes[likely]], axis=1),
             np.concatenate([settled, now], axis=1),
+            numbers,
+            alike,
         )
         merged = merge_copies(looks, log_weights[likely], ids[likely], self.settings)
         self.num_merged = merged.count
         unlikely = np.delete(np.arange(len(log_weights)), likely)
         rows = np.concatenate([likely[merged.kept], unlikely]).astype(int)
         return Merged(rows, np.concatenate([merged.log_weights, log_weights[unlikely]]), merged.count)
+
+    def _alike(self, recent: list[Recent]) -> NDArray[np.bool_]:
+        """(P, P) whether two hypotheses are sure of the same objects, which may differ in their numbers."""
+        alike = np.ones((len(recent), len(recent)), dtype=bool)
+        for a, b in combinations(range(len(recent)), 2):
+            one, other = recent[a].sure, recent[b].sure
+            mine = [one[n] for n in one.keys() - other.keys()]
+            theirs = [other[n] for n in other.keys() - one.keys()]
+            alike[a, b] = alike[b, a] = _same_places(mine, theirs, self.settings.merge_object_m)
+        return alike
 
     def aligned(self, answers: list[Components]) -> list[Components]:
         """Answers over the same objects: all that some hypothesis holds."""
@@ -81,8 +100,10 @@ class OpenRounds:
         priors = self.roster.class_prior()
         return [_over(answer, ids, priors) for answer in answers]
 
-    def remember(self, number: int, lineage: Sequence[LineageStep], object_poses: Array, first_new: int) -> None:
-        """Where the objects of recent detections of a hypothesis are; ``object_poses`` (O, 7) over the roster.
+    def remember(
+        self, number: int, lineage: Sequence[LineageStep], object_poses: Array, existence: Array, first_new: int
+    ) -> None:
+        """Where the objects of recent detections of a hypothesis are; poses (O, 7) and existence (O,) over the roster.
 
         ``first_new``: the first id that was given in the keyframes that count as recent.
         """
@@ -97,7 +118,8 @@ class OpenRounds:
             settles[row] = found >= first_new and times[found] == 1
             times[found] += 1
         tentative = {found for found, count in times.items() if found >= first_new and count == 1}
-        self._recent[number] = Recent(padded[places], classes, settles, tentative)
+        sure = {self.roster.ids[row]: object_poses[row, :3] for row in np.flatnonzero(existence > SURE)}
+        self._recent[number] = Recent(padded[places], classes, settles, sure, tentative)
 
     def forget_all_but(self, ids: Sequence[int]) -> None:
         """Drop what is remembered of other hypotheses."""
@@ -160,3 +182,11 @@ def _over(answer: Components, ids: NDArray[np.uint32], class_prior: Array) -> Co
         forgotten_views=spread(answer.forgotten_views, 0),
         existence=spread(answer.existence, np.nan),
     )
+
+
+def _same_places(mine: list[Array], theirs: list[Array], limit_m: float) -> bool:
+    """Whether each point has one of the others near it."""
+    if not mine or not theirs:
+        return not mine and not theirs
+    near = np.linalg.norm(np.array(mine)[:, None] - np.array(theirs), axis=-1) <= limit_m
+    return bool(near.any(axis=0).all() and near.any(axis=1).all())
