@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semantic_slam.configuration import OdometryConfiguration, SemanticModelConfiguration
+from semantic_slam.configuration import OdometryConfiguration, OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.evaluation.trajectory import absolute_trajectory_error
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.merging import Looks, merge_copies
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.studies import aliased_room as study
 from semantic_slam.studies.aliased_room_data import CLUTTER, Rates, Recording, alarms_per_frame, disturbed
@@ -83,8 +84,10 @@ def test_gospa_by_hand() -> None:
 
 
 def test_gospa_chooses_the_best_pairs_and_never_pays_more_than_a_miss_and_a_false_one() -> None:
-    """Truth at 0.0 and 0.9, estimates at 1.0 and 1.9: straight pairs cost 1 + 1 = 2; the greedy pair of 0.01
-    leaves 1.9 and 0.0, squared distance 3.61: 3.62 in all. At a distance beyond c a pair costs c^2 = 4, as a miss and a false one.
+    """Truth at 0.0 and 0.9, estimates at 1.0 and 1.9.
+
+    Straight pairs cost 1 + 1 = 2; the greedy pair of 0.01 leaves 1.9 and 0.0, whose 3.61 makes 3.62 in all. Beyond c a
+    pair costs c^2 = 4, as a miss and a false one do.
     """
     truth, estimate = np.array([[0.0, 0.0], [0.9, 0.0]]), np.array([[1.0, 0.0], [1.9, 0.0]])
     assert gospa(estimate, truth).total_m == pytest.approx(np.sqrt(2.0))
@@ -175,3 +178,20 @@ def test_scores_of_a_run_that_found_nothing(model) -> None:
     assert row.metrics["nll"] == pytest.approx(np.log(len(model.class_names)))
     assert row.metrics["nees"] == pytest.approx(0.0)
     assert row.metrics["ate_m"] == absolute_trajectory_error(outcome.poses[:, :2], recording.truth[:, :2])
+
+
+@pytest.mark.parametrize(("settles", "alike", "count"), [(False, True, 1), (True, True, 0), (False, False, 0)])
+def test_a_hypothesis_in_which_a_ghost_is_none_is_no_copy(settles: bool, alike: bool, count: int) -> None:
+    """Two hypotheses that differ only in whether a second detection settled an object, or in what they are sure of."""
+    sure = np.ones((2, 2), dtype=bool)
+    sure[0, 1] = sure[1, 0] = alike
+    looks = Looks(
+        poses=np.tile(pose_vector_from_planar(np.zeros(3)), (2, 1)),
+        objects=np.zeros((2, 1, 3)),
+        classes=np.full((2, 1), -1),
+        settles=np.array([[False], [settles]]),
+        parents=np.array([0, 1]),
+        alike=sure,
+    )
+    merged = merge_copies(looks, np.log([0.6, 0.4]), np.array([1, 2], dtype=np.uint64), OpenWorldConfiguration())
+    assert merged.count == count
