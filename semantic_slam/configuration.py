@@ -136,6 +136,9 @@ class OpenWorldConfiguration:
         0.15, "merging: largest distance between the objects that a recent detection was associated with", minimum=0.0
     )
     merge_keyframes: int = parameter(10, "merging: keyframes whose detections count as recent", minimum=1)
+    merge_ghosts: bool = parameter(
+        False, "merging: hypotheses that differ in which objects exist are copies, too; for drives of kilometres"
+    )
     time_budget_ms: float = parameter(
         0.0, "keep fewer hypotheses when a keyframe takes longer; 0: off. Not reproducible when on", minimum=0.0
     )

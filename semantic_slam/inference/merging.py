@@ -66,7 +66,8 @@ def _near(planar: Array, looks: Looks, row: int, others: Index, limits: OpenWorl
     near = np.hypot(offset[:, 0], offset[:, 1]) <= limits.merge_position_m
     near &= np.abs(wrap_angle(offset[:, 2])) <= limits.merge_heading_rad
     near &= (looks.classes[others] == looks.classes[row]).all(axis=1)
-    near &= (looks.settles[others] == looks.settles[row]).all(axis=1)
-    near &= looks.alike[looks.parents[others], looks.parents[row]]
+    if not limits.merge_ghosts:
+        near &= (looks.settles[others] == looks.settles[row]).all(axis=1)
+        near &= looks.alike[looks.parents[others], looks.parents[row]]
     distance = np.linalg.norm(looks.objects[others] - looks.objects[row], axis=-1)
     return np.asarray(near & (np.nan_to_num(distance, nan=0.0) <= limits.merge_object_m).all(axis=1))

@@ -85,6 +85,8 @@ class OpenRounds:
     def _alike(self, recent: list[Recent]) -> NDArray[np.bool_]:
         """(P, P) whether two hypotheses are sure of the same objects, which may differ in their numbers."""
         alike = np.ones((len(recent), len(recent)), dtype=bool)
+        if self.settings.merge_ghosts:
+            return alike
         for a, b in combinations(range(len(recent)), 2):
             one, other = recent[a].sure, recent[b].sure
             mine = [one[n] for n in one.keys() - other.keys()]

@@ -45,6 +45,7 @@ FRONT_END = OpenWorldConfiguration(
     merge_position_m=0.5,
     merge_object_m=0.7,
     merge_keyframes=15,
+    merge_ghosts=True,
 )
 """Births, clutter and gates of every method; said before any label was looked at, and the same for all."""
 NUM_HYPOTHESES = {"ours": 10, "joint_assignment": 1, "nearest_neighbour": 1}
