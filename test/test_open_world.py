@@ -144,9 +144,9 @@ def test_what_a_wall_hides_is_not_missed() -> None:
 
 
 def test_near_copies_merge_and_are_counted() -> None:
-    room = make_room(20, seed=0, clutter=0.3)
+    room = make_room(32, seed=0, clutter=0.3)
     _, merged = run(room)
-    _, all_of_them = run(make_room(20, seed=0, clutter=0.3, open_world={"merge_position_m": 0.0}))
+    _, all_of_them = run(make_room(32, seed=0, clutter=0.3, open_world={"merge_position_m": 0.0}))
     assert sum(belief.num_merged for belief in merged) > 0
     assert sum(belief.num_merged for belief in all_of_them) == 0
     kept, without = (sum(len(belief.hypothesis_ids) for belief in beliefs) for beliefs in (merged, all_of_them))

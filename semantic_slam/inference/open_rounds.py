@@ -91,7 +91,8 @@ class OpenRounds:
             one, other = recent[a].sure, recent[b].sure
             mine = [one[n] for n in one.keys() - other.keys()]
             theirs = [other[n] for n in other.keys() - one.keys()]
-            alike[a, b] = alike[b, a] = _same_places(mine, theirs, self.settings.merge_object_m)
+            limit = self.settings.merge_object_m
+            alike[a, b] = alike[b, a] = _all_near(mine, other, limit) and _all_near(theirs, one, limit)
         return alike
 
     def aligned(self, answers: list[Components]) -> list[Components]:
@@ -186,9 +187,9 @@ def _over(answer: Components, ids: NDArray[np.uint32], class_prior: Array) -> Co
     )
 
 
-def _same_places(mine: list[Array], theirs: list[Array], limit_m: float) -> bool:
+def _all_near(points: list[Array], others: dict[int, Array], limit_m: float) -> bool:
     """Whether each point has one of the others near it."""
-    if not mine or not theirs:
-        return not mine and not theirs
-    near = np.linalg.norm(np.array(mine)[:, None] - np.array(theirs), axis=-1) <= limit_m
-    return bool(near.any(axis=0).all() and near.any(axis=1).all())
+    if not points or not others:
+        return not points
+    places = np.array(list(others.values()))
+    return bool((np.linalg.norm(np.array(points)[:, None] - places, axis=-1) <= limit_m).any(axis=1).all())
