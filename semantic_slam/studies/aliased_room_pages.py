@@ -49,7 +49,8 @@ SETTING = (
     ("front end", "births, clutter, gate, region and existence are one and the same for all methods, at the stated"
      " rates; a first detection leaves an existence below one half. It was set on rooms 0, 101 and 102, which are not"
      " among these"),
-    ("max-mixture", "our engine with a single hypothesis kept: the best joint assignment at each keyframe"),
+    ("max-mixture", "our engine, classes included, with a single hypothesis kept: the best joint assignment at each"
+     " keyframe. Its classes are the same tables as ours"),
     ("nearest neighbour", "each detection takes the nearest object inside the gate; classes by votes"),
     ("DA-BSP", "our engine without class models, as many hypotheses as ours; classes by votes"),
     ("HybridSmoother", "GTSAM's, with 10 leaves. It has neither births nor existence: a detection near no landmark"
@@ -78,7 +79,7 @@ def _claims(line: str, methods: dict[str, Any], num_runs: dict[str, int]) -> lis
     ]
     for name, words in (("gospa_m", "GOSPA"), ("nll", "Class NLL")):
         others = {WORDS[method]: row[name] for method, row in methods.items() if method != "ours"}
-        measured = f"{ours[name]:.4f} against {', '.join(f'{value:.4f} {other}' for other, value in others.items())}"
+        measured = f"{ours[name]:.3g} against {', '.join(f'{value:.3g} {other}' for other, value in others.items())}"
         holds = all(ours[name] < value for value in others.values())
         claims.append(Claim(f"{words} better than every baseline ({LINES[line]})", source, "", measured, holds))
     return claims
@@ -102,7 +103,7 @@ def _number(name: str, value: float) -> str:
         return f"{value:.1%}"
     if name == "faults":
         return f"{value:.0f}"
-    return f"{value:.4f}" if name == "nll" else f"{value:.3f}"
+    return f"{value:.3g}" if name in ("nll", "ece") else f"{value:.3f}"
 
 
 def figures_of(out: Path, result: dict[str, Any]) -> list[Figure]:
