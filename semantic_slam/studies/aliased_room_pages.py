@@ -123,7 +123,7 @@ def figures_of(out: Path, result: dict[str, Any]) -> list[Figure]:
                 side.plot(np.maximum(values, 1e-6), place + spread, ".", markersize=5)
             side.set_yticks(range(len(methods)), [WORDS[method] for method in methods])
             side.invert_yaxis()
-            side.set_xscale("log")
+            side.set_xscale("log" if name == "nll" else "linear")
             side.set_xlabel(words)
             side.grid(axis="x", alpha=0.3)
         axes[1].set_yticklabels([])
