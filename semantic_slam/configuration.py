@@ -94,6 +94,57 @@ class VisibilityConfiguration:
 
 
 @dataclass(frozen=True)
+class OpenWorldConfiguration:
+    detection_probability: float = parameter(
+        0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
+    )
+    clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
+    birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
+    field_of_view_rad: float = parameter(
+        1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587
+    )
+    min_range_m: float = parameter(0.3, "least range of the region", minimum=0.0)
+    max_range_m: float = parameter(5.0, "largest range of the region", minimum=1e-3)
+    occluder_radius_m: float = parameter(
+        0.25, "radius of a detected object, which hides what is behind it; 0: nothing is hidden", minimum=0.0
+    )
+    least_undetected_share: float = parameter(
+        0.02, "share of birth_density left at least where the sensor has looked before", minimum=0.0, maximum=1.0
+    )
+    least_existence: float = parameter(
+        1e-3, "existence below which a hypothesis gives an object up", minimum=0.0, maximum=1.0
+    )
+    gate_sigma: float = parameter(
+        5.0, "Mahalanobis distance up to which a detection may be of a known object", minimum=0.1
+    )
+    max_joint_objects: int = parameter(
+        30, "objects near the detections whose covariance with the robot is computed, per hypothesis", minimum=1
+    )
+    classes: str = parameter(
+        "carried",
+        "carried: a table over class and heading for each object; enumerated: hypotheses of their own",
+        choices=("carried", "enumerated"),
+    )
+    settle: bool = parameter(
+        True, "iterate every update until it converges; false: one update per keyframe, for drives of kilometres"
+    )
+    merge_position_m: float = parameter(
+        0.1, "hypotheses whose robots are so close are merged if all below agrees too; 0: never", minimum=0.0
+    )
+    merge_heading_rad: float = parameter(0.05, "merging: largest difference of heading", minimum=0.0)
+    merge_object_m: float = parameter(
+        0.15, "merging: largest distance between the objects that a recent detection was associated with", minimum=0.0
+    )
+    merge_keyframes: int = parameter(10, "merging: keyframes whose detections count as recent", minimum=1)
+    merge_ghosts: bool = parameter(
+        False, "merging: hypotheses that differ in which objects exist are copies, too; for drives of kilometres"
+    )
+    time_budget_ms: float = parameter(
+        0.0, "keep fewer hypotheses when a keyframe takes longer; 0: off. Not reproducible when on", minimum=0.0
+    )
+
+
+@dataclass(frozen=True)
 class InitialPoseConfiguration:
     mean: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else"
@@ -160,13 +211,16 @@ class Configuration:
 
     seed: int = parameter(0, "seed of every random draw", minimum=0, maximum=2**63 - 1)
     association: str = parameter(
-        "enumerated", "data association: enumerated, or given with the detections' ids", choices=("enumerated", "given")
+        "enumerated",
+        "data association: enumerated over a known map, given with the detections' ids, or open: objects come and go",
+        choices=("enumerated", "given", "open"),
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")
     semantic_model: SemanticModelConfiguration = field(default_factory=SemanticModelConfiguration)
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     visibility: VisibilityConfiguration = field(default_factory=VisibilityConfiguration)
+    open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)

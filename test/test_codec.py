@@ -39,6 +39,7 @@ def measurements(d=2, t=3, c=4, f=2):
         feature_covariances=numbers(d, f, f), predictive_entropy=numbers(d), mutual_information=numbers(d),
         ranges_m=ranges, bearings_rad=numbers(d), geometric_covariances=numbers(d, 2, 2),
         sensor_position=numbers(3), in_coverage=numbers(d) > 1, dropped=3,
+        sight=numbers(4, 2),
     )  # fmt: skip
 
 
@@ -54,7 +55,7 @@ def belief(h=2, d=3, o=2, c=3, length=0):
         mutual_information=np.full(o, np.nan), in_coverage=numbers(o) > 1, forgotten_views=numbers(o, dtype=np.uint32),
         descriptors=numbers(o, length),
         descriptor_covariances=numbers(o, length), association_entropy=0.5, component_entropy=float("nan"),
-        discarded_mass=0.25, dropped=2,
+        discarded_mass=0.25, dropped=2, num_merged=3, reproducible=False,
     )  # fmt: skip
 
 
@@ -71,7 +72,7 @@ def components(s=2, o=3, lost=1):
     return Components(
         "run", 4, 1, numbers(s, dtype=np.uint64), numbers(s, 7), numbers(s, 6, 6), numbers(o, dtype=np.uint32),
         numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, 4 if s and o else 0), numbers(s, o),
-        numbers(s, o) > 1, numbers(s, o, dtype=np.uint32),
+        numbers(s, o) > 1, numbers(s, o, dtype=np.uint32), numbers(s, o),
         numbers(lost, dtype=np.uint64),
     )  # fmt: skip
 

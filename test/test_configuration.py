@@ -49,7 +49,7 @@ def test_default_yaml_lists_every_parameter_with_its_default() -> None:
     assert undocumented == []
 
 
-@pytest.mark.parametrize("name", ["default", "da_bsp", "victoria_park"])
+@pytest.mark.parametrize("name", ["default", "da_bsp", "victoria_park", "open_world"])
 def test_shipped_configurations_are_valid(name: str) -> None:
     load_configuration(CONFIG / f"{name}.yaml")
 

@@ -9,6 +9,7 @@ from semantic_slam.errors import InputError
 
 STUDIES = {
     "aliased_scenes": "semantic_slam.studies.aliased_scenes",
+    "aliased_room": "semantic_slam.studies.aliased_room",
     "avd_bigbird": "semantic_slam.studies.avd_bigbird",
     "ch3_localization": "semantic_slam.studies.ch3_localization",
     "ch3_model_uncertainty": "semantic_slam.studies.ch3_model_uncertainty",
@@ -17,6 +18,7 @@ STUDIES = {
     "rendered_localization": "semantic_slam.studies.rendered_localization",
     "rendered_model_uncertainty": "semantic_slam.studies.rendered_model_uncertainty",
     "replay_scaling": "semantic_slam.studies.replay_scaling",
+    "victoria_park": "semantic_slam.studies.victoria_park",
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
 STUDIES_OF_DATA = ("avd_bigbird",)

@@ -13,16 +13,38 @@ def matched_moments(weights: Array, poses: Array, covariances: Array) -> tuple[A
     ``poses`` (H, 7) and ``covariances`` (H, 6, 6; x y z rx ry rz along fixed axes) are those of the components.
     Components without the pose (NaN) are left out and the others renormalised; with none left all is NaN.
     """
-    present = np.isfinite(poses).all(-1) & (weights > 0.0)
-    if not present.any():
-        return np.full(7, np.nan), np.full((6, 6), np.nan)
-    weights, poses, covariances = weights[present] / weights[present].sum(), poses[present], covariances[present]
-    if len(weights) == 1:
-        return poses[0], covariances[0]
-    rotations = Rotation.from_quat(poses[:, 3:])
-    mean_rotation = rotations.mean(weights)
-    position = weights @ poses[:, :3]
-    deviation = np.hstack([poses[:, :3] - position, (rotations * mean_rotation.inv()).as_rotvec()])
-    spread = np.einsum("h,hi,hj->ij", weights, deviation, deviation)
-    covariance = np.einsum("h,hij->ij", weights, covariances) + spread
-    return np.concatenate([position, mean_rotation.as_quat(canonical=True)]), covariance
+    mean, covariance = matched_moments_of_many(weights, poses[:, None], covariances[:, None])
+    return mean[0], covariance[0]
+
+
+def matched_moments_of_many(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
+    """:func:`matched_moments` of O mixtures at once: ``poses`` (H, O, 7), ``covariances`` (H, O, 6, 6) -> (O, ...)."""
+    count = poses.shape[1]
+    present = np.isfinite(poses).all(-1) & (weights > 0.0)[:, None]  # (H, O)
+    number = present.sum(axis=0)
+    means, spreads = np.full((count, 7), np.nan), np.full((count, 6, 6), np.nan)
+    alone = np.flatnonzero(number == 1)
+    row = np.argmax(present[:, alone], axis=0)
+    means[alone], spreads[alone] = poses[row, alone], covariances[row, alone]
+    several = np.flatnonzero(number > 1)
+    if len(several):
+        shares = np.where(present, weights[:, None], 0.0)[:, several]
+        shares /= shares.sum(axis=0)
+        own = np.where(present[:, several, None], poses[:, several], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        inner = np.where(present[:, several, None, None], covariances[:, several], 0.0)
+        means[several], spreads[several] = _matched(shares, own, inner)
+    return means, spreads
+
+
+def _matched(shares: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
+    """Of (H, O) shares that add up to one over H, (H, O, 7) poses and (H, O, 6, 6) covariances."""
+    position = np.einsum("ho,hoi->oi", shares, poses[..., :3])
+    scatter = np.einsum("ho,hoi,hoj->oij", shares, poses[..., 3:], poses[..., 3:])
+    mean = Rotation.from_quat(np.linalg.eigh(scatter)[1][..., -1])  # the mean rotation of Markley et al., 2007
+    hypotheses, count = shares.shape
+    repeated = Rotation.from_quat(np.tile(mean.inv().as_quat(), (hypotheses, 1)))
+    turned = Rotation.from_quat(poses[..., 3:].reshape(-1, 4)) * repeated
+    deviation = np.concatenate([poses[..., :3] - position, turned.as_rotvec().reshape(hypotheses, count, 3)], axis=-1)
+    spread = np.einsum("ho,hoi,hoj->oij", shares, deviation, deviation)
+    covariance = np.einsum("ho,hoij->oij", shares, covariances) + spread
+    return np.concatenate([position, mean.as_quat(canonical=True)], axis=-1), covariance

@@ -32,9 +32,11 @@ def pose_vector_from_planar(planar: Array, height_m: float = 0.0) -> Array:
 def planar_from_pose_vector(vector: Array) -> Array:
     """(..., 7) pose vector to (..., 3): its x, y and yaw (rotation about z, REP-103)."""
     vector = np.asarray(vector, dtype=np.float64)
-    qx, qy, qz, qw = np.moveaxis(vector[..., 3:], -1, 0)
-    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    return np.stack([vector[..., 0], vector[..., 1], yaw], axis=-1)
+    qx, qy, qz, qw = (vector[..., axis] for axis in range(3, 7))
+    planar = np.empty((*vector.shape[:-1], 3))
+    planar[..., :2] = vector[..., :2]
+    planar[..., 2] = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return planar
 
 
 def covariance_from_planar(planar: Array) -> Array:

@@ -18,13 +18,13 @@ def compose(a: Array, b: Array) -> Array:
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = a[..., 0] + cos * b[..., 0] - sin * b[..., 1]
     y = a[..., 1] + sin * b[..., 0] + cos * b[..., 1]
-    return np.stack([x, y, wrap_angle(a[..., 2] + b[..., 2])], axis=-1)
+    return _columns(x, y, wrap_angle(a[..., 2] + b[..., 2]))
 
 
 def inverse(a: Array) -> Array:
     """The pose of the parent frame in the frame of a."""
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
-    return np.stack([-cos * a[..., 0] - sin * a[..., 1], sin * a[..., 0] - cos * a[..., 1], -a[..., 2]], axis=-1)
+    return _columns(-cos * a[..., 0] - sin * a[..., 1], sin * a[..., 0] - cos * a[..., 1], -a[..., 2])
 
 
 def between(a: Array, b: Array) -> Array:
@@ -37,7 +37,7 @@ def exp(tangent: Array) -> Array:
     a, b = _sine_terms(tangent[..., 2])
     x = a * tangent[..., 0] - b * tangent[..., 1]
     y = b * tangent[..., 0] + a * tangent[..., 1]
-    return np.stack([x, y, wrap_angle(tangent[..., 2])], axis=-1)
+    return _columns(x, y, wrap_angle(tangent[..., 2]))
 
 
 def log(pose: Array) -> Array:
@@ -47,7 +47,7 @@ def log(pose: Array) -> Array:
     scale = 1.0 / (a * a + b * b)
     x = scale * (a * pose[..., 0] + b * pose[..., 1])
     y = scale * (a * pose[..., 1] - b * pose[..., 0])
-    return np.stack([x, y, theta], axis=-1)
+    return _columns(x, y, theta)
 
 
 def adjoint(pose: Array) -> Array:
@@ -86,6 +86,13 @@ def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True)
     rotation[..., 0, 1], rotation[..., 1, 0] = -np.sin(angle), np.sin(angle)
     rotation[..., 2, 2] = 1.0
     return np.asarray(rotation @ covariance @ np.swapaxes(rotation, -1, -2))
+
+
+def _columns(x: Array, y: Array, theta: Array) -> Array:
+    """(..., 3) of three arrays of one shape; many times faster than ``np.stack`` where they are small."""
+    together = np.empty((*np.shape(x), 3))
+    together[..., 0], together[..., 1], together[..., 2] = x, y, theta
+    return together
 
 
 def _sine_terms(theta: Array) -> tuple[Array, Array]:

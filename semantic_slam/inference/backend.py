@@ -11,7 +11,9 @@ from semantic_slam.inference.class_knowledge import ClassKnowledge, class_knowle
 from semantic_slam.inference.component import Component, Held, LostComponentError, object_key, robot_key
 from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
-from semantic_slam.inference.objects import ObjectRegistry
+from semantic_slam.inference.objects import ObjectRegistry, Roster
+from semantic_slam.inference.open_component import OpenComponent
+from semantic_slam.inference.open_world import OpenContinuations, OpenExpander
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep, RunConfiguration
 from semantic_slam.inference.run import problem_of
@@ -35,11 +37,17 @@ class Backend:
         self.run_id = run.run_id
         self.problem = self._given_problem or problem_of(run)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
-        self.expander = Expander(self.problem, self.registry)
-        self.held: dict[int, Held] = {ROOT_ID: Held(self.problem.root(), 0.0)}
+        self.expander: Expander | OpenExpander = Expander(self.problem, self.registry)
+        if self.problem.association == "open":
+            self.expander = OpenExpander(self.problem, self.registry)
+        self.held: dict[int, Held] = {ROOT_ID: Held(self._root(), 0.0)}
         self.steps: list[Step] = []
         self.committed = -1
         self._expanded: tuple[Continuations, list[int]] | None = None
+
+    def _root(self) -> Component:
+        is_open = isinstance(self.expander, OpenExpander)
+        return OpenComponent.before_any_keyframe(self.problem) if is_open else self.problem.root()
 
     def expand(self, keyframe: Any) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
@@ -68,17 +76,20 @@ class Backend:
         rebuilt: dict[int, Component] = {}
         survivors: dict[int, Held] = {}
         lost: list[int] = []
-        for row in np.flatnonzero(commit.owners == self.backend_id):
+        owned = np.flatnonzero(commit.owners == self.backend_id)
+        last = {int(commit.parent_ids[row]): int(row) for row in owned}
+        for row in owned:
             number = int(commit.ids[row])
             try:
-                component = self._survivor(commit, int(row), rebuilt)
+                component = self._survivor(commit, int(row), rebuilt, last[int(commit.parent_ids[row])] == row)
                 survivors[number] = Held(component, float(commit.log_weights[row]))
             except LostComponentError:
                 lost.append(number)
         self.held, self.committed, self._expanded = survivors, commit.keyframe, None
         return self._report(commit.keyframe, lost)
 
-    def _survivor(self, commit: Commit, row: int, rebuilt: dict[int, Component]) -> Component:
+    def _survivor(self, commit: Commit, row: int, rebuilt: dict[int, Component], is_last: bool) -> Component:
+        """``is_last``: no other survivor grows from the same parent, which need not stay as it was."""
         number, parent = int(commit.ids[row]), int(commit.parent_ids[row])
         if self.committed == commit.keyframe and number in self.held:
             return self.held[number].component
@@ -87,25 +98,35 @@ class Backend:
             if number in continuations.ids:
                 at = continuations.ids.index(number)
                 step = self.steps[commit.keyframe]
-                return _extended(self.held[parents[continuations.parents[at]]].component, step, continuations, at)
+                component = self.held[parents[continuations.parents[at]]].component
+                return self._extended(component, step, continuations, at, in_place=is_last)
         return self._rebuild((*commit.lineages[row], commit.steps[row]), commit.keyframe + 1, rebuilt)
 
     def _rebuild(self, lineage: Sequence[LineageStep], length: int, rebuilt: dict[int, Component]) -> Component:
         """A component from its lineage alone; trunks that lineages share are replayed once."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        number, component = ROOT_ID, self.problem.root()
+        number, component = ROOT_ID, self._root()
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             if child not in rebuilt:
                 continuations = self.expander.expand(step, [number], [Held(component, 0.0)], taken)
                 if child not in continuations.ids:
                     raise LostComponentError("a lineage names an impossible continuation")
-                rebuilt[child] = _extended(component, step, continuations, continuations.ids.index(child))
+                at = continuations.ids.index(child)
+                rebuilt[child] = self._extended(component, step, continuations, at, in_place=False)
             number, component = child, rebuilt[child]
         return component
 
+    def _extended(
+        self, component: Component, step: Step, found: Continuations, at: int, *, in_place: bool
+    ) -> Component:
+        if isinstance(self.expander, OpenExpander) and isinstance(found, OpenContinuations):
+            return self.expander.grown(component, step, found, at, in_place=in_place)
+        return _extended(component, step, found, at)
+
     def _register(self, step: Step) -> None:
+        self.registry.introduce(step.index, len(step.names))
         if self.problem.association == "given":
             for name in step.names:
                 self.registry.identify(name)
@@ -160,13 +181,14 @@ class Backend:
 
     def _report(self, keyframe: int, lost: list[int]) -> Components:
         rows = []
+        registry = self._present()
         for number in sorted(self.held):
             try:
-                rows.append((number, *self._component_row(self.held[number].component)))
+                rows.append((number, *self._component_row(self.held[number].component, registry)))
             except LostComponentError:
                 lost.append(number)
                 del self.held[number]
-        count, objects = len(rows), len(self.registry.ids)
+        count, objects = len(rows), len(registry.ids)
         return Components(
             run_id=self.run_id,
             keyframe=keyframe,
@@ -174,7 +196,7 @@ class Backend:
             ids=np.array([row[0] for row in rows], dtype=np.uint64),
             poses=np.array([row[1][0] for row in rows]).reshape(count, 7),
             pose_covariances=np.array([row[2][0] for row in rows]).reshape(count, 6, 6),
-            object_ids=np.array(self.registry.ids, dtype=np.uint32),
+            object_ids=np.array(registry.ids, dtype=np.uint32),
             object_poses=np.array([row[1][1:] for row in rows]).reshape(count, objects, 7),
             object_covariances=np.array([row[2][1:] for row in rows]).reshape(count, objects, 6, 6),
             class_probabilities=np.array([row[3].probabilities for row in rows]).reshape(
@@ -183,20 +205,35 @@ class Backend:
             mutual_information=np.array([row[3].mutual_information for row in rows]).reshape(count, objects),
             in_coverage=np.array([row[3].in_coverage for row in rows], dtype=bool).reshape(count, objects),
             forgotten_views=np.array([row[3].forgotten_views for row in rows], dtype=np.uint32).reshape(count, objects),
+            existence=np.array([row[4] for row in rows]).reshape(count, objects),
             lost_ids=np.array(sorted(lost), dtype=np.uint64),
         )
 
-    def _component_row(self, component: Component) -> tuple[Array, Array, ClassKnowledge]:
-        """Poses (1 + O, 7) and covariances (1 + O, 6, 6), the robot's first, NaN for absent objects; classes."""
-        present = [i for i, n in enumerate(self.registry.ids) if n in component.object_ids]
-        keys = [robot_key(component.keyframe), *(object_key(self.registry.ids[i]) for i in present)]
+    def _present(self) -> ObjectRegistry:
+        """The objects that are reported: in an open world those that some hypothesis holds."""
+        if self.problem.association != "open":
+            return self.registry
+        alive = frozenset[int]().union(*(held.component.object_ids for held in self.held.values()))
+        return Roster(self.problem.objects, len(self.problem.class_names), alive)
+
+    def _component_row(
+        self, component: Component, registry: ObjectRegistry
+    ) -> tuple[Array, Array, ClassKnowledge, Array]:
+        """Poses (1 + O, 7), covariances (1 + O, 6, 6), the robot first, NaN for what is absent; classes; existence."""
+        present = [i for i, n in enumerate(registry.ids) if n in component.object_ids]
+        keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
         states, covariances = component.corrected(keys)
-        poses = np.full((1 + len(self.registry.ids), 7), np.nan)
-        spread = np.full((1 + len(self.registry.ids), 6, 6), np.nan)
+        poses = np.full((1 + len(registry.ids), 7), np.nan)
+        spread = np.full((1 + len(registry.ids), 6, 6), np.nan)
         rows = [0, *(1 + i for i in present)]
         poses[rows] = self.problem.reader.poses(states)
         spread[rows] = self.problem.reader.covariances(states, covariances)
-        return poses, spread, class_knowledge(component, self.registry)
+        existence = np.full(len(registry.ids), np.nan)
+        if isinstance(component, OpenComponent):
+            existence[present] = component.objects.existence
+        else:
+            existence[present] = registry.existence()[present]
+        return poses, spread, class_knowledge(component, registry), existence
 
 
 def _extended(component: Component, step: Step, found: Continuations, at: int) -> Component:

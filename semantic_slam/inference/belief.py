@@ -41,3 +41,5 @@ class HybridBelief:
     component_entropy: float  # nats
     discarded_mass: float
     dropped: int
+    num_merged: int = 0  # near copies that gave their weight to a heavier hypothesis in this keyframe
+    reproducible: bool = True  # no clock had a say

@@ -28,7 +28,8 @@ def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnow
     information = np.full(len(registry.ids), np.nan)
     inside = np.ones(len(registry.ids), dtype=np.bool_)
     forgotten = np.zeros(len(registry.ids), dtype=np.uint32)
-    for row, number in enumerate(registry.ids):
+    known = component.classes.keys() | component.views.keys()
+    for row, number in enumerate(registry.ids if known else ()):
         views = component.views.get(number)
         if number in component.classes:
             probabilities[row] = np.eye(probabilities.shape[1])[component.classes[number]]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import gtsam
@@ -31,6 +32,7 @@ def robot_key(keyframe: int) -> int:
     return int(gtsam.symbol("x", keyframe + 1))
 
 
+@cache
 def object_key(object_id: int) -> int:
     """O(n)."""
     return int(gtsam.symbol("o", object_id))
@@ -108,7 +110,7 @@ class Component:
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
         """(n, d) estimates and (n, d, d) covariances with what their Gaussians and their factors do not say."""
-        states, covariances = self.states(keys), self.smoother.covariances(keys)
+        states, covariances = self.states(keys), self.smoother.joint_blocks(keys)
         semantic = {object_key(n): views.correction for n, views in self.views.items()}
         semantic[robot_key(self.keyframe)] = self.robot_correction
         for row, key in enumerate(keys):

@@ -4,7 +4,7 @@ The printed algorithm normalises inside the loop over components, which loses ea
 here w psi is collected over all parents and normalised once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.identity import ROOT_ID
 from semantic_slam.inference.marginals import Mixture, state_belief
 from semantic_slam.inference.objects import ObjectRegistry
+from semantic_slam.inference.open_rounds import OpenRounds, TimeBudget
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import (
@@ -52,25 +53,47 @@ class HypothesisManager:
         pool.start(run)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
         self.live = {ROOT_ID: Live(pool.backend_ids[0], 0.0, ROOT_ID, ())}
+        self.open_rounds = OpenRounds(self.problem) if self.problem.association == "open" else None
+        self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         self.log_kept_mass = 0.0  # log prod_k (1 - d_k)
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
     def process(self, keyframe: Any) -> HybridBelief:
         """One keyframe; raises SemanticSlamError when no hypothesis survives it."""
+        self.budget.begin()
         step = self.problem.reader.step(keyframe)
+        self.registry.introduce(step.index, len(step.names))
         if self.problem.association == "given":
             for name in step.names:
                 self.registry.identify(name)
         answers = self._expand(keyframe, step.index)
-        merged = _merged(answers)
-        pruned = prune(merged.log_weights, merged.ids, merged.log_missing, self.problem.pruning)
+        merged = self._without_copies(_merged(answers))
+        pruned = prune(merged.log_weights, merged.ids, merged.log_missing, self.budget.limits())
         self.log_evidence += pruned.log_mass
         children = self._children(merged, pruned)
         children, components = self._update(step.index, children)
         self._accept(children, components, pruned.discarded)
         mixture = self._mixture(components)
         discarded = max(0.0, float(-np.expm1(self.log_kept_mass)))
-        return state_belief(step, mixture, self.registry, self.problem.class_names, len(merged.ids), discarded)
+        self.budget.end(len(self.live))
+        registry = self.open_rounds.roster if self.open_rounds else self.registry
+        belief = state_belief(step, mixture, registry, self.problem.class_names, len(merged.ids), discarded)
+        num_merged = self.open_rounds.num_merged if self.open_rounds else 0
+        return replace(belief, num_merged=num_merged, reproducible=not self.budget.is_on)
+
+    def _without_copies(self, merged: "_Merged") -> "_Merged":
+        if self.open_rounds is None:
+            return merged
+        found = self.open_rounds.merge(
+            merged.ids,
+            merged.parent_ids,
+            merged.log_weights,
+            merged.poses,
+            merged.object_poses,
+            merged.associations,
+            merged.classes,
+        )
+        return merged.take(found.kept, found.log_weights)
 
     def _expand(self, keyframe: Any, index: int) -> list[Candidates]:
         """Round one; hypotheses whose backend did not answer are rebuilt elsewhere from their lineage."""
@@ -106,7 +129,7 @@ class HypothesisManager:
         if set(children) - settled and self.pool.backend_ids:
             children = self._redistributed(children)
             answers = self.pool.commit(self._commit(index, children, always_lineage=True))
-        return children, _by_id(answers)
+        return children, _by_id(self.open_rounds.aligned(answers) if self.open_rounds else answers)
 
     def _children(self, merged: "_Merged", pruned: Pruned) -> dict[int, Live]:
         parents = [self.live[int(merged.parent_ids[row])] for row in pruned.kept]
@@ -148,6 +171,13 @@ class HypothesisManager:
             n: Live(child.owner, child.log_weight - log_total, child.parent_id, child.lineage)
             for n, child in kept.items()
         }
+        if self.open_rounds:
+            self.open_rounds.forget_all_but(())
+            for n, child in kept.items():
+                oldest = max(0, len(child.lineage) - self.problem.open_world.merge_keyframes)
+                first_new = self.registry.first_new_id(oldest)
+                row = components[n]
+                self.open_rounds.remember(n, child.lineage, row.object_poses, row.existence, first_new)
 
     def _mixture(self, components: dict[int, "_Row"]) -> Mixture:
         rows = [components[n] for n in self.live]
@@ -164,6 +194,7 @@ class HypothesisManager:
             mutual_information=np.array([row.mutual_information for row in rows]),
             in_coverage=np.array([row.in_coverage for row in rows]),
             forgotten_views=np.array([row.forgotten_views for row in rows]),
+            existence=np.array([row.existence for row in rows]),
         )
 
 
@@ -175,7 +206,23 @@ class _Merged:
     classes: NDArray[np.int32]
     modes: NDArray[np.uint16]
     log_weights: Array
+    poses: Array
+    object_poses: Array
     log_missing: Array
+
+    def take(self, rows: NDArray[np.int_], log_weights: Array) -> "_Merged":
+        """Some of the candidates, with other weights."""
+        return replace(
+            self,
+            ids=self.ids[rows],
+            parent_ids=self.parent_ids[rows],
+            associations=self.associations[rows],
+            classes=self.classes[rows],
+            modes=self.modes[rows],
+            log_weights=log_weights,
+            poses=self.poses[rows],
+            object_poses=self.object_poses[rows],
+        )
 
 
 @dataclass(frozen=True)
@@ -188,6 +235,7 @@ class _Row:
     mutual_information: Array
     in_coverage: NDArray[np.bool_]
     forgotten_views: NDArray[np.uint32]
+    existence: Array
 
 
 def _merged(answers: list[Candidates]) -> _Merged:
@@ -203,6 +251,8 @@ def _merged(answers: list[Candidates]) -> _Merged:
         np.concatenate([answer.class_assignments for answer in filled])[order],
         np.concatenate([answer.modes for answer in filled])[order],
         np.concatenate([answer.log_weights for answer in filled])[order],
+        np.concatenate([answer.poses for answer in filled])[order],
+        np.concatenate([answer.object_poses for answer in filled])[order],
         missing[np.unique(parents, return_index=True)[1]],
     )
 
@@ -218,6 +268,7 @@ def _by_id(answers: list[Components]) -> dict[int, _Row]:
             answer.mutual_information[i],
             answer.in_coverage[i],
             answer.forgotten_views[i],
+            answer.existence[i],
         )
         for answer in answers
         for i, number in enumerate(answer.ids)

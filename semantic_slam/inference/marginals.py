@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.moments import matched_moments
+from semantic_slam.geometry.moments import matched_moments_of_many
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.objects import ObjectRegistry
@@ -32,10 +32,14 @@ class Mixture:
     mutual_information: Array  # (H, O)
     in_coverage: NDArray[np.bool_]  # (H, O)
     forgotten_views: NDArray[np.uint32]  # (H, O)
+    existence: Array  # (H, O) NaN where a hypothesis has no such object
 
-    def association_history(self, row: int) -> tuple[tuple[int, ...], ...]:
-        """beta_{1:k} of one hypothesis."""
-        return tuple(step.association for step in self.lineages[row])
+    def association_histories(self) -> list[tuple[tuple[int, ...], ...]]:
+        """beta of every hypothesis since they were last one; before that they agree."""
+        newest = len(self.lineages[0])
+        while newest > 0 and any(lineage[newest - 1] is not self.lineages[0][newest - 1] for lineage in self.lineages):
+            newest -= 1
+        return [tuple(step.association for step in lineage[newest:]) for lineage in self.lineages]
 
     def associations(self) -> NDArray[np.int64]:
         """(H, D) object ids of the newest keyframe's detections, -1 clutter."""
@@ -60,7 +64,7 @@ def state_belief(
 ) -> HybridBelief:
     """The belief after one keyframe."""
     weights = np.exp(mixture.log_weights)
-    poses, covariances = _object_moments(weights, mixture)
+    poses, covariances = matched_moments_of_many(weights, mixture.object_poses, mixture.object_covariances)
     count = len(registry.ids)
     return HybridBelief(
         stamp_ns=step.stamp_ns,
@@ -79,7 +83,7 @@ def state_belief(
         object_ids=np.array(registry.ids, dtype=np.uint32),
         object_names=tuple(registry.names),
         hypothesis_class_probabilities=mixture.class_probabilities,
-        existence=registry.existence(),
+        existence=np.minimum(weights @ np.nan_to_num(mixture.existence), 1.0),
         class_probabilities=np.einsum("h,hoc->oc", weights, mixture.class_probabilities),
         object_poses=poses,
         object_covariances=covariances,
@@ -88,17 +92,8 @@ def state_belief(
         forgotten_views=mixture.forgotten_views[int(np.argmax(weights))],
         descriptors=np.zeros((count, 0)),
         descriptor_covariances=np.zeros((count, 0)),
-        association_entropy=association_entropy(weights, [mixture.association_history(h) for h in range(len(weights))]),
+        association_entropy=association_entropy(weights, mixture.association_histories()),
         component_entropy=component_entropy(weights),
         discarded_mass=discarded_mass,
         dropped=step.dropped,
     )
-
-
-def _object_moments(weights: Array, mixture: Mixture) -> tuple[Array, Array]:
-    count = mixture.object_poses.shape[1]
-    moments = [
-        matched_moments(weights, mixture.object_poses[:, i], mixture.object_covariances[:, i]) for i in range(count)
-    ]
-    poses = np.array([pose for pose, _ in moments]).reshape(count, 7)
-    return poses, np.array([covariance for _, covariance in moments]).reshape(count, 6, 6)

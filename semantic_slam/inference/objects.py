@@ -4,7 +4,7 @@ The registry is a function of the map prior and of the keyframes so far, so that
 have seen the same keyframes agree on it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ class ObjectRegistry:
         self._uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
         self._by_name = {name: n for n, name in zip(self.ids, self.names, strict=True)}
         self._by_name |= {str(n): n for n in self.ids}
+        self._first_new = [max(self.ids, default=-1) + 1]  # by keyframe
 
     def identify(self, name: str) -> int:
         """Object id of an identity given with a detection; a new identity becomes a new object, "" is no object."""
@@ -38,6 +39,22 @@ class ObjectRegistry:
             self._existence.append(1.0)
             self._by_name[name] = number
         return self._by_name[name]
+
+    def introduce(self, index: int, num_detections: int) -> None:
+        """Reserve ids for the detections of keyframe ``index`` in an open world; keyframes come in order."""
+        if index == len(self._first_new) - 1:
+            self._first_new.append(self._first_new[-1] + num_detections)
+
+    def first_new_id(self, index: int) -> int:
+        """Id of the object that the first detection of keyframe ``index`` would start; the next ones follow."""
+        return self._first_new[index]
+
+    def log_class_prior_of(self, object_ids: Sequence[int]) -> Array:
+        """(n, C) natural logs; what no map knows may be of any class."""
+        place = {n: i for i, n in enumerate(self.ids)}
+        known = [self._class_priors[place[n]] if n in place else self._uniform for n in object_ids]
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._uniform))))
 
     def index(self, object_id: int) -> int:
         """Position of an object in ``ids``."""
@@ -60,3 +77,21 @@ class ObjectRegistry:
         """(O, C) natural logs."""
         with np.errstate(divide="ignore"):
             return np.log(self.class_prior())
+
+
+class Roster(ObjectRegistry):
+    """The objects that some hypothesis of an open world holds at one keyframe, ascending by id."""
+
+    def __init__(self, entries: Sequence[ObjectEntry], num_classes: int, alive: Collection[int]):
+        """``entries`` of the map prior; every other object may be of any class and has its number as its name."""
+        uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
+        known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
+        super().__init__((), num_classes)
+        self.ids = sorted(alive)
+        self.names = [known[n][0] if n in known else str(n) for n in self.ids]
+        self._class_priors = [known[n][1] if n in known else uniform for n in self.ids]
+
+    def indices(self, object_ids: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Positions in ``ids``; -1 for what is not there."""
+        place = {n: i for i, n in enumerate(self.ids)}
+        return np.array([place.get(int(n), -1) for n in object_ids.ravel()], dtype=np.int32).reshape(object_ids.shape)

@@ -78,7 +78,7 @@ class PlanarDetections:
         """All detections of a keyframe, or of a track."""
         count, size = len(detections), detections[0].feature.size if detections else 0
         return cls(
-            np.nan_to_num([item.range_m for item in detections]),
+            np.array([item.range_m if item.has_range else 0.0 for item in detections]),
             np.array([item.bearing_rad for item in detections]),
             np.array([item.whiten for item in detections]).reshape(count, 2, 2),
             np.array([item.log_normaliser for item in detections]),

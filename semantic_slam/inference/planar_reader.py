@@ -46,6 +46,7 @@ class PlanarReader:
             names=measurements.track_ids,
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
+            sight=measurements.sight,
         )
 
     def poses(self, states: Array) -> Array:

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
+from semantic_slam.configuration import OpenWorldConfiguration, PruningConfiguration, WeightsConfiguration
 from semantic_slam.inference.component import Component
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.manifold import Manifold
@@ -52,11 +52,12 @@ class Problem:
     objects: tuple[ObjectEntry, ...]
     class_names: tuple[str, ...]
     seed: int
-    association: str  # enumerated | given
+    association: str  # enumerated | given | open
     distinct: bool
     semantics: Semantics | None = None  # records of the objects' views; None without class models
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
+    open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
 
     def root(self) -> Component:
         """The component before any keyframe."""

@@ -93,6 +93,7 @@ class Components:
     mutual_information: Array  # (S, O) nats, NaN for objects not seen
     in_coverage: NDArray[np.bool_]  # (S, O) every view lay inside the class models' coverage
     forgotten_views: NDArray[np.uint32]  # (S, O) views that a new one is no longer correlated with
+    existence: Array  # (S, O) NaN where the component has no such object
     lost_ids: NDArray[np.uint64]
 
 

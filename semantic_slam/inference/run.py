@@ -9,6 +9,7 @@ from semantic_slam.configuration import Configuration, SemanticModelConfiguratio
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.inference.carried_classes import CarriedClasses
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import digest
 from semantic_slam.inference.manifold import PlanarPoses
@@ -50,8 +51,9 @@ def make_run_configuration(
     if configuration.association == "enumerated" and not (map_prior and map_prior.objects):
         raise InputError(
             "association is 'enumerated' but there is no map prior; give --map-prior objects.json,"
-            " or set association: given for detections that carry ids"
+            " or set association: open to map as you go, or given for detections that carry ids"
         )
+    _check_open_world(configuration)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
@@ -62,6 +64,17 @@ def make_run_configuration(
     return RunConfiguration(
         run_id, stamp_ns, settings, prior, np.array(pose), covariance, tuple(names), source, revision
     )
+
+
+def _check_open_world(configuration: Configuration) -> None:
+    if configuration.association != "open":
+        return
+    if not configuration.distinct_assignment:
+        raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
+    if configuration.semantic_model.kind == "gp_correlated":
+        raise InputError("association: open has no gp_correlated class models; set semantic_model.kind: gp_independent")
+    if configuration.open_world.min_range_m >= configuration.open_world.max_range_m:
+        raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
 
 
 def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
@@ -81,7 +94,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     return Problem(
         manifold=PlanarPoses(),
         model=PlanarObservation(
-            None if configuration.semantic_model.kind == "gp_correlated" else model,
+            model if _in_graph(configuration) else None,
             PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
             configuration.new_objects,
             _correlated_views(configuration.semantic_model),
@@ -96,6 +109,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
         pruning=configuration.pruning,
+        open_world=configuration.open_world,
     )
 
 
@@ -108,7 +122,15 @@ def _semantics(configuration: Configuration, model: ViewpointModel | None) -> Se
         return CorrelatedTracks(
             correlated, settings.num_tracks, settings.window, settings.track_average, configuration.seed
         )
+    if not _in_graph(configuration):
+        return CarriedClasses(model, _correlated_views(settings))
     return IndependentViews(model, _correlated_views(settings))
+
+
+def _in_graph(configuration: Configuration) -> bool:
+    """Whether semantic measurements enter by factors, under classes that hypotheses enumerate."""
+    carried = configuration.association == "open" and configuration.open_world.classes == "carried"
+    return configuration.semantic_model.kind != "gp_correlated" and not carried
 
 
 def _correlated_views(settings: SemanticModelConfiguration) -> float:

@@ -28,6 +28,8 @@ SAME = 1e-3
 MAX_ROUNDS = 6
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
+STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
+"""Where updates are not iterated: keyframes from one relinearisation to the next, and metres or radians."""
 
 
 class LostComponentError(SemanticSlamError):
@@ -95,14 +97,19 @@ class Smoother:
 
     def covariances(self, keys: Sequence[int]) -> Array:
         """(n, d, d) marginal covariances, in the tangent spaces at the estimate. Raises LostComponentError."""
-        count, size = len(keys), self.manifold.dimension
-        if count <= MOST_JOINT:
-            blocks = self.joint_covariance(keys).reshape(count, size, count, size)
-            return blocks[np.arange(count), :, np.arange(count)]
+        size = self.manifold.dimension
         try:
-            return np.array([self.isam.marginalCovariance(key) for key in keys]).reshape(count, size, size)
+            return np.array([self.isam.marginalCovariance(key) for key in keys]).reshape(len(keys), size, size)
         except (RuntimeError, IndexError) as fault:
             raise LostComponentError(f"marginals are not to be had ({_first_line(fault)})") from None
+
+    def joint_blocks(self, keys: Sequence[int]) -> Array:
+        """The same of keys whose joint covariance the next prediction asks for, unless they are many."""
+        count, size = len(keys), self.manifold.dimension
+        if count > MOST_JOINT:
+            return self.covariances(keys)
+        blocks = self.joint_covariance(keys).reshape(count, size, count, size)
+        return blocks[np.arange(count), :, np.arange(count)]
 
     def extended(
         self,
@@ -147,11 +154,15 @@ class Smoother:
             raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
         return child
 
-    def with_single_steps(self, threshold: float, skip: int) -> "Smoother":
-        """The same system; relinearised every ``skip`` updates where a state is ``threshold`` off."""
+    def with_single_steps(self) -> "Smoother":
+        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres."""
         parameters = gtsam.ISAM2Params()
-        parameters.relinearizeSkip = skip
-        parameters.setRelinearizeThreshold(threshold)
+        parameters.relinearizeSkip = STEPPED_SKIP
+        parameters.setRelinearizeThreshold(STEPPED_THRESHOLD)
+        parameters.enablePartialRelinearizationCheck = True
+        solver = gtsam.ISAM2GaussNewtonParams()
+        solver.setWildfireThreshold(STEPPED_WILDFIRE)
+        parameters.setOptimizationParams(solver)
         isam = gtsam.ISAM2(parameters)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         return Smoother(self.manifold, self.model, isam, self.made)

@@ -1,7 +1,7 @@
 """A keyframe as the engine sees it."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ class Step:
     names: tuple[str, ...]  # (D,) identities given, "" for none
     in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
     dropped: int = 0  # inputs not used so far
+    sight: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (B, 2) bearing, range of the farthest surface
 
     def observed(self, association: Sequence[int], classes: Sequence[int], used: Iterable[int]) -> tuple[Observed, ...]:
         """The detections ``used`` that a hypothesis associates with objects."""

@@ -44,6 +44,8 @@ def belief_to_message(value: HybridBelief) -> Any:
         component_entropy=float(value.component_entropy),
         discarded_mass=float(value.discarded_mass),
         dropped=int(value.dropped),
+        num_merged=int(value.num_merged),
+        reproducible=bool(value.reproducible),
         **pack(BELIEF_TYPE, BELIEF_LAYOUT, vars(value)),
     )
 
@@ -58,5 +60,7 @@ def belief_from_message(message: Any) -> HybridBelief:
         component_entropy=float(message.component_entropy),
         discarded_mass=float(message.discarded_mass),
         dropped=int(message.dropped),
+        num_merged=int(message.num_merged),
+        reproducible=bool(message.reproducible),
         **unpack(BELIEF_TYPE, BELIEF_LAYOUT, message),
     )

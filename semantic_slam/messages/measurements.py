@@ -30,6 +30,7 @@ MEASUREMENTS_LAYOUT: Layout = {
     "geometric_covariances": ("D", 2, 2),
     "sensor_position": (3,),
     "in_coverage": ("D",),
+    "sight": ("B", 2),
 }
 
 

@@ -68,6 +68,7 @@ COMPONENTS_LAYOUT: Layout = {
     "mutual_information": ("S", "O"),
     "in_coverage": ("S", "O"),
     "forgotten_views": ("S", "O"),
+    "existence": ("S", "O"),
     "lost_ids": ("X",),
 }
 

@@ -12,6 +12,7 @@ from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.range_bearing import RangeBearing, range_and_bearing
+from semantic_slam.perception.sight import line_of_sight
 from semantic_slam.perception.weights import load_network
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.load import load_model
@@ -75,6 +76,7 @@ class Classifier:
             sensor_position=np.asarray(T_base_camera[:3], dtype=np.float64),
             in_coverage=self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
+            sight=_sight(frame, T_base_camera),
         )
 
     def _in_coverage(self, features: Array, covariances: Array) -> NDArray[np.bool_]:
@@ -113,6 +115,11 @@ class Classifier:
             total_entropy[row] = uncertainty.predictive_entropy(whole)
             model_part[row] = uncertainty.mutual_information(whole)
         return samples, total_entropy, model_part
+
+
+def _sight(frame: Frame, T_base_camera: Array) -> Array:
+    """(B, 2), of no rows without depth."""
+    return np.zeros((0, 2)) if frame.depth_m is None else line_of_sight(frame.depth_m, frame.camera, T_base_camera)
 
 
 def _stacked_covariances(geometry: list[RangeBearing]) -> Array:

@@ -1,6 +1,6 @@
 """The semantic measurements of one frame: what perception hands to inference."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ class SemanticMeasurements:
     sensor_position: Array  # (3,) camera in the body frame, metres
     in_coverage: NDArray[np.bool_]  # (D,)
     dropped: int = 0  # inputs the classifier has not used so far
+    sight: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (B, 2) bearing [rad], range [m] of the farthest
+    # surface that the depth image shows in each direction, from the body's origin; none without depth
 
     def __len__(self) -> int:
         return len(self.detection_ids)

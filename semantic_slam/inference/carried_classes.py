@@ -1,0 +1,130 @@
+"""Classes carried with the objects of a hypothesis instead of enumerated: a table over class and heading for each.
+
+What a view looks like depends on the class and on the side that is seen. Where no map tells an object's heading, both
+are unknown together, and a Gaussian over the heading would not do: sides look alike. Given the positions of camera and
+object the views of one object are independent of everything else, so that p(class, heading | views) is a table, exact
+up to its grid, and the sum over it is the views' evidence for the association. Headings and classes tell nothing back
+to the positions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.component import Component
+from semantic_slam.inference.object_views import ObjectViews, class_posterior
+from semantic_slam.inference.planar_observation import camera_in_object
+from semantic_slam.inference.planar_views import IndependentViews
+from semantic_slam.inference.population import Population
+from semantic_slam.inference.semantics import Weighed
+from semantic_slam.perception.uncertainty import mutual_information
+from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
+
+Array = NDArray[np.float64]
+
+HEADINGS = 72
+"""Cells of a table all around: 5 degrees each."""
+STEP_RAD = 2.0 * np.pi / HEADINGS
+
+
+@dataclass(frozen=True)
+class Views:
+    """K continuations at their modes; D detections."""
+
+    detections: Sequence[Any]  # D
+    in_coverage: NDArray[np.bool_]  # (D,)
+    components: Sequence[Component]  # P
+    populations: Sequence[Population]  # P
+    parents: NDArray[np.int_]  # (K,)
+    association: NDArray[np.int_]  # (K, D) object ids
+    robot: Array  # (K, 3)
+    objects: Array  # (K, D, 3)
+    log_class_prior: dict[int, Array]  # object id -> (C,)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What one detection says for every azimuth of the camera in the object's frame."""
+
+    log_likelihood: Array  # (C, HEADINGS)
+    drawn: Array  # (HEADINGS, M, C) of draws of the measurement from the network, up to a constant
+    known: dict[tuple[int, int, int], tuple[float, ObjectViews]] = field(default_factory=dict)
+
+
+class CarriedClasses(IndependentViews):
+    """Evidence of views under tables over class and heading."""
+
+    def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
+        super().__init__(model, correlated_views)
+        angles: Array = STEP_RAD * np.arange(HEADINGS, dtype=np.float64)
+        self._around = Viewpoints(angles, np.zeros(HEADINGS), np.ones(HEADINGS))
+
+    def carried(self, views: Views) -> Weighed:
+        """Log evidence of the views of each continuation, and the objects' records after it."""
+        count = len(views.parents)
+        total, records = np.zeros(count), [dict[int, ObjectViews]() for _ in range(count)]
+        for number, detection in enumerate(views.detections):
+            log_likelihood, drawn = self._likelihoods(detection, self._around)
+            seen = _Seen(log_likelihood.T, drawn)
+            camera = _bearing_of_camera(views.robot, views.objects[:, number], detection.sensor)
+            for row in range(count):
+                object_id = int(views.association[row, number])
+                added, records[row][object_id] = self._added(
+                    views, seen, int(views.parents[row]), object_id, int(camera[row]), bool(views.in_coverage[number])
+                )
+                total[row] += added
+        return Weighed(total, np.full(count, np.nan), records, [None] * count)
+
+    def _added(
+        self, views: Views, seen: _Seen, parent: int, object_id: int, camera: int, inside: bool
+    ) -> tuple[float, ObjectViews]:
+        """Log evidence of one view of one object from the ``camera``'s cell around it, and the record with it."""
+        key = (parent, object_id, camera)
+        if key not in seen.known:
+            before = views.components[parent].views.get(object_id)
+            table = before.recent[0] if before else _unseen(views.populations[parent], object_id, len(seen.drawn[0, 0]))
+            prior = views.log_class_prior[object_id]
+            azimuths = (camera - np.arange(HEADINGS)) % HEADINGS
+            after = table + seen.log_likelihood[:, azimuths]
+            by_class = _log_sum(after)
+            evidence = float(_log_sum(prior + by_class) - _log_sum(prior + _log_sum(table)))
+            draws = _log_sum(table[None] + seen.drawn[azimuths].transpose(1, 2, 0))  # (M, C)
+            best = int(np.argmax(prior + by_class))
+            view = Viewpoints(*(value[azimuths[[int(after[best].argmax())]]] for value in vars(self._around).values()))
+            covered = inside and bool(self._model.in_coverage(np.array([best]), view)[0])
+            record = ObjectViews(
+                by_class,
+                float(mutual_information(class_posterior(prior, draws))),
+                covered and (before is None or before.in_coverage),
+                recent=(after,),
+            )
+            seen.known[key] = (evidence, record)
+        return seen.known[key]
+
+
+def _log_sum(values: Array) -> Array:
+    """Log of the sum of exponentials over the last axis."""
+    peak = values.max(axis=-1, keepdims=True)
+    return np.asarray(np.log(np.exp(values - peak).sum(axis=-1)) + peak[..., 0])
+
+
+def _bearing_of_camera(robot: Array, objects: Array, sensor: Array) -> NDArray[np.int_]:
+    """(K,) cell of the direction, in map, from each object (K, 3) to the camera."""
+    upright = objects.copy()
+    upright[:, 2] = 0.0
+    camera = camera_in_object(robot, upright, sensor)
+    return np.asarray(np.rint(np.arctan2(camera[:, 1], camera[:, 0]) / STEP_RAD), dtype=int) % HEADINGS
+
+
+def _unseen(population: Population, object_id: int, num_classes: int) -> Array:
+    """(C, HEADINGS) log prior over headings: what a map states, or nothing."""
+    row = int(np.searchsorted(population.ids, object_id))
+    log_heading = np.zeros(HEADINGS)
+    if row < len(population.ids) and population.ids[row] == object_id:
+        away = wrap_angle(STEP_RAD * np.arange(HEADINGS) - population.states[row, 2])
+        log_heading = -0.5 * away**2 / max(population.covariances[row, 2, 2], STEP_RAD**2)
+    return np.tile(log_heading - _log_sum(log_heading), (num_classes, 1))

@@ -1,0 +1,143 @@
+"""Which detections may be of which objects, and the best joint assignments of one hypothesis.
+
+Costs are those of single pairs, linearised at the prediction. The sum over all assignments is known exactly in these
+terms, and so is the mass of those that are not enumerated.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.murty import k_best
+from semantic_slam.inference.observation import Linearisation, ObservationModel
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+LARGEST_SET = 12
+"""Detections of which all sets are looked at."""
+NEGLIGIBLE = 1e-15
+"""Weight relative to the best of a detection."""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """D detections and M objects; d dimensions of a state."""
+
+    log_density: Array  # (D, M) of the detection if it is of this object
+    distance: Array  # (D, M) Mahalanobis
+    parts: list[Linearisation]  # D, of M rows each
+
+
+def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array) -> Pairs:
+    """From the predicted ``mean`` (1 + M, d) and ``covariance`` of the robot and M objects."""
+    count, dimension = len(mean) - 1, mean.shape[-1]
+    if not count or not detections:
+        nothing = np.zeros((len(detections), count))
+        return Pairs(nothing, nothing, [])
+    blocks = covariance.reshape(1 + count, dimension, 1 + count, dimension)
+    objects = np.arange(1, 1 + count)
+    joint = np.empty((count, 2 * dimension, 2 * dimension))
+    joint[:, :dimension, :dimension] = blocks[0, :, 0]
+    joint[:, dimension:, :dimension] = blocks[objects, :, 0]
+    joint[:, :dimension, dimension:] = np.swapaxes(joint[:, dimension:, :dimension], 1, 2)
+    joint[:, dimension:, dimension:] = blocks[objects, :, objects]
+    rows = len(detections) * count
+    seen = model.collect(detections)
+    if len(detections) > 1:  # one row stands for any number
+        seen = seen.take(np.repeat(np.arange(len(detections)), count))
+    robot, states = np.broadcast_to(mean[0], (rows, dimension)), np.tile(mean[1:], (len(detections), 1))
+    part = model.geometry(seen, robot, states)
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
+    prior = np.tile(joint, (len(detections), 1, 1))
+    spread = jacobian @ prior @ np.swapaxes(jacobian, 1, 2) + np.eye(part.residual.shape[-1])
+    squared = (part.residual * np.linalg.solve(spread, part.residual[..., None])[..., 0]).sum(-1)
+    log_density = part.log_normaliser - 0.5 * squared - 0.5 * np.linalg.slogdet(spread)[1]
+    distance = np.sqrt(np.maximum(squared, 0.0)).reshape(-1, count)
+    parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
+    return Pairs(log_density.reshape(-1, count), distance, parts)
+
+
+def _rows(part: Linearisation, rows: slice) -> Linearisation:
+    return Linearisation(
+        part.residual[rows], part.jacobian_robot[rows], part.jacobian_object[rows], part.log_normaliser[rows]
+    )
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """B joint assignments of D detections, best first."""
+
+    columns: Index  # (B, D) object, or M + i: detection i is of no known object
+    log_scores: Array  # (B,)
+    log_left_out: float  # mass of all others, relative to the best
+
+
+def best_assignments(log_known: Array, admitted: NDArray[np.bool_], log_new: Array, limit: int, gate: float) -> Chosen:
+    """The best assignments of distinct objects, at most ``limit``, none more than ``gate`` nats behind the best.
+
+    ``log_known`` (D, M) weighs a detection as one of each object, against a miss of it; ``admitted`` (D, M) says which
+    pairs are looked at; ``log_new`` (D,) weighs it as one of no known object.
+    """
+    count, known = log_known.shape
+    cost = np.full((count, known + count), np.inf)
+    cost[:, :known] = np.where(admitted, -log_known, np.inf)
+    cost[np.arange(count), known + np.arange(count)] = -log_new
+    columns, total = _cheapest(cost, limit)
+    scores = -total
+    kept = scores >= scores[0] - gate
+    columns, scores = columns[kept], scores[kept]
+    return Chosen(columns, scores, _log_rest(log_sum_of_all(log_known, log_new), scores) - float(scores[0]))
+
+
+def log_sum_of_all(log_known: Array, log_new: Array) -> float:
+    """Log of the sum over all assignments of D detections to distinct objects out of M, or to none.
+
+    One object after the other takes no detection or one of those left: a sum over the sets of detections that are
+    taken, 2^D terms. With more than :data:`LARGEST_SET` detections an upper bound, in which objects may be taken twice.
+    """
+    count = len(log_new)
+    scale = np.maximum(log_new, log_known.max(axis=1, initial=-np.inf))
+    known, new = np.exp(log_known - scale[:, None]), np.exp(log_new - scale)
+    if count > LARGEST_SET:
+        return float((np.log(known.sum(axis=1) + new) + scale).sum())
+    taken = np.zeros((2,) * count)
+    taken[(0,) * count] = 1.0
+    for weights in known.T[(known > NEGLIGIBLE).any(axis=0)]:
+        before = taken.copy()
+        for number in np.flatnonzero(weights > NEGLIGIBLE):
+            free, used = (_at(int(number), state, count) for state in (0, 1))
+            taken[used] += weights[number] * before[free]
+    for weight in new:  # those left over are of no known object
+        taken = taken[0] * weight + taken[1]
+    return float(np.log(taken) + scale.sum())
+
+
+def _at(axis: int, state: int, count: int) -> tuple[slice | int, ...]:
+    return tuple(state if number == axis else slice(None) for number in range(count))
+
+
+def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:
+    """All assignments where there are few, else the cheapest."""
+    options = [np.flatnonzero(np.isfinite(row)) for row in cost]
+    if np.prod([float(len(own)) for own in options]) > limit:
+        found = k_best(cost, limit)
+        return found.columns, found.costs
+    listed = list(product(*options))
+    every = np.array(listed, dtype=int).reshape(len(listed), len(cost))
+    ordered = np.sort(every, axis=1)
+    distinct = every[(ordered[:, 1:] != ordered[:, :-1]).all(axis=1)]
+    total = cost[np.arange(len(cost)), distinct].sum(axis=1)
+    order = np.argsort(total, kind="stable")[:limit]
+    return distinct[order], total[order]
+
+
+def _log_rest(everything: float, scores: Array) -> float:
+    """Log of what is left of ``everything`` without the assignments of these scores."""
+    enumerated = float(np.logaddexp.reduce(scores))
+    share = -np.expm1(min(enumerated - everything, 0.0))
+    return everything + float(np.log(share)) if share > 1e-12 else -np.inf

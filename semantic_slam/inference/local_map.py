@@ -1,0 +1,84 @@
+"""The joint covariance of the robot and the objects around it, carried from keyframe to keyframe as a filter does.
+
+Marginals of old objects lie deep in the Bayes tree of a long drive and cost more than everything else. Once the joint
+Gaussian of robot and neighbourhood is known, odometry and detections of the neighbourhood change it in closed form;
+it is taken from the smoother again when another object comes near, when the estimate jumps, and after a while.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+LARGEST_AGE = 25
+"""Keyframes after which the smoother is asked again."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One detection of a known object: whitened Jacobians (m, d) at the prediction."""
+
+    object_id: int
+    by_robot: Array
+    by_object: Array
+
+
+@dataclass(frozen=True)
+class LocalMap:
+    """M objects; d dimensions of a state."""
+
+    ids: Index  # (M,)
+    covariance: Array  # ((1 + M) d, (1 + M) d) robot first, in the tangent spaces at the estimates
+    age: int = 0
+
+    def holds(self, object_ids: Index) -> bool:
+        """Whether all of (n,) objects are here."""
+        return bool(np.isin(object_ids, self.ids).all())
+
+    def blocks(self, object_ids: Index, dimension: int) -> Index:
+        """Rows of the covariance for the robot and (n,) objects."""
+        place = {int(n): row for row, n in enumerate(self.ids)}
+        numbers = np.array([0, *(1 + place[int(n)] for n in object_ids)])
+        return np.asarray((numbers[:, None] * dimension + np.arange(dimension)).ravel())
+
+    def of(self, object_ids: Index, dimension: int) -> Array:
+        """((1 + n) d, (1 + n) d) of the robot and (n,) objects."""
+        rows = self.blocks(object_ids, dimension)
+        return self.covariance[rows[:, None], rows]
+
+    def moved(self, transition: Array, noise: Array) -> "LocalMap":
+        """After a motion with (d, d) F and covariance."""
+        size = len(transition)
+        covariance = self.covariance.copy()
+        covariance[:size] = transition @ covariance[:size]
+        covariance[:, :size] = covariance[:, :size] @ transition.T
+        covariance[:size, :size] += noise
+        return LocalMap(self.ids, covariance, self.age + 1)
+
+    def updated(self, seen: list[Seen]) -> "LocalMap":
+        """After detections of objects that are here."""
+        if not seen:
+            return self
+        size = seen[0].by_robot.shape[1]
+        jacobian = np.zeros((sum(len(item.by_robot) for item in seen), len(self.covariance)))
+        at = 0
+        for item in seen:
+            rows = slice(at, at + len(item.by_robot))
+            jacobian[rows, :size] = item.by_robot
+            own = self.blocks(np.array([item.object_id]), size)[size:]
+            jacobian[rows, own] = item.by_object
+            at = rows.stop
+        cross = jacobian @ self.covariance
+        innovation = cross @ jacobian.T + np.eye(at)
+        return LocalMap(self.ids, self.covariance - cross.T @ np.linalg.solve(innovation, cross), self.age)
+
+    def with_new(self, object_id: int, gain: Array, noise: Array) -> "LocalMap":
+        """With an object that follows from the robot: o = G x + e."""
+        size = len(gain)
+        cross = gain @ self.covariance[:size]
+        own = cross[:, :size] @ gain.T + noise
+        covariance = np.block([[self.covariance, cross.T], [cross, own]])
+        return LocalMap(np.append(self.ids, object_id), covariance, self.age)

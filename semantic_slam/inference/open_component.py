@@ -1,0 +1,170 @@
+"""A hypothesis's smoothed belief in an open world: an iSAM2 and the population of its objects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.component import JUMP, Component, Observed, object_key, robot_key
+from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.local_map import LocalMap
+from semantic_slam.inference.object_views import Correction, ObjectViews
+from semantic_slam.inference.population import Account, Population, position_sigmas
+from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.smoother import Named, Smoother
+from semantic_slam.inference.step import Step
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Grown:
+    """What one continuation adds to its parent."""
+
+    observed: Sequence[Observed]
+    objects: Sequence[Array]  # (d,) mode of the object of each entry of ``observed``
+    robot: Array  # (d,) mode
+    new_objects: dict[int, GaussianPrior]
+    views: dict[int, ObjectViews]
+    robot_correction: Correction | None
+    account: Account
+    local: LocalMap  # after the detections
+
+
+@dataclass(frozen=True)
+class OpenComponent(Component):
+    """``population`` mirrors what iSAM2 holds; ``settle`` False: one update per keyframe, and a ``local`` map."""
+
+    population: Population | None = None
+    settle: bool = True
+    local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
+
+    @property
+    def objects(self) -> Population:
+        """The population, which is there from the start."""
+        assert self.population is not None
+        return self.population
+
+    @classmethod
+    def before_any_keyframe(cls, problem: Problem) -> "OpenComponent":
+        """The prior of Eq. 4.3 with what existence the map states."""
+        plain, settle = problem.root(), problem.open_world.settle
+        smoother = plain.smoother
+        if not settle:
+            smoother = smoother.with_single_steps()
+        entries = sorted(problem.objects, key=lambda entry: entry.object_id)
+        dimension = problem.manifold.dimension
+        states = np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension)
+        covariances = np.array([entry.prior.covariance for entry in entries]).reshape(-1, dimension, dimension)
+        population = Population(
+            ids=np.array([entry.object_id for entry in entries], dtype=int),
+            existence=np.array([entry.existence for entry in entries], dtype=np.float64),
+            states=states,
+            covariances=covariances,
+            sigmas=position_sigmas(covariances),
+            robot=problem.robot.mean,
+            robot_covariance=problem.robot.covariance,
+            trail=np.zeros((0, dimension)),
+        )
+        return cls(
+            problem.manifold,
+            problem.model,
+            smoother,
+            -1,
+            object_ids=plain.object_ids,
+            population=population,
+            settle=settle,
+        )
+
+    def grown(self, step: Step, added: Grown, max_fresh: int, *, in_place: bool) -> "OpenComponent":
+        """The child of one continuation; ``in_place`` uses up this component. Raises LostComponentError.
+
+        ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
+        """
+        keyframe = self.keyframe + 1
+        predicted = self.manifold.compose(self.objects.robot, step.motion.control)
+        jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
+        smoother = self._smoothed(step, added, jumped, in_place=in_place)
+        account = added.account
+        alive = frozenset((*self.objects.ids[account.kept].tolist(), *account.new_ids.tolist()))
+        classes = self.classes | {o.object_id: o.assigned_class for o in added.observed if o.assigned_class >= 0}
+        return replace(
+            self,
+            smoother=smoother,
+            keyframe=keyframe,
+            classes={number: cls for number, cls in classes.items() if number in alive},
+            object_ids=alive,
+            views={number: views for number, views in (self.views | added.views).items() if number in alive},
+            robot_correction=added.robot_correction,
+            local=None if self.settle or jumped else added.local,
+            population=_population(smoother, keyframe, self.objects, added, max_fresh),
+        )
+
+    def _smoothed(self, step: Step, added: Grown, jumped: bool, *, in_place: bool) -> Smoother:
+        """With the keyframe's factors; without ``settle`` updated once, the next keyframe goes on."""
+        key = robot_key(self.keyframe + 1)
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        motion = step.motion
+        graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
+        self.manifold.insert(values, key, added.robot)
+        for number, prior in added.new_objects.items():
+            graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
+            self.manifold.insert(values, object_key(number), prior.mean)
+        start, named = {key: added.robot}, []
+        for item, state in zip(added.observed, added.objects, strict=True):
+            own = object_key(item.object_id)
+            graph.add(self.model.geometry_factor(item.detection, (key, own)))
+            start[own] = state
+            if item.assigned_class >= 0:
+                named.append(Named(key, own, item.detection, item.assigned_class))
+        if self.settle:
+            return self.smoother.extended(graph, values, named, start, jumped)
+        return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
+
+    def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
+        """As the population has them: the robot first, then all objects."""
+        population = self.objects
+        assert len(keys) == 1 + len(population.ids)
+        states = np.concatenate([population.robot[None], population.states])
+        covariances = np.concatenate([population.robot_covariance[None], population.covariances])
+        corrections = [self.robot_correction]
+        if self.views:
+            corrections += [self._correction(int(n)) for n in population.ids]
+        for row, correction in enumerate(corrections):
+            if correction is not None:
+                states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
+        return states, covariances
+
+    def _correction(self, object_id: int) -> Correction | None:
+        views = self.views.get(object_id)
+        return views.correction if views is not None else None
+
+
+def _population(smoother: Smoother, keyframe: int, parent: Population, added: Grown, max_fresh: int) -> Population:
+    account, manifold = added.account, smoother.manifold
+    kept, new = account.kept, len(account.new_ids)
+    ids = np.concatenate([parent.ids[kept], account.new_ids])
+    keys = [object_key(int(n)) for n in ids]
+    states = smoother.states([*keys, robot_key(keyframe)])
+    unknown = np.zeros((new, manifold.dimension, manifold.dimension))
+    covariances = np.concatenate([parent.covariances[kept], unknown])
+    sigmas = np.concatenate([parent.sigmas[kept], np.zeros(new)])
+    fresh = np.arange(len(ids))
+    if len(ids) > max_fresh:
+        fresh = np.unique(np.searchsorted(ids, [item.object_id for item in added.observed])).astype(int)
+    own = smoother.covariances([robot_key(keyframe), *(keys[row] for row in fresh)])
+    covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
+    return Population(
+        ids=ids,
+        existence=np.concatenate([account.existence[kept], account.new_existence]),
+        states=states[:-1],
+        covariances=covariances,
+        sigmas=sigmas,
+        robot=states[-1],
+        robot_covariance=own[0],
+        trail=np.concatenate([parent.trail, states[-1:]]),
+        given_up=parent.given_up + int((~kept).sum()),
+    )

@@ -1,0 +1,181 @@
+"""What one hypothesis expects of a keyframe: the robot, the objects that detections may be of, and births."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry import se2
+from semantic_slam.inference.births import Birth, birth_of
+from semantic_slam.inference.component import Component, Motion, object_key, robot_key
+from semantic_slam.inference.existence import SensorRegion, birth
+from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
+from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.open_component import OpenComponent
+from semantic_slam.inference.population import Population, position_sigmas
+from semantic_slam.inference.sightlines import Prediction, predicted_detection_probabilities, undetected_share
+from semantic_slam.inference.stack import Predicted
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
+"""Standard deviations of the predicted robot from which on it counts as lost."""
+LOCAL_OBJECTS = 12
+"""Objects around the robot that a local map holds from the start, besides those near the detections."""
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """One parent before the detections: M objects near them, N within reach of the sensor."""
+
+    component: OpenComponent
+    near: Index  # (M,) rows of the population whose covariance with the robot is known
+    predicted: Predicted  # of one parent: robot and near objects
+    local: LocalMap  # predicted, holds all near objects
+    births: list[Birth]  # D
+    log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, in the region
+    birth_existence: Array  # (D,)
+    in_reach: Index  # (N,) rows of the population that may be in the region
+    prediction: Prediction  # of those
+    detected: Array  # (O,) detection probabilities at the prediction, nothing being hidden
+
+    @property
+    def population(self) -> Population:
+        return self.component.objects
+
+    @property
+    def near_ids(self) -> Index:
+        """(M,) ascending."""
+        return self.population.ids[self.near]
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the prediction does not tell what is in sight."""
+        spread = self.prediction.robot_covariance
+        far = float(position_sigmas(spread[None])[0]) > LOST_SIGMA_M
+        return far or float(spread[2, 2]) > LOST_SIGMA_RAD**2
+
+
+class Lookout:
+    """Makes outlooks; a pure function of the component and the keyframe."""
+
+    def __init__(self, model: ObservationModel, settings: OpenWorldConfiguration):
+        self.model, self.settings = model, settings
+        self.region = sensor_region(settings)
+        self._clutter = settings.clutter_per_frame / self.region.area_m2
+
+    def outlook(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Outlook:
+        """Raises LostComponentError."""
+        assert isinstance(component, OpenComponent)
+        population, manifold = component.objects, component.manifold
+        robot = manifold.compose(population.robot, motion.control)
+        transition = manifold.propagation(motion.control)
+        spread = transition @ population.robot_covariance @ transition.T + motion.covariance
+        births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
+        sigma = float(position_sigmas(spread[None])[0])
+        reach = np.flatnonzero(
+            _distances(population.states, robot) < self.region.max_range_m + self.settings.gate_sigma * sigma
+        )
+        near = self._near(population, robot, spread, births, detections, reach)
+        local = _local(component, robot, near).moved(transition, motion.covariance)
+        predicted = _predicted(population, robot, near, local)
+        prediction = _prediction(population, reach, near, predicted)
+        intensity, existence = self._births(population, births, detections)
+        detected = np.zeros(len(population.ids))
+        detected[reach] = predicted_detection_probabilities(self.region, prediction)
+        return Outlook(component, near, predicted, local, births, intensity, existence, reach, prediction, detected)
+
+    def _near(
+        self, population: Population, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any],
+        reach: Index,
+    ) -> Index:  # fmt: skip
+        """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
+
+        The bound takes the errors of robot and object as independent: what they share brings them closer.
+        """
+        limit = self.settings.max_joint_objects
+        if len(population.ids) <= limit:
+            return reach
+        excess = np.full(len(population.ids), np.inf)
+        sigma = float(position_sigmas(spread[None])[0])
+        for born, detection in zip(births, detections, strict=True):
+            if not detection.has_range:
+                excess[reach] = np.minimum(excess[reach], 0.0)
+                continue
+            swing = spread[2, 2] * detection.range_m**2
+            noise = float(position_sigmas(born.noise[None])[0])
+            bound = self.settings.gate_sigma * np.sqrt(sigma**2 + swing + population.sigmas**2 + noise**2)
+            excess = np.minimum(excess, _distances(population.states, born.prior.mean) / bound)
+        order = np.argsort(excess, kind="stable")[:limit]
+        return np.asarray(np.sort(order[excess[order] < 1.0]))
+
+    def _births(self, population: Population, births: list[Birth], detections: Sequence[Any]) -> tuple[Array, Array]:
+        """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
+        if not births:
+            return np.zeros(0), np.zeros(0)
+        points = np.array([born.prior.mean[:2] for born in births])
+        least = self.settings.least_undetected_share
+        share = undetected_share(self.region, population.trail, points) if least < 1.0 else np.ones(len(births))
+        density = self.settings.birth_density * np.maximum(share, least)
+        intensity, existence = birth(density, self._clutter, self.region.detection_probability)
+        ranged = np.array([detection.has_range for detection in detections], dtype=bool)
+        return np.log(np.where(ranged, intensity, intensity * self.region.area_m2)), existence
+
+
+def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
+    """The region in which a miss counts."""
+    return SensorRegion(
+        settings.detection_probability,
+        settings.min_range_m,
+        settings.max_range_m,
+        settings.field_of_view_rad,
+        settings.occluder_radius_m,
+    )
+
+
+def _local(component: OpenComponent, robot: Array, near: Index) -> LocalMap:
+    """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be."""
+    population, known = component.objects, component.local
+    ids = population.ids[near]
+    if known is not None and known.age < LARGEST_AGE and known.holds(ids):
+        return known
+    if not component.settle:
+        around = np.argsort(_distances(population.states, robot), kind="stable")[:LOCAL_OBJECTS]
+        ids = population.ids[np.union1d(near, around)]
+    keys = [robot_key(component.keyframe), *(object_key(int(n)) for n in ids)]
+    return LocalMap(ids, component.joint_covariance(keys) if len(ids) else population.robot_covariance.copy())
+
+
+def _predicted(population: Population, robot: Array, near: Index, local: LocalMap) -> Predicted:
+    """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects."""
+    mean = np.concatenate([robot[None], population.states[near]])
+    return Predicted(mean[None], local.of(population.ids[near], len(robot))[None])
+
+
+def _prediction(population: Population, reach: Index, near: Index, predicted: Predicted) -> Prediction:
+    """Objects in reach given the robot. Those whose covariance with it is not at hand count as moving along with it."""
+    dimension = predicted.mean.shape[-1]
+    robot, spread = predicted.mean[0, 0], predicted.covariance[0, :dimension, :dimension]
+    states = population.states[reach]
+    gain = se2.adjoint(se2.between(states, np.broadcast_to(robot, states.shape)))
+    remainder = np.zeros((len(reach), dimension, dimension))
+    known = np.searchsorted(reach, near)
+    inside = known < len(reach)
+    inside[inside] = reach[known[inside]] == near[inside]
+    if inside.any():
+        blocks = predicted.covariance[0].reshape(1 + len(near), dimension, 1 + len(near), dimension)
+        numbers = 1 + np.flatnonzero(inside)
+        cross = blocks[numbers, :, 0]  # (m, d, d) of object with robot
+        own = cross @ np.linalg.inv(spread)
+        gain[known[inside]] = own
+        remainder[known[inside]] = blocks[numbers, :, numbers] - own @ np.swapaxes(cross, 1, 2)
+    return Prediction(robot, spread, states, gain, remainder)
+
+
+def _distances(states: Array, point: Array) -> Array:
+    """(O,) metres."""
+    return np.asarray(np.hypot(states[:, 0] - point[0], states[:, 1] - point[1]))

@@ -1,0 +1,45 @@
+"""The objects of one hypothesis in an open world: how surely each exists, and where it was after the last update."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Population:
+    """O objects, ascending by id; d dimensions of a state, T keyframes so far."""
+
+    ids: Index  # (O,)
+    existence: Array  # (O,)
+    states: Array  # (O, d) after the newest update
+    covariances: Array  # (O, d, d) when the object was last near: later updates only narrow it
+    sigmas: Array  # (O,) largest standard deviation of a position then, metres
+    robot: Array  # (d,) after the newest update
+    robot_covariance: Array  # (d, d)
+    trail: Array  # (T, d) robot at each keyframe, as estimated then
+    given_up: int = 0  # objects removed so far for want of existence
+
+    def rows(self, object_ids: Index) -> Index:
+        """Where (n,) objects stand; all of them must be there."""
+        return np.asarray(np.searchsorted(self.ids, object_ids))
+
+
+@dataclass(frozen=True)
+class Account:
+    """What one continuation makes of its parent's O objects, and of those that it starts."""
+
+    existence: Array  # (O,) after this keyframe
+    kept: NDArray[np.bool_]  # (O,)
+    new_ids: Index  # (n,) ascending, above all of the parent's
+    new_existence: Array  # (n,)
+
+
+def position_sigmas(covariances: Array) -> Array:
+    """(O,) largest standard deviations of positions [m], from (O, d, d)."""
+    xx, yy, xy = covariances[:, 0, 0], covariances[:, 1, 1], covariances[:, 0, 1]
+    largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    return np.asarray(np.sqrt(np.maximum(largest, 0.0)))
