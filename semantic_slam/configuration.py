@@ -73,7 +73,9 @@ class WeightsConfiguration:
         6, "importance: keyframes that a hypothesis is looked at again while it is not Gaussian", minimum=1
     )
     gate: float = parameter(
-        15.0, "nats below the best association at which classes are not enumerated any more", minimum=0.0
+        15.0,
+        "nats below the best of its parent at which an association or a class is not followed any more",
+        minimum=0.0,
     )
     max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
 
@@ -106,7 +108,9 @@ class OpenWorldConfiguration:
     min_range_m: float = parameter(0.3, "least range of the region", minimum=0.0)
     max_range_m: float = parameter(5.0, "largest range of the region", minimum=1e-3)
     occluder_radius_m: float = parameter(
-        0.25, "radius of a detected object, which hides what is behind it; 0: nothing is hidden", minimum=0.0
+        0.25,
+        "radius of a detected object, which hides what is behind it; 0: neither it nor the depth image hides anything",
+        minimum=0.0,
     )
     least_undetected_share: float = parameter(
         0.02, "share of birth_density left at least where the sensor has looked before", minimum=0.0, maximum=1.0

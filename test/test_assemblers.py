@@ -311,6 +311,17 @@ def test_an_empty_frame_is_no_keyframe_and_its_motion_is_kept():
     assert not assembler.dropped
 
 
+def test_in_an_open_world_an_empty_frame_counts_and_what_lies_outside_the_region_does_not():
+    seen = replace(measurement(1, num_detections=3), ranges_m=np.array([4.0, 6.5, np.nan]))
+    seen = replace(seen, bearings_rad=np.array([0.1, 0.0, 0.9]), labels=("near", "far", "aside"))
+    assembler = KeyframeAssembler(from_dict({"association": "open"}))
+    keyframes = feed_keyframes(assembler, [*drive(3), measurement(0, num_detections=0), seen])
+    assert [keyframe.measurements.labels for keyframe in keyframes] == [(), ("near",)]
+    assert keyframes[1].measurements.detection_ids.tolist() == [0]
+    assert sum(assembler.dropped.values()) == 2
+    assert all(reason.endswith("detections outside the region of open_world") for reason in assembler.dropped)
+
+
 def test_the_odometry_policy_keeps_a_distance():
     configuration = from_dict({"keyframes": {"policy": "odometry", "distance_m": 0.25}})
     measured = [measurement(k, num_detections=k % 2) for k in range(10)]

@@ -17,6 +17,13 @@ def test_links_lead_somewhere() -> None:
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 
+def test_sections_it_leads_to_exist_and_nothing_is_left_to_fill_in() -> None:
+    headings = re.findall(r"^#+ (.+)$", README, re.MULTILINE)
+    slugs = {re.sub(r"[^a-z0-9 -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+    assert set(re.findall(r"\]\(#([^)]+)\)", README)) <= slugs
+    assert not re.search(r"@[A-Z]+@|<!-- (\w+) -->\s*<!-- end of", README)
+
+
 def test_every_command_is_installed() -> None:
     installed = set(re.findall(r'"(\w+)"', (ROOT / "setup.py").read_text(encoding="utf-8")))
     blocks = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)

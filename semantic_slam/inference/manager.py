@@ -172,7 +172,7 @@ class HypothesisManager:
             for n, child in kept.items()
         }
         if self.open_rounds:
-            self.open_rounds.forget_all_but(())
+            self.open_rounds.forget()
             for n, child in kept.items():
                 oldest = max(0, len(child.lineage) - self.problem.open_world.merge_keyframes)
                 first_new = self.registry.first_new_id(oldest)

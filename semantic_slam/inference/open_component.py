@@ -166,5 +166,4 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
         robot=states[-1],
         robot_covariance=own[0],
         trail=np.concatenate([parent.trail, states[-1:]]),
-        given_up=parent.given_up + int((~kept).sum()),
     )

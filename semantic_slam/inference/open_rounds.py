@@ -124,9 +124,9 @@ class OpenRounds:
         sure = {self.roster.ids[row]: object_poses[row, :3] for row in np.flatnonzero(existence > SURE)}
         self._recent[number] = Recent(padded[places], classes, settles, sure, tentative)
 
-    def forget_all_but(self, ids: Sequence[int]) -> None:
-        """Drop what is remembered of other hypotheses."""
-        self._recent = {n: self._recent[n] for n in ids if n in self._recent}
+    def forget(self) -> None:
+        """Drop what is remembered of hypotheses before the newest keyframe."""
+        self._recent.clear()
 
 
 class TimeBudget:

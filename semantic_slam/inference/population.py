@@ -21,7 +21,6 @@ class Population:
     robot: Array  # (d,) after the newest update
     robot_covariance: Array  # (d, d)
     trail: Array  # (T, d) robot at each keyframe, as estimated then
-    given_up: int = 0  # objects removed so far for want of existence
 
     def rows(self, object_ids: Index) -> Index:
         """Where (n,) objects stand; all of them must be there."""

@@ -73,6 +73,12 @@ def _check_open_world(configuration: Configuration) -> None:
         raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
     if configuration.semantic_model.kind == "gp_correlated":
         raise InputError("association: open has no gp_correlated class models; set semantic_model.kind: gp_independent")
+    if configuration.weights.method == "sampled":
+        raise InputError("association: open has no prior samples; set weights.method: importance or laplace")
+    if configuration.visibility.max_range_m > 0.0 or configuration.visibility.field_of_view_rad > 0.0:
+        raise InputError(
+            "association: open has a region instead of visibility.*; set open_world.max_range_m and its angle"
+        )
     if configuration.open_world.min_range_m >= configuration.open_world.max_range_m:
         raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
 

@@ -27,7 +27,7 @@ class Screened:
 
     kept: Index  # (K,)
     start: Array  # (K, n) whitened states to search modes from
-    log_left_out: Array  # (P,) of the others, relative to the parent's best
+    log_left_out: Array  # (P,) of the others, relative to the parent's best that one linear step tells
 
 
 def sight_sigmas(model: ObservationModel, predicted: Predicted) -> Array:
@@ -50,7 +50,7 @@ def sight_sigmas(model: ObservationModel, predicted: Predicted) -> Array:
 def screen(stack: Stack, carried: Array, sigma: Array, gate: float, num_parents: int) -> Screened:
     """Drop candidates whose evidence one step from ``carried`` (B, n) puts far behind, where ``sigma`` (B,) is small.
 
-    The others start at that step; those that are lost at what explains most.
+    Of the others, the steady ones start at that step, lost ones at what explains most, the rest at ``carried``.
     """
     linear = sigma < STEADY_RAD
     energy, gradient, hessian = stack.normal_equations(carried)

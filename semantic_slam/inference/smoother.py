@@ -1,7 +1,7 @@
 """The iSAM2 of a component: forked, updated until it has converged, optimised as a whole where updates cannot.
 
-Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and all
-of them anew when an object has moved from where they were made.
+Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and those
+of an object that a keyframe observes are made anew where its view has changed.
 """
 
 from collections.abc import Collection, Sequence
@@ -29,7 +29,8 @@ MAX_ROUNDS = 6
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
 STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
-"""Where updates are not iterated: keyframes from one relinearisation to the next, and metres or radians."""
+"""Where updates are not iterated: keyframes from one relinearisation to the next, change of a state from which on it
+takes part, and change below which back-substitution stops, metres or radians."""
 
 
 class LostComponentError(SemanticSlamError):

@@ -1,6 +1,7 @@
 """The semantic measurements of one frame: what perception hands to inference."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,3 +38,26 @@ class SemanticMeasurements:
 
     def __len__(self) -> int:
         return len(self.detection_ids)
+
+    def take(self, rows: NDArray[np.int_]) -> "SemanticMeasurements":
+        """Some of the detections."""
+        some: dict[str, Any] = {name: getattr(self, name)[rows] for name in OF_DETECTIONS}
+        some |= {name: tuple(getattr(self, name)[row] for row in rows) for name in ("labels", "track_ids")}
+        return replace(self, **some)
+
+
+OF_DETECTIONS = (
+    "detection_ids",
+    "boxes",
+    "scores",
+    "class_probability_samples",
+    "features",
+    "feature_covariances",
+    "predictive_entropy",
+    "mutual_information",
+    "ranges_m",
+    "bearings_rad",
+    "geometric_covariances",
+    "in_coverage",
+)
+"""Arrays with a row per detection."""

@@ -3,14 +3,17 @@
 What comes out depends on the messages' stamps alone. A measurement becomes a keyframe (or is passed over by the
 policy) once the odometry has come to its stamp.
 
-Policies: ``every_detection`` makes a keyframe of every measurement that has detections; ``odometry`` of the first
-measurement, and of every one, with detections or without, at which the robot has moved far enough since the last
-keyframe. The motion up to measurements passed over is in the odometry of the next keyframe.
+Policies: ``every_detection`` makes a keyframe of every measurement that has detections, and in an open world, where
+misses count, of those without, too; ``odometry`` of the first measurement, and of every one, with detections or
+without, at which the robot has moved far enough since the last keyframe. The motion up to measurements passed over is
+in the odometry of the next keyframe.
 """
 
 from collections import Counter
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
@@ -102,7 +105,7 @@ class KeyframeAssembler:
         if not self._has_identities:
             raise InputError(
                 f"association: given, but the {topics.DETECTIONS} carry no track_ids and there is no"
-                f" {topics.GROUND_TRUTH_ASSOCIATIONS}; set association: enumerated"
+                f" {topics.GROUND_TRUTH_ASSOCIATIONS}; set association: enumerated, or open"
             )
         return True
 
@@ -113,6 +116,7 @@ class KeyframeAssembler:
             self.dropped[f"{topics.MEASUREMENTS}: no {topics.ODOMETRY} at their stamp"] += 1
             return None
         assert self._last_keyframe is not None
+        measurements = self._inside(measurements)
         if not self._is_chosen(measurements, self._last_keyframe, point):
             return None
         named = self._with_identities(measurements)
@@ -150,12 +154,26 @@ class KeyframeAssembler:
     def _is_chosen(self, measurements: SemanticMeasurements, last: OdometryPoint, point: OdometryPoint) -> bool:
         policy = self._configuration.keyframes
         if policy.policy == "every_detection":
-            return len(measurements) > 0
+            return len(measurements) > 0 or self._configuration.association == "open"
         return (
             self._next_index == 0
             or point.travelled_m - last.travelled_m >= policy.distance_m
             or point.turned_rad - last.turned_rad >= policy.angle_rad
         )
+
+    def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
+        """In an open world without detections from outside its region, where births are not told from known objects."""
+        region = self._configuration.open_world
+        if self._configuration.association != "open":
+            return measurements
+        ranges, turns = measurements.ranges_m, np.abs(measurements.bearings_rad)
+        outside = (
+            (ranges < region.min_range_m) | (ranges > region.max_range_m) | (turns > region.field_of_view_rad / 2.0)
+        )
+        if not outside.any():
+            return measurements
+        self.dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
+        return measurements.take(np.flatnonzero(~outside))
 
     def _with_identities(self, measurements: SemanticMeasurements) -> SemanticMeasurements | None:
         """The measurements with object ids as their track ids where ids are given apart; None when there are none."""
