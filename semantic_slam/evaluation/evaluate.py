@@ -1,12 +1,10 @@
 """A recorded run against the ground truth of its bag: the ``metrics`` of a report, and their course over time."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.configuration import from_dict
 from semantic_slam.evaluation import classification, mixture, trajectory
 from semantic_slam.evaluation.association import pair_score
 from semantic_slam.evaluation.correspondence import match_objects
@@ -112,8 +110,10 @@ def _matches(record: Record, truth: GroundTruth, chain: list[int]) -> dict[str, 
     ]
     true_ids = {true for names in truth.associations.values() for true in names if true}
     true_ids |= set(truth.objects.object_ids) if truth.objects else set()
-    given = from_dict(json.loads(record.run.configuration)).association == "given"
-    last = record.beliefs[-1] if record.beliefs and given else None  # elsewhere names are numbers of the engine's own
+    is_given = _association(record) == "given"
+    last = (
+        record.beliefs[-1] if record.beliefs and is_given else None
+    )  # elsewhere names are numbers of the engine's own
     named = (
         {name: int(number) for name, number in zip(last.object_names, last.object_ids, strict=True) if name}
         if last

@@ -1,6 +1,8 @@
 """A recorded run: what was believed, from what, and what was true."""
 
+import json
 from dataclasses import dataclass, field
+from typing import Any
 
 from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.inference.belief import HybridBelief
@@ -29,3 +31,12 @@ class Record:
     truth: GroundTruth | None
     dropped: dict[str, int] = field(default_factory=dict)  # inputs not used, by reason
     fault: str = ""  # why the bag could not be read to its end
+
+
+def json_object(text: str) -> dict[str, Any]:
+    """The object that ``text`` holds; empty where it holds none."""
+    try:
+        value = json.loads(text)
+    except ValueError:
+        return {}
+    return value if isinstance(value, dict) else {}

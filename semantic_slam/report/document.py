@@ -1,6 +1,5 @@
 """The contents of ``report.json``, ``objects.json`` and ``trajectory.tum``."""
 
-import json
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 
 from semantic_slam.evaluation.evaluate import Evaluation, evaluate
 from semantic_slam.evaluation.history import associated_objects, best_index, lineage
-from semantic_slam.evaluation.record import Record
+from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 
@@ -47,15 +46,6 @@ def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysi
     )
     evaluation = evaluate(record, record.truth) if record.truth else None
     return Analysis(record, bag, json_object(record.run.configuration), chain, evaluation, counts)
-
-
-def json_object(text: str) -> dict[str, Any]:
-    """The object that ``text`` holds; empty where it holds none."""
-    try:
-        value = json.loads(text)
-    except ValueError:
-        return {}
-    return value if isinstance(value, dict) else {}
 
 
 def report_document(analysis: Analysis) -> dict[str, Any]:
