@@ -110,10 +110,8 @@ def _matches(record: Record, truth: GroundTruth, chain: list[int]) -> dict[str, 
     ]
     true_ids = {true for names in truth.associations.values() for true in names if true}
     true_ids |= set(truth.objects.object_ids) if truth.objects else set()
-    is_given = _association(record) == "given"
-    last = (
-        record.beliefs[-1] if record.beliefs and is_given else None
-    )  # elsewhere names are numbers of the engine's own
+    is_given = json_object(record.run.configuration).get("association") == "given"  # names elsewhere are the engine's
+    last = record.beliefs[-1] if record.beliefs and is_given else None
     named = (
         {name: int(number) for name, number in zip(last.object_names, last.object_ids, strict=True) if name}
         if last
