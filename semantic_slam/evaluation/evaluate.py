@@ -18,7 +18,7 @@ from semantic_slam.evaluation.history import (
     lineage,
     true_association_probability,
 )
-from semantic_slam.evaluation.record import GroundTruth, Record
+from semantic_slam.evaluation.record import GroundTruth, Record, json_object
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import PLANAR_AXES
 from semantic_slam.inference.belief import HybridBelief
