@@ -31,7 +31,7 @@ class Grown:
     views: dict[int, ObjectViews]
     robot_correction: Correction | None
     account: Account
-    local: LocalMap  # after the detections
+    local: LocalMap | None  # after the detections, where updates are not iterated
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class OpenComponent(Component):
             object_ids=alive,
             views={number: views for number, views in (self.views | added.views).items() if number in alive},
             robot_correction=added.robot_correction,
-            local=None if self.settle or jumped else added.local,
+            local=None if jumped else added.local,
             population=_population(smoother, keyframe, self.objects, added, max_fresh),
         )
 

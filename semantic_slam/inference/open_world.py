@@ -106,7 +106,10 @@ class OpenExpander:
         taken, account = found.steps[at], found.accounts[at]
         pairs = zip(step.detections, taken.association, taken.class_assignment, strict=True)
         modes = dict(zip(taken.association, found.objects[at], strict=True))
-        births = found.new_objects[found.parents[at]]
+        parent = found.parents[at]
+        births, local = found.new_objects[parent], None
+        if not self.settings.settle:
+            local = _local_after(found.outlooks[parent], found.pairs[parent], taken.association, births)
         added = Grown(
             [Observed(detection, number, cls) for detection, number, cls in pairs],
             list(found.objects[at]),
@@ -115,7 +118,7 @@ class OpenExpander:
             found.views[at],
             found.robot_corrections[at],
             account,
-            _local_after(found.outlooks[found.parents[at]], found.pairs[found.parents[at]], taken.association, births),
+            local,
         )
         return component.grown(step, added, self.settings.max_joint_objects, in_place=in_place)
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.inference.importance import Samples, effective_share
 from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
@@ -14,15 +15,11 @@ def sample_evidence(stack: Stack, num_samples: int, generators: list[np.random.G
     ``generators`` holds one generator per candidate, so that its draws depend on nothing but its own key. A
     candidate none of whose samples explains the measurements has log psi = -inf and an effective sample size of 0.
     """
-    log_evidence = np.full(len(generators), -np.inf)
-    effective = np.zeros(len(generators))
+    log_evidence, effective = np.empty(len(generators)), np.empty(len(generators))
     for row, random in enumerate(generators):
         repeated = stack.select(np.full(num_samples, row))
         y = random.standard_normal((num_samples, stack.size))
         log_weight = repeated.log_likelihood(y) + repeated.log_visibility(y, soft=False)
-        largest = log_weight.max()
-        if np.isfinite(largest):
-            weight = np.exp(log_weight - largest)
-            log_evidence[row] = largest + np.log(weight.mean())
-            effective[row] = weight.sum() ** 2 / (weight**2).sum()
+        log_evidence[row] = Samples(y, log_weight).log_evidence()
+        effective[row] = num_samples * effective_share(log_weight)
     return log_evidence, effective

@@ -23,7 +23,7 @@ from semantic_slam.geometry.pose import (
 )
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.keyframe import Keyframe, OdometrySample
-from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.measurement import OF_DETECTIONS, SemanticMeasurements
 from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, start
 
 Array = NDArray[np.float64]
@@ -139,12 +139,13 @@ def disturbed(recording: Recording, rates: Rates, generator: np.random.Generator
     motions = _motions(recording, rates.odometry, generator)
     for keyframe, own, motion in zip(recording.keyframes, recording.labels, motions, strict=True):
         kept = np.flatnonzero(generator.random(len(own)) >= rates.misses)
-        parts = [_rows(keyframe.measurements, kept)]
+        parts = [keyframe.measurements.take(kept)]
         parts += [_alarm(keyframe.measurements, donors, generator) for _ in range(generator.poisson(expected))]
         joined = _joined(keyframe.measurements, parts)
         names = [own[row] for row in kept] + [CLUTTER] * (len(parts) - 1)
         order = np.argsort(-joined.bearings_rad, kind="stable")  # from left to right
-        keyframes.append(replace(keyframe, **motion, measurements=_rows(joined, order, numbered=True)))
+        ordered = replace(joined.take(order), detection_ids=np.arange(len(order), dtype=np.uint32))
+        keyframes.append(replace(keyframe, **motion, measurements=ordered))
         labels.append(tuple(names[row] for row in order))
     return replace(recording, keyframes=tuple(keyframes), labels=tuple(labels))
 
@@ -165,40 +166,12 @@ def _motions(recording: Recording, noise: OdometryConfiguration, generator: np.r
     return found
 
 
-ARRAYS = (
-    "boxes",
-    "scores",
-    "class_probability_samples",
-    "features",
-    "feature_covariances",
-    "predictive_entropy",
-    "mutual_information",
-    "ranges_m",
-    "bearings_rad",
-    "geometric_covariances",
-    "in_coverage",
-)
-"""Fields of measurements with a row per detection."""
-
-
-def _rows(measurements: SemanticMeasurements, rows: NDArray[np.int_], *, numbered: bool = False) -> Any:
-    ids = np.arange(len(rows), dtype=np.uint32) if numbered else measurements.detection_ids[rows]
-    return replace(
-        measurements,
-        detection_ids=ids,
-        labels=tuple(measurements.labels[row] for row in rows),
-        track_ids=("",) * len(rows),
-        **{name: getattr(measurements, name)[rows] for name in ARRAYS},
-    )
-
-
 def _joined(frame: SemanticMeasurements, parts: list[SemanticMeasurements]) -> SemanticMeasurements:
     return replace(
         frame,
-        detection_ids=np.concatenate([part.detection_ids for part in parts]),
         labels=tuple(label for part in parts for label in part.labels),
         track_ids=("",) * sum(len(part) for part in parts),
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS},
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in OF_DETECTIONS},
     )
 
 
@@ -207,7 +180,7 @@ def _alarm(
 ) -> SemanticMeasurements:
     """One false detection."""
     donor = donors[generator.integers(len(donors))]
-    copied: SemanticMeasurements = _rows(donor, np.array([generator.integers(len(donor))]))
+    copied = donor.take(np.array([generator.integers(len(donor))]))
     near, far = ALARM_RANGE_M
     reach = np.sqrt(generator.uniform(near**2, far**2, 1))
     bearing = ALARM_FIELD_OF_VIEW_RAD * generator.uniform(-0.5, 0.5, 1)
