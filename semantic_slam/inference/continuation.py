@@ -191,7 +191,7 @@ class Expander:
         rows, step, stack, mode, used = moment.stack.rows, moment.step, moment.stack, moment.mode, moment.used
         of_modes = [replace(steps[row], mode=int(n)) for row, n in zip(splits.origin, splits.number, strict=True)]
         ids = [_identity(parent_ids[p], step.stamp_ns, s) for p, s in zip(rows.parents, of_modes, strict=True)]
-        states, covariances = _marginals(stack, mode)
+        states, covariances = stack.marginals(mode.y, mode.hessian)
         weighed = self._semantics(moment)
         log_psi = splits.log_evidence + enumerated.log_class_prior[splits.origin] + weighed.log_weights
         best = np.full(len(parent_ids), -np.inf)
@@ -271,15 +271,3 @@ def _lineage_steps(rows: Rows, used: Index, object_ids: Sequence[int], count: in
 def _of_detections(stack: Stack, values: Array) -> Array:
     """(K, 1 + n, ...) values of the blocks to (K, n, ...) of the objects that the detections are associated with."""
     return np.asarray(values[np.arange(len(values))[:, None], 1 + stack.slots])
-
-
-def _marginals(stack: Stack, mode: Mode) -> tuple[Array, Array]:
-    """(K, 1 + n, d) states at the modes and their (K, 1 + n, d, d) covariances, in the tangent spaces there."""
-    tangent = stack.tangent(mode.y)
-    states = stack.manifold.retract(stack.mean, tangent)
-    covariance = stack.root @ np.linalg.solve(mode.hessian, np.swapaxes(stack.root, -1, -2))
-    count, dimension = stack.mean.shape[1], stack.dimension
-    blocks = covariance.reshape(len(tangent), count, dimension, count, dimension)
-    diagonal = np.einsum("bnpnq->bnpq", blocks)
-    chart = stack.manifold.retract_jacobian(tangent)
-    return states, chart @ diagonal @ np.swapaxes(chart, -1, -2)

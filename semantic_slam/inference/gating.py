@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.inference.murty import k_best
 from semantic_slam.inference.observation import Linearisation, ObservationModel
+from semantic_slam.inference.stack import Predicted
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -39,13 +40,7 @@ def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Arr
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
         return Pairs(nothing, nothing, [])
-    blocks = covariance.reshape(1 + count, dimension, 1 + count, dimension)
-    objects = np.arange(1, 1 + count)
-    joint = np.empty((count, 2 * dimension, 2 * dimension))
-    joint[:, :dimension, :dimension] = blocks[0, :, 0]
-    joint[:, dimension:, :dimension] = blocks[objects, :, 0]
-    joint[:, :dimension, dimension:] = np.swapaxes(joint[:, dimension:, :dimension], 1, 2)
-    joint[:, dimension:, dimension:] = blocks[objects, :, objects]
+    joint = Predicted(mean[None], covariance[None]).pair_covariances()[0]
     rows = len(detections) * count
     seen = model.collect(detections)
     if len(detections) > 1:  # one row stands for any number

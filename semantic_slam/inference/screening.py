@@ -32,19 +32,12 @@ class Screened:
 
 def sight_sigmas(model: ObservationModel, predicted: Predicted) -> Array:
     """(P, O) radians by which each parent is uncertain where it would see each object."""
-    num_parents, dimension = len(predicted.mean), predicted.mean.shape[-1]
-    count = predicted.mean.shape[1] - 1
-    blocks = predicted.covariance.reshape(num_parents, 1 + count, dimension, 1 + count, dimension)
-    objects = np.arange(1, 1 + count)
-    joint = np.empty((num_parents, count, 2 * dimension, 2 * dimension))
-    joint[..., :dimension, :dimension] = blocks[:, None, 0, :, 0]
-    joint[..., dimension:, :dimension] = blocks[:, 1:, :, 0]
-    joint[..., :dimension, dimension:] = np.swapaxes(joint[..., dimension:, :dimension], 2, 3)
-    joint[..., dimension:, dimension:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)
-    robots = np.repeat(predicted.mean[:, 0], count, axis=0)
+    num_parents, columns, dimension = predicted.mean.shape
+    robots = np.repeat(predicted.mean[:, 0], columns - 1, axis=0)
     states = predicted.mean[:, 1:].reshape(-1, dimension)
-    sigma = model.sight_sigma(robots, states, joint.reshape(-1, 2 * dimension, 2 * dimension))
-    return sigma.reshape(num_parents, count)
+    joint = predicted.pair_covariances().reshape(-1, 2 * dimension, 2 * dimension)
+    sigma = model.sight_sigma(robots, states, joint)
+    return sigma.reshape(num_parents, columns - 1)
 
 
 def screen(stack: Stack, carried: Array, sigma: Array, gate: float, num_parents: int) -> Screened:

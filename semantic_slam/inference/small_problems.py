@@ -43,14 +43,8 @@ class SmallProblems:
 
 def evaluated(stack: Stack, mode: Mode) -> Evaluated:
     """States and covariances of K candidates at their modes; objects are distinct, so that every slot is used."""
-    tangent = stack.tangent(mode.y)
-    states = stack.manifold.retract(stack.mean, tangent)
-    covariance = stack.root @ np.linalg.solve(mode.hessian, np.swapaxes(stack.root, -1, -2))
-    count, dimension = stack.mean.shape[1], stack.dimension
-    diagonal = np.einsum("bnpnq->bnpq", covariance.reshape(len(tangent), count, dimension, count, dimension))
-    chart = stack.manifold.retract_jacobian(tangent)
-    covariances = chart @ diagonal @ np.swapaxes(chart, -1, -2)
-    at_mode = np.zeros(len(tangent))
+    states, covariances = stack.marginals(mode.y, mode.hessian)
+    at_mode = np.zeros(len(states))
     return Evaluated(mode.log_evidence, states[:, 0], covariances[:, 0], states[:, 1:], covariances[:, 1:], at_mode)
 
 

@@ -27,6 +27,19 @@ class Predicted:
     mean: Array  # (P, 1 + O, d)
     covariance: Array  # (P, (1 + O) d, (1 + O) d)
 
+    def pair_covariances(self) -> Array:
+        """(P, O, 2 d, 2 d) of the robot together with each object."""
+        num_parents, dimension = len(self.mean), self.mean.shape[-1]
+        count = self.mean.shape[1] - 1
+        blocks = self.covariance.reshape(num_parents, 1 + count, dimension, 1 + count, dimension)
+        objects = np.arange(1, 1 + count)
+        joint = np.empty((num_parents, count, 2 * dimension, 2 * dimension))
+        joint[..., :dimension, :dimension] = blocks[:, None, 0, :, 0]
+        joint[..., dimension:, :dimension] = blocks[:, 1:, :, 0]
+        joint[..., :dimension, dimension:] = np.swapaxes(joint[..., dimension:, :dimension], 2, 3)
+        joint[..., dimension:, dimension:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)
+        return joint
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -83,6 +96,15 @@ class Stack:
     def states(self, y: Array) -> Array:
         """(B, 1 + n, d) states."""
         return self.manifold.retract(self.mean, self.tangent(y))
+
+    def marginals(self, y: Array, hessian: Array) -> tuple[Array, Array]:
+        """(B, 1 + n, d) states and their (B, 1 + n, d, d) covariances, in the tangent spaces there."""
+        tangent = self.tangent(y)
+        covariance = self.root @ np.linalg.solve(hessian, np.swapaxes(self.root, -1, -2))
+        count, dimension = self.mean.shape[1], self.dimension
+        diagonal = np.einsum("bnpnq->bnpq", covariance.reshape(len(y), count, dimension, count, dimension))
+        chart = self.manifold.retract_jacobian(tangent)
+        return self.manifold.retract(self.mean, tangent), chart @ diagonal @ np.swapaxes(chart, -1, -2)
 
     def coordinates(self, states: Array) -> Array:
         """(B, n) whitened y of (B, 1 + n, d) states."""
