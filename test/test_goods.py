@@ -3,14 +3,16 @@
 import json
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rendering import skip_unless_rendering_works
 
-from semantic_slam.simulation.catalogue import model_named, picture_named
+from semantic_slam.simulation.catalogue import class_named, model_named, picture_named
 from semantic_slam.simulation.goods import CLASSES, goods_class, goods_names
+from semantic_slam.simulation.layout import draw_layout
 from semantic_slam.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam.simulation.renderer import Renderer, camera_model
 from semantic_slam.simulation.textures import SIZE
@@ -94,6 +96,12 @@ def _drawn_side(name: str, side: str) -> np.ndarray:
 
 def _inner(picture: np.ndarray) -> np.ndarray:
     return picture[12:36:2, 12:36:2].astype(float)
+
+
+def test_rooms_hold_two_different_instances_of_four_classes() -> None:
+    placed = draw_layout(2, goods=48)
+    assert len({item.class_name for item in placed}) == len(placed) == 8
+    assert sorted(Counter(class_named(item.class_name) for item in placed).values()) == [2, 2, 2, 2]
 
 
 def test_command_writes_goods_and_their_classes(tmp_path: Path) -> None:

@@ -32,7 +32,11 @@ def parse() -> argparse.Namespace:
         "--tour-only", action="store_true", help="render only the images of tour.txt and between, a tenth of the time"
     )
     parser.add_argument(
-        "--goods", type=int, default=0, metavar="N", help="with --turntable: N instances of goods instead of furniture"
+        "--goods",
+        type=int,
+        default=0,
+        metavar="N",
+        help="N instances of goods on turntables, or pairs of them in the room, instead of furniture",
     )
     parser.add_argument(
         "--step-deg", type=int, default=3, metavar="A", help="angle between turntable views, divides 360 (default: 3)"
@@ -43,6 +47,8 @@ def parse() -> argparse.Namespace:
 def command() -> None:
     """Parse the command line and render."""
     arguments = parse()
+    if arguments.goods < 0:
+        raise InputError(f"--goods {arguments.goods}: must be at least 0; correct the number")
     if arguments.turntable:
         _turntables(arguments)
     elif arguments.standing:
@@ -58,8 +64,6 @@ def _turntables(arguments: argparse.Namespace) -> None:
 
     if arguments.step_deg < 1 or 360 % arguments.step_deg:
         raise InputError(f"--step-deg {arguments.step_deg}: must divide 360")
-    if arguments.goods < 0:
-        raise InputError(f"--goods {arguments.goods}: must be at least 0; correct the number")
     names = goods_names(arguments.goods) or tuple(MODELS)
     folders = write_turntables(arguments.out, names, TurntableSettings(step_deg=arguments.step_deg))
     if arguments.goods:
@@ -78,9 +82,15 @@ def _standing(arguments: argparse.Namespace) -> None:
 
 
 def _room(arguments: argparse.Namespace) -> None:
+    from semantic_slam.simulation.goods import CLASSES
     from semantic_slam.simulation.scene import SceneSettings, make_scene
 
-    folder = make_scene(arguments.out, arguments.seed, SceneSettings(tour_only=arguments.tour_only))
+    if 0 < arguments.goods < 2 * len(CLASSES):
+        raise InputError(
+            f"--goods {arguments.goods}: a room takes pairs of any class; name at least {2 * len(CLASSES)}"
+        )
+    settings = SceneSettings(tour_only=arguments.tour_only, goods=arguments.goods)
+    folder = make_scene(arguments.out, arguments.seed, settings)
     print(f"{folder}: import it with import_dataset avd")
 
 
