@@ -1,6 +1,8 @@
 """Views of objects from a folder of turntables in BigBIRD's format."""
 
+import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from tqdm import tqdm
@@ -31,3 +33,20 @@ def load_views(root: Path, cameras: Sequence[str]) -> list[ObjectView]:
 def class_names_of(views: Sequence[ObjectView]) -> tuple[str, ...]:
     """The classes of the views, sorted."""
     return tuple(sorted({view.class_name for view in views}))
+
+
+def with_classes(views: Sequence[ObjectView], path: Path) -> list[ObjectView]:
+    """The views under the class of their instance, as a JSON file {instance: class} has it; others are left out.
+
+    Raises InputError when the file is no such thing, or names none of the instances.
+    """
+    try:
+        classes = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise InputError(f"{path}: not a readable JSON file ({fault}); give {{instance: class}}") from None
+    if not isinstance(classes, dict) or not all(isinstance(name, str) for name in classes.values()):
+        raise InputError(f"{path}: must map the names of instances to those of classes; correct the file")
+    found = [replace(view, class_name=classes[view.class_name]) for view in views if view.class_name in classes]
+    if not found:
+        raise InputError(f"{path}: names none of the turntables' instances; correct the names")
+    return found
