@@ -44,14 +44,16 @@ class Mode:
     log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
 
 
-def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS, tolerance: float = 0.0) -> Mode:
+def find_modes(
+    stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0
+) -> Mode:
     """Levenberg-Marquardt from ``start`` (B, n); rows that have converged are left alone.
 
-    ``tolerance``: nats that a step may be expected to bring where a mode counts as found all the same.
+    ``tolerance`` (B,): nats that a step may be expected to bring where a mode counts as found all the same.
     The damping follows the gain of each step (Nielsen, 1999): rows with large residuals settle at the damping
     they need instead of swinging about it.
     """
-    y = start.copy()
+    y, enough = start.copy(), np.broadcast_to(tolerance, len(start))
     damping, growth = np.full(len(y), INITIAL_DAMPING), np.full(len(y), 2.0)
     running = np.arange(len(y))
     energy, gradient, hessian = (np.array(value) for value in stack.normal_equations(y))
@@ -69,7 +71,7 @@ def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITER
         relaxed = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 1.0) - 1) ** 3)
         damping[running] *= np.where(better, relaxed, growth[running])
         growth[running] = np.where(better, 2.0, 2.0 * growth[running])
-        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < tolerance))
+        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < enough[running]))
         running = running[~(small | (damping[running] > LARGEST_DAMPING))]
     log_determinant = np.linalg.slogdet(hessian)[1]
     return Mode(y, hessian, -energy - 0.5 * log_determinant)
