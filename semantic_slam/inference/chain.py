@@ -87,7 +87,9 @@ class Chain:
     def newest_slopes(self, y: Array) -> Array:
         """(K, 1 + O, d, size) derivatives of the newest robot state and of the objects by y (K, size)."""
         by_robot, by_object = self._slopes(self._states(y)[2])
-        return np.concatenate([by_robot[:, 0, -1:], by_object[:, 0]], axis=1)
+        found = np.zeros((len(y), self.mean.shape[1], self.dimension, self.size))
+        found[:, 0], found[:, 1:, :, : self.width] = by_robot[:, 0, -1], by_object[:, 0]
+        return found
 
     def states(self, y: Array) -> tuple[Array, Array]:
         """(B, 1 + T, d) robot, the anchor's first, and (B, O, d) objects."""
@@ -115,18 +117,24 @@ class Chain:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         robots, objects, tangents = self._states(y)
         by_robot, by_object = self._slopes(tangents)
-        energy, gradient = 0.5 * (y**2).sum(-1), y.copy()
-        hessian = np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size)).copy()
-        for part, sights in self._linearised(robots, objects):
+        energy, residuals, jacobians = 0.5 * (y**2).sum(-1), [], []
+        for parts, sights in self._linearised(robots, objects):
+            for part in parts:
+                energy += (0.5 * (part.residual**2).sum(-1) - part.log_normaliser).reshape(len(y), -1).sum(-1)
             shape = (*robots.shape[:2], len(sights), -1, self.dimension)
-            jacobian = part.jacobian_robot.reshape(shape) @ by_robot[:, :, self._times[sights]]
-            jacobian += part.jacobian_object.reshape(shape) @ self._placed(by_object, sights)
-            jacobian = jacobian.reshape(len(y), -1, self.size)
-            transposed = np.swapaxes(jacobian, -1, -2)
-            energy += (0.5 * (part.residual**2).sum(-1) - part.log_normaliser).reshape(len(y), -1).sum(-1)
-            gradient += (transposed @ part.residual.reshape(len(y), -1, 1))[..., 0]
-            hessian += transposed @ jacobian
-        return energy, gradient, hessian
+            together = np.concatenate([part.jacobian_robot for part in parts], axis=1).reshape(shape)
+            jacobian = together @ self._timed(by_robot, sights)
+            together = np.concatenate([part.jacobian_object for part in parts], axis=1).reshape(shape)
+            jacobian[..., : self.width] += together @ self._placed(by_object, sights)
+            jacobians.append(jacobian.reshape(len(y), -1, self.size))
+            residuals.append(np.concatenate([part.residual for part in parts], axis=1).reshape(len(y), -1, 1))
+        if not jacobians:
+            return energy, y.copy(), np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size)).copy()
+        jacobian, residual = np.concatenate(jacobians, axis=1), np.concatenate(residuals, axis=1)
+        transposed = np.swapaxes(jacobian, -1, -2)
+        hessian = transposed @ jacobian
+        hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
+        return energy, y + (transposed @ residual)[..., 0], hessian
 
     def _log_likelihood(self, robots: Array, objects: Array) -> Array:
         total = np.zeros(robots.shape[0] * robots.shape[1])
@@ -143,26 +151,34 @@ class Chain:
         x, o = self._pairs(robots, objects, np.arange(len(self._times)))
         return np.asarray(self.model.log_visibility(x, o, soft=soft).reshape(count, -1).sum(-1))
 
-    def _linearised(self, robots: Array, objects: Array) -> list[tuple[Linearisation, Index]]:
-        """Geometry of all sights and semantics of those with a class, and which they are."""
-        parts = []
+    def _linearised(self, robots: Array, objects: Array) -> list[tuple[list[Linearisation], Index]]:
+        """Geometry of all sights, with semantics where they have a class, and which they are."""
+        found = []
         for seen, sights, named in self._parts:
             x, o = self._pairs(robots, objects, sights)
-            parts.append((self.model.geometry(seen, x, o), sights))
+            parts = [self.model.geometry(seen, x, o)]
             if named:
-                parts.append((self.model.semantics(seen, x, o, self._repeated(sights, robots.shape[1])), sights))
-        return parts
+                parts.append(self.model.semantics(seen, x, o, self._repeated(sights, robots.shape[1])))
+            found.append((parts, sights))
+        return found
 
     def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
         """(K N S, d) robot and object of S sights."""
-        x, o = robots[:, :, self._times[sights]], self._placed(objects, sights)
+        o = self._placed(objects, sights)
+        x = np.broadcast_to(self._timed(robots, sights), o.shape)
         return x.reshape(-1, self.dimension), o.reshape(-1, self.dimension)
+
+    def _timed(self, values: Array, sights: Index) -> Array:
+        """(K, N, S, ...) of the sights' robot states, from (K, N, 1 + T, ...); one of them where all are the same."""
+        times = self._times[sights]
+        return values[:, :, times[0] : times[0] + 1] if (times == times[0]).all() else values[:, :, times]
 
     def _placed(self, values: Array, sights: Index) -> Array:
         """(K, N, S, ...) of the sights' objects, from (K, N, O, ...)."""
         places = self.places[:, sights]
         if (places == places[:1]).all():
-            return values[:, :, places[0]]
+            in_order = np.array_equal(places[0], np.arange(values.shape[2]))
+            return values if in_order else values[:, :, places[0]]
         rows, columns = np.arange(values.shape[0])[:, None, None], np.arange(values.shape[1])[:, None]
         return np.asarray(values[rows, columns, places[:, None]])
 
@@ -186,13 +202,12 @@ class Chain:
         return np.stack(robots, axis=2), states[:, :, 1:], tangents
 
     def _slopes(self, tangents: list[Array]) -> tuple[Array, Array]:
-        """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, size) of the objects: in tangent spaces by y."""
+        """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, width) of the objects: in tangent spaces by y."""
         d, leading = self.dimension, tangents[0].shape[:2]
         chart = self.manifold.retract_jacobian(tangents[0])
-        anchor = np.zeros((*leading, self.mean.shape[1], d, self.size))
-        anchor[..., : self.width] = chart @ self.root.reshape(len(self), 1, -1, d, self.width)
+        anchor = chart @ self.root.reshape(len(self), 1, -1, d, self.width)
         robots = np.zeros((*leading, 1 + len(self.links), d, self.size))
-        robots[:, :, 0] = anchor[:, :, 0]
+        robots[:, :, 0, :, : self.width] = anchor[:, :, 0]
         for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
             moved = self.manifold.retract(np.zeros(d), tangents[t + 1])
             transition = self.manifold.propagation(moved) @ self.manifold.propagation(link.motion.control)

@@ -73,8 +73,13 @@ def find_modes(
         growth[running] = np.where(better, 2.0, 2.0 * growth[running])
         small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < enough[running]))
         running = running[~(small | (damping[running] > LARGEST_DAMPING))]
-    log_determinant = np.linalg.slogdet(hessian)[1]
-    return Mode(y, hessian, -energy - 0.5 * log_determinant)
+    return Mode(y, hessian, -energy - 0.5 * log_determinants(hessian))
+
+
+def log_determinants(matrices: Array) -> Array:
+    """(B,) of symmetric positive definite (B, n, n)."""
+    root = np.linalg.cholesky(matrices)
+    return np.asarray(2.0 * np.log(np.einsum("bii->bi", root)).sum(-1))
 
 
 def search_start(stack: Stack) -> Array:
@@ -98,8 +103,8 @@ def search_start(stack: Stack) -> Array:
 
 def _damped_step(hessian: Array, gradient: Array, damping: Array) -> tuple[Array, Array]:
     """(B, n) step and (B,) decrease of the energy that the quadratic model expects of it."""
-    diagonal = np.einsum("bii->bi", hessian)
-    damped = hessian + (damping[:, None] * diagonal)[:, :, None] * np.eye(hessian.shape[-1])
+    added = damping[:, None] * np.einsum("bii->bi", hessian)
+    damped = hessian.copy()
+    np.einsum("bii->bi", damped)[...] += added
     step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
-    expected = 0.5 * np.einsum("bi,bi->b", step, damping[:, None] * diagonal * step - gradient)
-    return step, expected
+    return step, 0.5 * (step * (added * step - gradient)).sum(-1)

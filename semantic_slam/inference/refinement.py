@@ -53,8 +53,8 @@ FIRST_SHARE = 0.25
 """Of the samples: so many are drawn at first, all of them where those do not suffice."""
 GOOD = 0.7
 """Effective share of the first samples from which on they suffice: below, a tail may have been missed."""
-MOST_TOGETHER = 16
-"""Histories looked at together: more of them leave the processor's cache."""
+MOST_TOGETHER = 64
+"""Histories looked at together, for the memory that their samples take."""
 
 
 @dataclass(frozen=True)
