@@ -17,8 +17,10 @@ Array = NDArray[np.float64]
 MAX_ITERATIONS = 30
 RANKING_ITERATIONS = 12
 """For modes that only rank partial associations: those near the best have converged by then."""
-RANKING_TOLERANCE = 0.01
-"""Nats that a further step may be expected to bring at a mode that only ranks."""
+RANKING_TOLERANCE = 0.1
+"""Nats that the last step may have been expected to bring at a mode that only ranks; what is left then is less."""
+WEIGHING_TOLERANCE = 1e-3
+"""The same where the evidence at the mode is a weight."""
 STEP_TOLERANCE = 1e-5
 """Whitened step at which a mode counts as found: log evidence is then exact to about 1e-5."""
 INITIAL_DAMPING = 1e-4

@@ -25,7 +25,7 @@ from semantic_slam.inference.importance import (
     normal_points,
     proposal,
 )
-from semantic_slam.inference.laplace import RANKING_ITERATIONS, RANKING_TOLERANCE, Mode, find_modes
+from semantic_slam.inference.laplace import RANKING_ITERATIONS, Mode, find_modes
 from semantic_slam.inference.object_views import Correction
 
 Array = NDArray[np.float64]
@@ -39,6 +39,9 @@ SEARCHED_LINKS = 2
 """Keyframes since the anchor up to which the prior is searched: later on, modes have been told apart."""
 START_SPREAD = 0.7
 """Standard deviations of the starts: modes far out have no weight."""
+ROUGH, NUDGED, EXACT = 0.01, 1e-3, 1e-6
+"""Nats that the last step of a search may have been expected to bring: from the prior, from beside the given start,
+and of the one that goes on in each valley."""
 SAME_VALLEY = 0.5
 """Posterior standard deviations between two rough modes that one exact search serves."""
 SAME_MODE = 0.05
@@ -244,11 +247,11 @@ def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
     if len(chain.links) <= SEARCHED_LINKS:
         starts += [np.broadcast_to(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
     owners = np.repeat(np.arange(len(chain)), len(starts))
-    enough = np.tile([0.0, 0.0] + [RANKING_TOLERANCE] * (len(starts) - 2), len(chain))
+    enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
     points = np.stack(starts, axis=1).reshape(-1, chain.size)
     rough = find_modes(chain.select(owners), points, RANKING_ITERATIONS, enough)
     rows = np.concatenate([_valleys(rough, np.flatnonzero(owners == number)) for number in range(len(chain))])
-    return find_modes(chain.select(owners[rows]), rough.y[rows]), owners[rows]
+    return find_modes(chain.select(owners[rows]), rough.y[rows], tolerance=EXACT), owners[rows]
 
 
 def _valleys(rough: Mode, rows: Index) -> Index:
