@@ -18,7 +18,7 @@ from semantic_slam.inference.enumeration import (
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.history import History
 from semantic_slam.inference.identity import generator, hypothesis_id
-from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, Mode, find_modes
 from semantic_slam.inference.modes import Expanded, Split, split
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.objects import ObjectRegistry
@@ -93,7 +93,7 @@ class Expander:
         enumerated, mode = self._enumerate(setting, predicted, used, given, object_ids)
         stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
         if setting.model.num_classes > 0 and len(used):
-            mode = find_modes(stack, enumerated.start)
+            mode = find_modes(stack, enumerated.start, tolerance=WEIGHING_TOLERANCE)
         steps = _lineage_steps(enumerated.rows, used, object_ids, len(step.names))
         expanded = Expanded(
             step=step,

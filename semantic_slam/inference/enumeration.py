@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.laplace import RANKING_ITERATIONS, RANKING_TOLERANCE, Mode, find_modes, search_start
+from semantic_slam.inference.laplace import (
+    RANKING_ITERATIONS,
+    RANKING_TOLERANCE,
+    WEIGHING_TOLERANCE,
+    Mode,
+    find_modes,
+    search_start,
+)
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.screening import screen, sight_sigmas
@@ -66,7 +73,7 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
         rows, stack = rows.take(screened.kept), stack.select(screened.kept)
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:
-            mode = find_modes(stack, screened.start)
+            mode = find_modes(stack, screened.start, tolerance=WEIGHING_TOLERANCE)
         else:
             mode = find_modes(stack, screened.start, RANKING_ITERATIONS, RANKING_TOLERANCE)
         keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents), setting.max_candidates)
