@@ -72,34 +72,34 @@ class PlanarObservation:
         """Residual of [range, bearing], the range's 0 where there is only a bearing."""
         body = object_in_body(x, o)
         d = body - seen.origin
-        distance, bearing = _polar(d)
+        distance, bearing = polar(d)
         residual = np.empty((len(x), 2))
         residual[:, 0] = distance - seen.range_m
         residual[:, 1] = wrap_angle(bearing - seen.bearing_rad)
         by_polar = np.empty((len(x), 2, 2))
-        by_polar[:, 0], by_polar[:, 1] = _polar_jacobian(d, distance)
+        by_polar[:, 0], by_polar[:, 1] = polar_jacobian(d, distance)
         by_point: Array = seen.whiten @ by_polar
         whitened: Array = (seen.whiten @ residual[..., None])[..., 0]
         return Linearisation(
             whitened,
-            _by_pose(by_point, body),
-            _by_position(by_point, o[:, 2] - x[:, 2]),
+            by_pose(by_point, body),
+            by_position(by_point, o[:, 2] - x[:, 2]),
             np.broadcast_to(seen.log_normaliser, len(x)),
         )
 
     def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
         """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes."""
         v = camera_in_object(x, o, seen.sensor)
-        distance, azimuth = _polar(v)
+        distance, azimuth = polar(v)
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
-        radial, turn = _polar_jacobian(v, distance)
+        radial, turn = polar_jacobian(v, distance)
         by_view = prediction.mean_jacobian[:, :, :1] * turn[:, None]
         by_view += prediction.mean_jacobian[:, :, 2:] * radial[:, None]
         stacked = np.empty((*prediction.mean.shape, 7))
         stacked[..., 0] = prediction.mean - seen.feature
-        stacked[..., 1:4] = _by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
-        stacked[..., 4:] = _by_pose(by_view, v)
+        stacked[..., 1:4] = by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
+        stacked[..., 4:] = by_pose(by_view, v)
         whitened: Array = np.asarray(np.linalg.solve(root, stacked), dtype=np.float64)
         return Linearisation(whitened[..., 0], whitened[..., 1:4], whitened[..., 4:], log_normaliser)
 
@@ -112,7 +112,7 @@ class PlanarObservation:
         """
         reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
         turns = reach[:, None] * np.linspace(-1.0, 1.0, WINDOW_ANGLES)
-        distance, azimuth = _polar(camera_in_object(x, o, seen.sensor))
+        distance, azimuth = polar(camera_in_object(x, o, seen.sensor))
         prediction = self._predict(
             np.repeat(classes, WINDOW_ANGLES), (azimuth[:, None] - turns).ravel(), np.repeat(distance, WINDOW_ANGLES)
         )
@@ -123,7 +123,7 @@ class PlanarObservation:
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
-        distance, bearing = _polar(object_in_body(x, o))
+        distance, bearing = polar(object_in_body(x, o))
         return self.visibility.log_probability(distance, bearing, soft=soft)
 
     def robot_start(self, seen: PlanarDetections, x: Array, o: Array) -> Array:
@@ -173,11 +173,11 @@ class PlanarObservation:
         jacobian[:, 1, 3] = np.sin(turn)
         jacobian[:, 0, 4] = -jacobian[:, 1, 3]
         spread = np.einsum("bij,bjk,bik->b", jacobian, covariance, jacobian)
-        return np.asarray(np.sqrt(spread) / _polar(d)[0])
+        return np.asarray(np.sqrt(spread) / polar(d)[0])
 
     def view_change(self, before: Array, now: Array) -> Array:
         """Of direction or heading, from poses of objects in the robot's frame."""
-        distance, _ = _polar(before)
+        distance, _ = polar(before)
         moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
         return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
 
@@ -213,7 +213,7 @@ def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
 
 def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
     """From where the camera of (B, 3) robots sees (B, 3) objects."""
-    distance, azimuth = _polar(camera_in_object(x, o, sensor))
+    distance, azimuth = polar(camera_in_object(x, o, sensor))
     return Viewpoints(azimuth, np.zeros_like(azimuth), distance)
 
 
@@ -225,12 +225,12 @@ def _turn_back(angle: Array, vector: Array) -> Array:
     return turned
 
 
-def _polar(point: Array) -> tuple[Array, Array]:
+def polar(point: Array) -> tuple[Array, Array]:
     """Distance [m] and direction [rad] of (B, 2) points."""
     return np.maximum(np.hypot(point[:, 0], point[:, 1]), LEAST_DISTANCE_M), np.arctan2(point[:, 1], point[:, 0])
 
 
-def _polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
+def polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
     """(B, 2) derivatives of distance and of direction with respect to the point."""
     radial = point / distance[:, None]
     turn = np.empty_like(radial)
@@ -239,7 +239,7 @@ def _polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
     return radial, turn
 
 
-def _by_pose(by_point: Array, point: Array) -> Array:
+def by_pose(by_point: Array, point: Array) -> Array:
     """(B, m, 3) derivatives by the pose of the frame that ``point`` (B, 2) is given in: by_point [-I, -S point]."""
     found = np.empty((*by_point.shape[:2], 3))
     np.negative(by_point, out=found[:, :, :2])
@@ -247,7 +247,7 @@ def _by_pose(by_point: Array, point: Array) -> Array:
     return found
 
 
-def _by_position(by_point: Array, angle: Array) -> Array:
+def by_position(by_point: Array, angle: Array) -> Array:
     """(B, m, 3) derivatives by a pose of which only the position counts, turned by ``angle`` (B,) against the frame."""
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     found = np.zeros((*by_point.shape[:2], 3))
@@ -256,8 +256,8 @@ def _by_position(by_point: Array, angle: Array) -> Array:
     return found
 
 
-def _by_camera(by_point: Array, angle: Array, sensor: Array) -> Array:
+def by_camera(by_point: Array, angle: Array, sensor: Array) -> Array:
     """(B, m, 3) derivatives by the robot's pose, its camera at ``sensor``: by_point R [I, S s]."""
-    found = _by_position(by_point, angle)
+    found = by_position(by_point, angle)
     found[:, :, 2] = found[:, :, 1] * sensor[..., :1] - found[:, :, 0] * sensor[..., 1:]
     return found
