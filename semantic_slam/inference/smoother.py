@@ -233,8 +233,8 @@ class Smoother:
             graph.add(factor)
         result = self.isam.update(graph, gtsam.Values(), [self.made[row].index for row in rows])
         made = list(self.made)
-        for row, *parts in zip(rows, named, result.getNewFactorsIndices(), places, strict=True):
-            made[row] = Made(*parts)
+        for row, own, index, place in zip(rows, named, result.getNewFactorsIndices(), places, strict=True):
+            made[row] = Made(own, index, place)
         return replace(self, made=tuple(made), _known={})
 
     def _optimised(self, start: Mapping[int, Array]) -> "Smoother":
