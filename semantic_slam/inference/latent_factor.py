@@ -48,9 +48,13 @@ def _linear_factor(
     values.insert(keys[0], gtsam.Pose2(*states[0]))
     values.insert(keys[1], gtsam.Pose2(*states[1]))
     values.insert(keys[2], states[2])
-    jacobians = (np.asfortranarray(value[row]) for value in (part.by_robot, part.by_object, part.by_descriptor))
-    pairs = [item for pair in zip(keys, jacobians, strict=True) for item in pair]
-    return gtsam.LinearContainerFactor(gtsam.JacobianFactor(*pairs, -part.residual[row], noise), values)
+    by_robot, by_object, by_descriptor = (
+        np.asfortranarray(value[row]) for value in (part.by_robot, part.by_object, part.by_descriptor)
+    )
+    linear = gtsam.JacobianFactor(
+        keys[0], by_robot, keys[1], by_object, keys[2], by_descriptor, -part.residual[row], noise
+    )
+    return gtsam.LinearContainerFactor(linear, values)
 
 
 def _unit(size: int) -> Any:

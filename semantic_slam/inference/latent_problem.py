@@ -34,7 +34,7 @@ class LatentProblem:
     @property
     def num_tangent(self) -> int:
         """(1 + n) d."""
-        return self.mean.shape[1] * self.mean.shape[2]
+        return int(self.mean[0].size)
 
     def select(self, selection: Index) -> "LatentProblem":
         """Some of the problems."""

@@ -97,9 +97,10 @@ class SemanticFactors:
         if not named:
             return [], []
         factors: list[Any] = [None] * len(named)
-        latent = np.array([item.descriptor_key is not None for item in named])
-        for rows, make in ((np.flatnonzero(~latent), self._classed), (np.flatnonzero(latent), self._latent)):
-            made = make([named[row] for row in rows], states) if len(rows) else []
+        of_class = [row for row, item in enumerate(named) if item.descriptor_key is None]
+        of_descriptor = [row for row, item in enumerate(named) if item.descriptor_key is not None]
+        for rows, make in ((of_class, self._classed), (of_descriptor, self._latent)):
+            made = make([named[row] for row in rows], states) if rows else []
             for row, factor in zip(rows, made, strict=True):
                 factors[row] = factor
         return factors, self._places(named, states)
@@ -111,10 +112,11 @@ class SemanticFactors:
         relative = (np.array([place.relative for place in places]) for places in (before, now))
         moved = self.model.view_change(*relative) > MOVED_RAD
         limit = MOVED_DESCRIPTOR * self._prior_sigma
-        pairs = zip(before, now, strict=True)
-        return moved | np.array(
-            [bool(len(a.descriptor)) and (np.abs(b.descriptor - a.descriptor) > limit).any() for a, b in pairs]
-        )
+        learned = [
+            bool(len(a.descriptor) and (np.abs(b.descriptor - a.descriptor) > limit).any())
+            for a, b in zip(before, now, strict=True)
+        ]
+        return np.asarray(moved | np.array(learned))
 
     def _places(self, named: Sequence[Named], states: States) -> list[Place]:
         x, o = _poses(named, states)

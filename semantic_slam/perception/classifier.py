@@ -135,7 +135,8 @@ def crop_features(extractor: "FeatureExtractor", image: NDArray[np.uint8], boxes
     """(D, F) learned features of the objects in (D, 4) boxes of an RGB image."""
     size = extractor.input_size
     crops = np.array([square_crop(image, box, size) for box in boxes], dtype=np.uint8)
-    return extractor.features(crops.reshape(len(boxes), size, size, 3))
+    features: Array = extractor.features(crops.reshape(len(boxes), size, size, 3))
+    return features
 
 
 def _sight(frame: Frame, T_base_camera: Array) -> Array:
