@@ -42,7 +42,7 @@ class HeadingModes:
         length = belief.mean.shape[1]
         mean = np.empty((CELLS, length + 1))
         mean[:, :length] = belief.mean
-        mean[:, length] = wrap_angle(2.0 * np.pi / CELLS * np.arange(CELLS))
+        mean[:, length] = wrap_angle(np.linspace(0.0, 2.0 * np.pi, CELLS, endpoint=False, dtype=np.float64))
         covariance = np.diag(np.append(belief.sigma[0], CELL_SIGMA_RAD) ** 2)
         return cls(np.full(CELLS, -np.log(CELLS)), mean, np.tile(covariance, (CELLS, 1, 1)))
 

@@ -25,7 +25,7 @@ from semantic_slam.inference.problem import ObjectEntry, Problem
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics import Semantics
 from semantic_slam.latent.load import load_latent_model
-from semantic_slam.latent.model import DescriptorModel
+from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.correlated import CorrelatedModel
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.load import load_model
@@ -104,7 +104,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
     objects = tuple(_entry(item, run.class_names) for item in prior.objects)
     descriptors = load_latent_model(configuration.semantic_model)
-    latent = _latent(configuration, descriptors, objects) if descriptors is not None else None
+    latent = _latent(configuration, descriptors, prior, objects) if descriptors is not None else None
     return Problem(
         manifold=PlanarPoses(),
         model=PlanarObservation(
@@ -133,11 +133,22 @@ def _num_features(model: ViewpointModel | DescriptorModel | None) -> int:
 
 
 def _latent(
-    configuration: Configuration, model: DescriptorModel, objects: tuple[ObjectEntry, ...]
+    configuration: Configuration, model: DescriptorModel, prior: MapPrior, objects: tuple[ObjectEntry, ...]
 ) -> LatentObservation:
-    """With what the classes of a map tell of its objects."""
+    """With what a map tells of its objects: their descriptors, or else their classes."""
     known = {entry.object_id: prior_of_classes(model, entry.class_prior) for entry in objects}
+    known |= {item.object_id: _descriptor(item, model) for item in prior.objects if len(item.descriptor)}
     return LatentObservation(model, _correlated_views(configuration.semantic_model), known)
+
+
+def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
+    """Raises InputError for a descriptor of another latent space."""
+    if len(item.descriptor) != model.num_dimensions:
+        raise InputError(
+            f"map prior: object {item.object_id} has a descriptor of {len(item.descriptor)} components, the latent"
+            f" space has {model.num_dimensions}; use the semantic_model.path that the map was made with"
+        )
+    return DescriptorBelief(item.descriptor[None], np.sqrt(item.descriptor_variance)[None])
 
 
 def _semantics(configuration: Configuration, model: ViewpointModel | None) -> Semantics | None:
