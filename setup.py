@@ -10,6 +10,7 @@ COMMANDS = (
     "make_scene",
     "import_dataset",
     "bag_to_report",
+    "find_lookalike",
     "train_classifier",
     "fit_viewpoint_models",
     "run_study",

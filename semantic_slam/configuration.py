@@ -26,13 +26,15 @@ def parameter(default: Any, text: str, **limits: Any) -> Any:
 class SemanticModelConfiguration:
     kind: str = parameter(
         "gp_independent",
-        "class models of Eq. 4.2; gp_correlated: views share their errors",
-        choices=("none", "parametric", "gp_independent", "gp_correlated"),
+        "class models of Eq. 4.2; gp_correlated: views share their errors; latent: descriptors in a learned space",
+        choices=("none", "parametric", "gp_independent", "gp_correlated", "latent"),
     )
-    path: str = parameter("", "viewpoint model file of gp_independent and gp_correlated; empty: the shipped one")
+    path: str = parameter("", "file of the viewpoint models, or of the latent space; empty: the shipped one")
     class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
     correlated_views: float = parameter(
-        4.0, "gp_independent: so many consecutive views tell as much as one, they repeat their errors", minimum=1.0
+        4.0,
+        "gp_independent, latent: so many consecutive views tell as much as one, they repeat their errors",
+        minimum=1.0,
     )
     sigma_view: float = parameter(
         0.03, "gp_correlated: standard deviation of a score between views from the same direction", minimum=1e-3

@@ -39,7 +39,7 @@ def measurements(d=2, t=3, c=4, f=2):
         feature_covariances=numbers(d, f, f), predictive_entropy=numbers(d), mutual_information=numbers(d),
         ranges_m=ranges, bearings_rad=numbers(d), geometric_covariances=numbers(d, 2, 2),
         sensor_position=numbers(3), in_coverage=numbers(d) > 1, dropped=3,
-        sight=numbers(4, 2),
+        sight=numbers(4, 2), elevations_rad=numbers(d),
     )  # fmt: skip
 
 
@@ -68,12 +68,12 @@ def candidates(k=2, d=3, p=1):
     )  # fmt: skip
 
 
-def components(s=2, o=3, lost=1):
+def components(s=2, o=3, lost=1, length=0):
     return Components(
         "run", 4, 1, numbers(s, dtype=np.uint64), numbers(s, 7), numbers(s, 6, 6), numbers(o, dtype=np.uint32),
         numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, 4 if s and o else 0), numbers(s, o),
         numbers(s, o) > 1, numbers(s, o, dtype=np.uint32), numbers(s, o),
-        numbers(lost, dtype=np.uint64),
+        numbers(lost, dtype=np.uint64), numbers(s, o, length), numbers(s, o, length),
     )  # fmt: skip
 
 
@@ -104,6 +104,7 @@ VALUES = {
     "candidates without detections": candidates(d=0),
     "no candidates": candidates(k=0, d=0),
     "components": components(),
+    "components with descriptors": components(length=2),
     "no components": components(s=0, o=0, lost=0),
     "commit": commit(
         (LineageStep((1, -1), (0, -1), 2), LineageStep((2, 1), (-1, -1), 0)),

@@ -10,6 +10,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.class_knowledge import ClassKnowledge, class_knowledge
 from semantic_slam.inference.component import Component, Held, LostComponentError, object_key, robot_key
 from semantic_slam.inference.continuation import Continuations, Expander
+from semantic_slam.inference.descriptor_knowledge import descriptor_knowledge
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.objects import ObjectRegistry, Roster
 from semantic_slam.inference.open_component import OpenComponent
@@ -180,11 +181,12 @@ class Backend:
         )
 
     def _report(self, keyframe: int, lost: list[int]) -> Components:
-        rows = []
+        rows, descriptors = [], []
         registry = self._present()
         for number in sorted(self.held):
             try:
                 rows.append((number, *self._component_row(self.held[number].component, registry)))
+                descriptors.append(descriptor_knowledge(self.held[number].component, registry))
             except LostComponentError:
                 lost.append(number)
                 del self.held[number]
@@ -207,6 +209,8 @@ class Backend:
             forgotten_views=np.array([row[3].forgotten_views for row in rows], dtype=np.uint32).reshape(count, objects),
             existence=np.array([row[4] for row in rows]).reshape(count, objects),
             lost_ids=np.array(sorted(lost), dtype=np.uint64),
+            descriptors=_stacked([known.mean for known in descriptors], objects),
+            descriptor_variances=_stacked([known.variance for known in descriptors], objects),
         )
 
     def _present(self) -> ObjectRegistry:
@@ -240,6 +244,11 @@ def _extended(component: Component, step: Step, found: Continuations, at: int) -
     taken = found.steps[at]
     observed = step.observed(taken.association, taken.class_assignment, found.used)
     return component.extended(step.motion, observed, found.continued(at))
+
+
+def _stacked(rows: list[Array], num_objects: int) -> Array:
+    """(S, O, L) from (O, L); L is 0 without rows."""
+    return np.array(rows) if rows else np.zeros((0, num_objects, 0))
 
 
 def _rows(rows: list[tuple[int, ...]], width: int) -> NDArray[np.int32]:

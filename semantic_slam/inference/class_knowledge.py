@@ -33,7 +33,7 @@ def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnow
         views = component.views.get(number)
         if number in component.classes:
             probabilities[row] = np.eye(probabilities.shape[1])[component.classes[number]]
-        elif views is not None:
+        elif views is not None and probabilities.shape[1]:
             probabilities[row] = class_posterior(log_prior[row], views.log_likelihood)
         if views is not None:
             information[row], inside[row] = views.mutual_information, views.in_coverage

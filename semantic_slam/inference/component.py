@@ -1,6 +1,6 @@
 """One hypothesis's smoothed belief b[X_k] (Eq. 4.9): an iSAM2 that is forked when the hypothesis branches."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -10,16 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.smoother import LostComponentError, Named, Smoother
+from semantic_slam.inference.semantic_factors import DESCRIPTOR, Named, SemanticFactors
+from semantic_slam.inference.smoother import LostComponentError, Smoother
 from semantic_slam.inference.stack import Predicted
 
 if TYPE_CHECKING:
     from semantic_slam.inference.history import History
 
-__all__ = ["Component", "Continued", "Held", "LostComponentError", "Motion", "Observed", "object_key", "robot_key"]
+__all__ = ["Component", "Continued", "Held", "LostComponentError", "Motion", "Observed"]
+__all__ += ["descriptor_key", "object_key", "robot_key"]
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,12 @@ def robot_key(keyframe: int) -> int:
 def object_key(object_id: int) -> int:
     """O(n)."""
     return int(gtsam.symbol("o", object_id))
+
+
+@cache
+def descriptor_key(object_id: int) -> int:
+    """E(n)."""
+    return int(gtsam.symbol(DESCRIPTOR, object_id))
 
 
 @dataclass(frozen=True)
@@ -86,14 +95,19 @@ class Component:
 
     @classmethod
     def root(
-        cls, manifold: Manifold, model: ObservationModel, robot: GaussianPrior, objects: dict[int, GaussianPrior]
+        cls,
+        manifold: Manifold,
+        model: ObservationModel,
+        robot: GaussianPrior,
+        objects: dict[int, GaussianPrior],
+        latent: LatentObservation | None = None,
     ) -> "Component":
-        """The prior of Eq. 4.3."""
+        """The prior of Eq. 4.3; descriptors enter with the first view of their object."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
             graph.add(manifold.prior_factor(key, prior.mean, prior.covariance))
             manifold.insert(values, key, prior.mean)
-        smoother = Smoother.of(manifold, model, graph, values)
+        smoother = Smoother.of(manifold, SemanticFactors(manifold, model, latent), graph, values)
         return cls(manifold, model, smoother, -1, object_ids=frozenset(objects))
 
     def newest_robot(self) -> Array:
@@ -142,7 +156,9 @@ class Component:
         ]
         start = {robot_key(keyframe): continued.robot} | continued.smoothed
         start |= {object_key(item.object_id): o for item, o in zip(observed, continued.objects, strict=True)}
-        smoother = self.smoother.extended(graph, values, named, start, self._jumped(motion, continued))
+        entering = descriptor_views(continued.views)
+        start |= self.with_descriptors(graph, values, continued.views, entering, start)
+        smoother = self.smoother.extended(graph, values, [*named, *entering], start, self._jumped(motion, continued))
         return Component(
             self.manifold,
             self.model,
@@ -155,6 +171,28 @@ class Component:
             continued.history,
             continued.corrections,
         )
+
+    def with_descriptors(
+        self,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        views: Mapping[int, ObjectViews],
+        entering: Sequence[Named],
+        start: Mapping[int, Array],
+    ) -> dict[int, Array]:
+        """Add the variables E(n) that ``entering`` views need; states of all their variables that ``start`` lacks."""
+        states: dict[int, Array] = {}
+        for number, record in views.items():
+            key, guess = descriptor_key(number), record.descriptor
+            if guess is None or not guess.entering:
+                continue
+            states[key] = guess.mean
+            if not self.smoother.has(key):
+                prior = self.smoother.semantics.descriptor_prior(number)
+                graph.add(gtsam.PriorFactorVector(key, prior.mean[0], gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])))
+                values.insert(key, guess.mean)
+        lacking = sorted({key for item in entering for key in item.keys} - start.keys() - states.keys())
+        return states | dict(zip(lacking, self.states(lacking), strict=True))
 
     def _new(
         self, motion: Motion, observed: Sequence[Observed], continued: Continued
@@ -183,6 +221,16 @@ class Component:
             for key, state in zip(past, self.states(past), strict=True)
         ]
         return bool(np.abs(moved).max() > JUMP)
+
+
+def descriptor_views(views: Mapping[int, ObjectViews]) -> list[Named]:
+    """The semantic measurements that enter the graph with new records of objects."""
+    return [
+        Named(robot_key(keyframe), object_key(number), detection, -1, descriptor_key(number), record.descriptor.is_bent)
+        for number, record in views.items()
+        if record.descriptor is not None
+        for keyframe, detection in record.descriptor.entering
+    ]
 
 
 @dataclass(frozen=True)

@@ -195,6 +195,8 @@ class HypothesisManager:
             in_coverage=np.array([row.in_coverage for row in rows]),
             forgotten_views=np.array([row.forgotten_views for row in rows]),
             existence=np.array([row.existence for row in rows]),
+            descriptors=np.array([row.descriptors for row in rows]),
+            descriptor_variances=np.array([row.descriptor_variances for row in rows]),
         )
 
 
@@ -236,6 +238,8 @@ class _Row:
     in_coverage: NDArray[np.bool_]
     forgotten_views: NDArray[np.uint32]
     existence: Array
+    descriptors: Array
+    descriptor_variances: Array
 
 
 def _merged(answers: list[Candidates]) -> _Merged:
@@ -269,6 +273,8 @@ def _by_id(answers: list[Components]) -> dict[int, _Row]:
             answer.in_coverage[i],
             answer.forgotten_views[i],
             answer.existence[i],
+            answer.descriptors[i],
+            answer.descriptor_variances[i],
         )
         for answer in answers
         for i, number in enumerate(answer.ids)

@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ class ObjectPrior:
     covariance: Array  # (6, 6) x y z rx ry rz along the axes of map, as in PoseWithCovariance
     class_probabilities: dict[str, float]  # {} = uniform over the classes of the belief
     existence: float = 1.0
+    descriptor: Array = field(default_factory=lambda: np.zeros(0))  # (L,) in a learned latent space; empty: not known
+    descriptor_variance: Array = field(default_factory=lambda: np.zeros(0))  # (L,)
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class MapPrior:
 
 
 def _row(prior: ObjectPrior) -> dict[str, object]:
+    learned = {"descriptor": prior.descriptor.tolist(), "descriptor_variance": prior.descriptor_variance.tolist()}
     return {
         "id": prior.object_id,
         "name": prior.name,
@@ -51,6 +54,7 @@ def _row(prior: ObjectPrior) -> dict[str, object]:
         "covariance": prior.covariance.tolist(),
         "class_probabilities": prior.class_probabilities,
         "existence": prior.existence,
+        **(learned if len(prior.descriptor) else {}),
     }
 
 
@@ -90,6 +94,7 @@ def _object(row: dict[str, object]) -> ObjectPrior:
         covariance=_covariance(row["covariance"]),
         class_probabilities=_class_probabilities(row.get("class_probabilities")),
         existence=float(str(row.get("existence", 1.0))),
+        **_descriptor(row),
     )
 
 
@@ -98,6 +103,14 @@ def _check_frame(values: dict[str, object]) -> None:
         raise TypeError("a mapping is expected")
     if values.get("frame", "map") != "map":
         raise ValueError(f"frame is {values['frame']!r}, and must be 'map'")
+
+
+def _descriptor(row: dict[str, object]) -> dict[str, Array]:
+    names = ("descriptor", "descriptor_variance")
+    mean, variance = (np.asarray(row.get(name, ()), dtype=np.float64) for name in names)
+    if mean.ndim != 1 or mean.shape != variance.shape or not np.isfinite(mean).all() or not (variance > 0.0).all():
+        raise ValueError("a descriptor needs finite numbers, and as many positive variances")
+    return {"descriptor": mean, "descriptor_variance": variance}
 
 
 def _pose(values: object) -> Array:

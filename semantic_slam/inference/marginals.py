@@ -33,6 +33,8 @@ class Mixture:
     in_coverage: NDArray[np.bool_]  # (H, O)
     forgotten_views: NDArray[np.uint32]  # (H, O)
     existence: Array  # (H, O) NaN where a hypothesis has no such object
+    descriptors: Array  # (H, O, L) NaN there, too
+    descriptor_variances: Array  # (H, O, L)
 
     def association_histories(self) -> list[tuple[tuple[int, ...], ...]]:
         """beta of every hypothesis since they were last one; before that they agree."""
@@ -54,6 +56,15 @@ def epistemic_part(weights: Array, by_hypothesis: Array) -> Array:
     return np.where(total > 0.0, summed / np.where(total > 0.0, total, 1.0), np.nan)
 
 
+def matched_descriptors(weights: Array, means: Array, variances: Array) -> tuple[Array, Array]:
+    """(O, L) means and variances of the mixture of (H,) Gaussians; NaN where a hypothesis has no such object."""
+    share = weights[:, None, None] * np.isfinite(means)
+    share /= np.maximum(share.sum(axis=0), 1e-300)
+    known, spread = np.nan_to_num(means), np.nan_to_num(variances)
+    mean = (share * known).sum(axis=0)
+    return mean, np.asarray((share * (spread + (known - mean) ** 2)).sum(axis=0))
+
+
 def state_belief(
     step: Step,
     mixture: Mixture,
@@ -65,7 +76,7 @@ def state_belief(
     """The belief after one keyframe."""
     weights = np.exp(mixture.log_weights)
     poses, covariances = matched_moments_of_many(weights, mixture.object_poses, mixture.object_covariances)
-    count = len(registry.ids)
+    descriptors, variances = matched_descriptors(weights, mixture.descriptors, mixture.descriptor_variances)
     return HybridBelief(
         stamp_ns=step.stamp_ns,
         keyframe=step.index,
@@ -90,8 +101,8 @@ def state_belief(
         mutual_information=epistemic_part(weights, mixture.mutual_information),
         in_coverage=weights @ mixture.in_coverage >= 0.5,
         forgotten_views=mixture.forgotten_views[int(np.argmax(weights))],
-        descriptors=np.zeros((count, 0)),
-        descriptor_covariances=np.zeros((count, 0)),
+        descriptors=descriptors,
+        descriptor_covariances=variances,
         association_entropy=association_entropy(weights, mixture.association_histories()),
         component_entropy=component_entropy(weights),
         discarded_mass=discarded_mass,

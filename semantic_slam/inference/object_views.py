@@ -52,6 +52,25 @@ class Correction:
         return manifold.retract(state, root @ self.shift), root @ self.covariance @ root.T
 
 
+UNCERTAIN_RAD = 0.2
+"""Standard deviation of the direction of view from which on a linear factor of the feature would not do."""
+
+
+@dataclass(frozen=True)
+class DescriptorRecord:
+    """What the views of one object tell of its descriptor; later keyframes without it change that little."""
+
+    mean: Array  # (L,)
+    variance: Array  # (L,)
+    direction_sigma_rad: float  # of the newest view's azimuth
+    entering: tuple[tuple[int, Any], ...]  # keyframe and detection of the views whose factors enter with this record
+
+    @property
+    def is_bent(self) -> bool:
+        """Whether the factors that enter have to be exact."""
+        return self.direction_sigma_rad > UNCERTAIN_RAD
+
+
 @dataclass(frozen=True)
 class ObjectViews:
     """The semantic record of one object in one hypothesis; C classes."""
@@ -63,6 +82,7 @@ class ObjectViews:
     log_dropped: Array | None = None  # (C,) share of log_likelihood of the views no longer in ``recent``
     dropped: int = 0  # number of those views
     correction: Correction | None = None  # of the object's pose
+    descriptor: DescriptorRecord | None = None  # with a learned latent space
 
 
 def class_posterior(log_prior: Array, log_likelihood: Array) -> Array:

@@ -13,7 +13,8 @@ from semantic_slam.inference.local_map import LocalMap
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
-from semantic_slam.inference.smoother import Named, Smoother
+from semantic_slam.inference.semantic_factors import Named
+from semantic_slam.inference.smoother import Smoother
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]

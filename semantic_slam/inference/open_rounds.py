@@ -184,6 +184,8 @@ def _over(answer: Components, ids: NDArray[np.uint32], class_prior: Array) -> Co
         in_coverage=spread(answer.in_coverage, True),
         forgotten_views=spread(answer.forgotten_views, 0),
         existence=spread(answer.existence, np.nan),
+        descriptors=spread(answer.descriptors, np.nan),
+        descriptor_variances=spread(answer.descriptor_variances, np.nan),
     )
 
 

@@ -24,6 +24,7 @@ class PlanarDetection:
     sensor: Array  # (2,) camera in the body frame, metres
     feature: Array  # (F,) z_sem
     feature_covariance: Array  # (F, F) covariance of the dropout samples
+    elevation_rad: float = 0.0  # of the camera over the object, from the box
 
     @cached_property
     def has_range(self) -> bool:
@@ -72,6 +73,7 @@ class PlanarDetections:
     sensor: Array  # (B, 2)
     feature: Array  # (B, F)
     feature_covariance: Array  # (B, F, F)
+    elevation_rad: Array  # (B,)
 
     @classmethod
     def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
@@ -87,6 +89,7 @@ class PlanarDetections:
             np.array([item.sensor for item in detections]).reshape(count, 2),
             np.array([item.feature for item in detections]).reshape(count, size),
             np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
+            np.array([item.elevation_rad for item in detections]),
         )
 
     def take(self, index: Any) -> "PlanarDetections":

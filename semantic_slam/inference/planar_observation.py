@@ -78,28 +78,26 @@ class PlanarObservation:
         turn = sine_cosine(rows.o[..., 2] - rows.x[..., 2])
         return Linearisation(
             whitened.reshape(-1, 2),
-            _by_pose(by_point, body).reshape(-1, 2, 3),
-            _by_position(by_point, *turn).reshape(-1, 2, 3),
+            by_pose(by_point, body).reshape(-1, 2, 3),
+            by_position(by_point, *turn).reshape(-1, 2, 3),
             log_normaliser.reshape(-1),
         )
 
     def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
         """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes."""
         v = camera_in_object(x, o, _repeated(seen.sensor, len(x)))
-        distance, azimuth = _polar(v)
+        distance, azimuth = polar(v)
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
         stacked = np.empty((*prediction.mean.shape, 3))
         stacked[..., 0] = self._feature_residual(prediction, seen)
         stacked[..., 1:] = prediction.mean_jacobian[:, :, ::2]
         whitened = _forward(root, stacked)
-        radial, turn = _polar_jacobian(v, distance)
+        radial, turn = polar_jacobian(v, distance)
         by_view = whitened[..., 1:2] * turn[:, None]
         by_view += whitened[..., 2:] * radial[:, None]
-        by_robot = _by_position(by_view, *sine_cosine(x[:, 2] - o[:, 2]))
-        if seen.sensor.any():
-            by_robot[..., 2] = _about_camera(by_robot, _repeated(seen.sensor, len(x)))
-        return Linearisation(whitened[..., 0], by_robot, _by_pose(by_view, v), log_normaliser)
+        by_robot = by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
+        return Linearisation(whitened[..., 0], by_robot, by_pose(by_view, v), log_normaliser)
 
     def log_likelihood(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
@@ -108,7 +106,7 @@ class PlanarObservation:
         total = (seen.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
         if classes is None:
             return np.asarray(total)
-        distance, azimuth = _polar(camera_in_object(x, o, _repeated(seen.sensor, len(x))))
+        distance, azimuth = polar(camera_in_object(x, o, _repeated(seen.sensor, len(x))))
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
         residual = _forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
@@ -123,7 +121,7 @@ class PlanarObservation:
         """
         reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
         turns = reach[:, None] * np.linspace(-1.0, 1.0, WINDOW_ANGLES)
-        distance, azimuth = _polar(camera_in_object(x, o, seen.sensor))
+        distance, azimuth = polar(camera_in_object(x, o, seen.sensor))
         prediction = self._predict(
             np.repeat(classes, WINDOW_ANGLES), (azimuth[:, None] - turns).ravel(), np.repeat(distance, WINDOW_ANGLES)
         )
@@ -134,7 +132,7 @@ class PlanarObservation:
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
-        distance, bearing = _polar(object_in_body(x, o))
+        distance, bearing = polar(object_in_body(x, o))
         return self.visibility.log_probability(distance, bearing, soft=soft)
 
     def robot_start(self, seen: PlanarDetections, x: Array, o: Array) -> Array:
@@ -184,11 +182,11 @@ class PlanarObservation:
         jacobian[:, 1, 3] = np.sin(turn)
         jacobian[:, 0, 4] = -jacobian[:, 1, 3]
         spread = np.einsum("bij,bjk,bik->b", jacobian, covariance, jacobian)
-        return np.asarray(np.sqrt(spread) / _polar(d)[0])
+        return np.asarray(np.sqrt(spread) / polar(d)[0])
 
     def view_change(self, before: Array, now: Array) -> Array:
         """Of direction or heading, from poses of objects in the robot's frame."""
-        distance, _ = _polar(before)
+        distance, _ = polar(before)
         moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
         return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
 
@@ -230,7 +228,7 @@ class _Rows:
         """(..., 2) object in the body frame and from the detection's origin, its (...,) distance, (..., 2) residual."""
         seen, body = self.seen, object_in_body(self.x, self.o)
         d = body - seen.origin
-        distance, bearing = _polar(d)
+        distance, bearing = polar(d)
         by_range, turn = distance - seen.range_m, wrap_angle(bearing - seen.bearing_rad)
         whitened = np.empty(d.shape)
         whitened[..., 0] = seen.whiten[..., 0, 0] * by_range
@@ -239,7 +237,7 @@ class _Rows:
 
     def by_polar(self, d: Array, distance: Array) -> Array:
         """(..., 2, 2) derivative of the residual by the point ``d``."""
-        radial, turn = _polar_jacobian(d, distance)
+        radial, turn = polar_jacobian(d, distance)
         whiten = self.seen.whiten
         found = np.empty((*d.shape, 2))
         found[..., 0, :] = whiten[..., 0, :1] * radial
@@ -266,7 +264,7 @@ def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
 
 def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
     """From where the camera of (B, 3) robots sees (B, 3) objects."""
-    distance, azimuth = _polar(camera_in_object(x, o, sensor))
+    distance, azimuth = polar(camera_in_object(x, o, sensor))
     return Viewpoints(azimuth, np.zeros_like(azimuth), distance)
 
 
@@ -292,13 +290,13 @@ def _turned_back(sin: Array, cos: Array, x: Array, y: Array) -> Array:
     return turned
 
 
-def _polar(point: Array) -> tuple[Array, Array]:
+def polar(point: Array) -> tuple[Array, Array]:
     """Distance [m] and direction [rad] of (..., 2) points."""
     x, y = point[..., 0], point[..., 1]
     return np.maximum(np.sqrt(x * x + y * y), LEAST_DISTANCE_M), np.arctan2(y, x)
 
 
-def _polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
+def polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
     """(..., 2) derivatives of distance and of direction with respect to the point."""
     scale = 1.0 / distance
     radial, turn = np.empty_like(point), np.empty_like(point)
@@ -307,7 +305,7 @@ def _polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
     return radial, turn
 
 
-def _by_pose(by_point: Array, point: Array) -> Array:
+def by_pose(by_point: Array, point: Array) -> Array:
     """(..., m, 3) derivatives by the pose of the frame that ``point`` (..., 2) is given in: by_point [-I, -S point]."""
     found = np.empty((*by_point.shape[:-1], 3))
     np.negative(by_point, out=found[..., :2])
@@ -315,13 +313,21 @@ def _by_pose(by_point: Array, point: Array) -> Array:
     return found
 
 
-def _by_position(by_point: Array, sin: Array, cos: Array) -> Array:
+def by_position(by_point: Array, sin: Array, cos: Array) -> Array:
     """(..., m, 3) derivatives by a pose of which only the position counts, turned against the frame."""
     sin, cos = sin[..., None], cos[..., None]
     found = np.empty((*by_point.shape[:-1], 3))
     found[..., 0] = by_point[..., 0] * cos + by_point[..., 1] * sin
     found[..., 1] = by_point[..., 1] * cos - by_point[..., 0] * sin
     found[..., 2] = 0.0
+    return found
+
+
+def by_camera(by_point: Array, angle: Array, sensor: Array) -> Array:
+    """(B, m, 3) derivatives by the robot's pose, its camera at ``sensor``: by_point R [I, S s]."""
+    found = by_position(by_point, *sine_cosine(angle))
+    if sensor.any():
+        found[..., 2] = _about_camera(found, _repeated(sensor, len(found)))
     return found
 
 

@@ -66,4 +66,5 @@ def _detection(measurements: SemanticMeasurements, index: int) -> PlanarDetectio
         sensor=measurements.sensor_position[:2],
         feature=measurements.features[index],
         feature_covariance=measurements.feature_covariances[index],
+        elevation_rad=float(measurements.elevations_rad[index]),
     )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import OpenWorldConfiguration, PruningConfiguration, WeightsConfiguration
 from semantic_slam.inference.component import Component
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.semantics import Semantics
@@ -55,6 +56,7 @@ class Problem:
     association: str  # enumerated | given | open
     distinct: bool
     semantics: Semantics | None = None  # records of the objects' views; None without class models
+    latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
@@ -62,4 +64,4 @@ class Problem:
     def root(self) -> Component:
         """The component before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
-        return Component.root(self.manifold, self.model, self.robot, priors)
+        return Component.root(self.manifold, self.model, self.robot, priors, self.latent)

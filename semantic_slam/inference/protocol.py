@@ -78,7 +78,7 @@ class Commit:
 
 @dataclass(frozen=True)
 class Components:
-    """S smoothed components that a backend now holds; O objects, C classes."""
+    """S smoothed components that a backend now holds; O objects, C classes, L descriptor dimensions."""
 
     run_id: str
     keyframe: int
@@ -95,6 +95,8 @@ class Components:
     forgotten_views: NDArray[np.uint32]  # (S, O) views that a new one is no longer correlated with
     existence: Array  # (S, O) NaN where the component has no such object
     lost_ids: NDArray[np.uint64]
+    descriptors: Array  # (S, O, L) of a learned latent space, what is known before the first view until then
+    descriptor_variances: Array  # (S, O, L)
 
 
 class BackendPool(Protocol):

@@ -12,6 +12,9 @@ from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.carried_classes import CarriedClasses
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import digest
+from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.latent_priors import prior_of_classes
+from semantic_slam.inference.latent_views import LatentViews
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
@@ -21,6 +24,8 @@ from semantic_slam.inference.planar_views import IndependentViews
 from semantic_slam.inference.problem import ObjectEntry, Problem
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics import Semantics
+from semantic_slam.latent.load import load_latent_model
+from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.correlated import CorrelatedModel
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.load import load_model
@@ -58,7 +63,7 @@ def make_run_configuration(
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
     covariance = np.asarray(initial_covariance, dtype=np.float64)
-    model = load_model(configuration.semantic_model)
+    model = load_model(configuration.semantic_model) or load_latent_model(configuration.semantic_model)
     names = model.class_names if model is not None else ()
     run_id = digest(settings, prior, json.dumps(pose), json.dumps(covariance.tolist()), *names)
     return RunConfiguration(
@@ -97,6 +102,9 @@ def problem_of(run: RunConfiguration) -> Problem:
     model = load_model(configuration.semantic_model)
     visibility = configuration.visibility
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
+    objects = tuple(_entry(item, run.class_names) for item in prior.objects)
+    descriptors = load_latent_model(configuration.semantic_model)
+    latent = _latent(configuration, descriptors, prior, objects) if descriptors is not None else None
     return Problem(
         manifold=PlanarPoses(),
         model=PlanarObservation(
@@ -105,18 +113,42 @@ def problem_of(run: RunConfiguration) -> Problem:
             configuration.new_objects,
             _correlated_views(configuration.semantic_model),
         ),
-        reader=PlanarReader(model.num_features if model is not None else 0),
+        reader=PlanarReader(_num_features(model or descriptors)),
         robot=_planar_prior(run.initial_pose, run.initial_covariance),
-        objects=tuple(_entry(item, run.class_names) for item in prior.objects),
+        objects=objects,
         class_names=run.class_names,
         seed=configuration.seed,
         association=configuration.association,
-        semantics=_semantics(configuration, model),
+        semantics=LatentViews(latent) if latent is not None else _semantics(configuration, model),
+        latent=latent,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
         pruning=configuration.pruning,
         open_world=configuration.open_world,
     )
+
+
+def _num_features(model: ViewpointModel | DescriptorModel | None) -> int:
+    return model.num_features if model is not None else 0
+
+
+def _latent(
+    configuration: Configuration, model: DescriptorModel, prior: MapPrior, objects: tuple[ObjectEntry, ...]
+) -> LatentObservation:
+    """With what a map tells of its objects: their descriptors, or else their classes."""
+    known = {entry.object_id: prior_of_classes(model, entry.class_prior) for entry in objects}
+    known |= {item.object_id: _descriptor(item, model) for item in prior.objects if len(item.descriptor)}
+    return LatentObservation(model, _correlated_views(configuration.semantic_model), known)
+
+
+def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
+    """Raises InputError for a descriptor of another latent space."""
+    if len(item.descriptor) != model.num_dimensions:
+        raise InputError(
+            f"map prior: object {item.object_id} has a descriptor of {len(item.descriptor)} components, the latent"
+            f" space has {model.num_dimensions}; use the semantic_model.path that the map was made with"
+        )
+    return DescriptorBelief(item.descriptor[None], np.sqrt(item.descriptor_variance)[None])
 
 
 def _semantics(configuration: Configuration, model: ViewpointModel | None) -> Semantics | None:
@@ -141,7 +173,7 @@ def _in_graph(configuration: Configuration) -> bool:
 
 def _correlated_views(settings: SemanticModelConfiguration) -> float:
     """The parametric model is exact by definition; fitted models meet the same error in view after view."""
-    return settings.correlated_views if settings.kind == "gp_independent" else 1.0
+    return settings.correlated_views if settings.kind in ("gp_independent", "latent") else 1.0
 
 
 def _planar_prior(pose: Array, covariance: Array) -> GaussianPrior:

@@ -1,12 +1,12 @@
 """The iSAM2 of a component: forked, updated until it has converged, optimised as a whole where updates cannot.
 
 Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and those
-of an object that a keyframe observes are made anew where its view has changed.
+of an object that a keyframe observes are made anew where its view has changed. Its variables are poses of dimension d
+and, with a learned latent space, descriptors of L components.
 """
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.manifold import Manifold
-from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.semantic_factors import DESCRIPTOR, Made, Named, SemanticFactors, is_descriptor
 
 Array = NDArray[np.float64]
 
 MAX_UPDATES = 8
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
-MOVED = 0.1
-"""Change of a view, radians, from which on its linear factor is made anew."""
 SAME = 1e-3
 """Change of a state, metres or radians, below which linear factors need not be made again in an optimisation."""
 MAX_ROUNDS = 6
@@ -38,42 +36,24 @@ class LostComponentError(SemanticSlamError):
 
 
 @dataclass(frozen=True)
-class Named:
-    """A semantic measurement under a class."""
-
-    robot_key: int
-    object_key: int
-    detection: Any
-    assigned_class: int
-
-
-@dataclass(frozen=True)
-class Made:
-    """The linear factor of a semantic measurement."""
-
-    named: Named
-    index: int  # in iSAM2's list of factors
-    relative: Array  # (d,) the object as seen from the robot where it was made
-
-
-@dataclass(frozen=True)
 class Smoother:
     """iSAM2 and the semantic measurements in it."""
 
     manifold: Manifold
-    model: ObservationModel
+    semantics: SemanticFactors
     isam: gtsam.ISAM2
     made: tuple[Made, ...] = ()
+    num_descriptors: int = 0  # variables E(n)
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
     def of(
-        cls, manifold: Manifold, model: ObservationModel, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+        cls, manifold: Manifold, semantics: SemanticFactors, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ) -> "Smoother":
         """A new one."""
-        isam = _new_isam(manifold)
+        isam = _new_isam(manifold, semantics)
         isam.update(graph, values)
-        return cls(manifold, model, isam)
+        return cls(manifold, semantics, isam)
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, d) estimates of different keys."""
@@ -82,10 +62,19 @@ class Smoother:
         ascending = self.manifold.states(self.isam.calculateEstimate(list(keys)))
         return ascending[np.argsort(np.argsort(keys))]
 
-    def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """(n d, n d) marginal covariance in the order of ``keys``, in the tangent spaces at the estimate.
+    def descriptors(self, keys: Sequence[int]) -> Array:
+        """(n, L) estimates of descriptors."""
+        return np.array([self.isam.calculateEstimateVector(key) for key in keys])
 
-        Read once: a report and the prediction after it ask for the same. Raises LostComponentError.
+    def has(self, key: int) -> bool:
+        """Whether there is such a variable."""
+        return bool(self.isam.valueExists(key))
+
+    def joint_covariance(self, keys: Sequence[int]) -> Array:
+        """Marginal covariance in the order of ``keys``, d rows for a pose and L for a descriptor.
+
+        In the tangent spaces at the estimate. Read once: a report and the prediction after it ask for the same.
+        Raises LostComponentError.
         """
         wanted = tuple(keys)
         if wanted not in self._known:
@@ -127,7 +116,8 @@ class Smoother:
         """
         try:
             fork = self._updated(gtsam.ISAM2(self.isam), graph, values, named, start)
-            settled = None if jumped else fork._settled(start)
+            certain = {item.descriptor_key for item in named if not item.exact}
+            settled = None if jumped else fork._settled(start, certain)
             return fork._optimised(start) if settled is None else settled
         except RuntimeError as fault:
             raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
@@ -166,7 +156,7 @@ class Smoother:
         parameters.setOptimizationParams(solver)
         isam = gtsam.ISAM2(parameters)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
-        return Smoother(self.manifold, self.model, isam, self.made)
+        return replace(self, isam=isam, _known={})
 
     def _updated(
         self,
@@ -174,114 +164,132 @@ class Smoother:
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
         named: Sequence[Named],
-        states: dict[int, Array],
+        states: Mapping[int, Array],
     ) -> "Smoother":
         """``isam`` after one update, with linear factors made at ``states``."""
-        factors, relatives = self._linear(named, states)
+        factors, places = self.semantics.make(named, states)
         for factor in factors:
             graph.add(factor)
+        new_descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         indices = isam.update(graph, values).getNewFactorsIndices()[graph.size() - len(factors) :]
-        made = [Made(*parts) for parts in zip(named, indices, relatives, strict=True)]
-        return Smoother(self.manifold, self.model, isam, (*self.made, *made))
+        made = [Made(*parts) for parts in zip(named, indices, places, strict=True)]
+        return Smoother(
+            self.manifold, self.semantics, isam, (*self.made, *made), self.num_descriptors + new_descriptors
+        )
 
-    def _linear(self, named: Sequence[Named], states: dict[int, Array]) -> tuple[list[Any], Array]:
-        """Linear factors of (n,) semantic measurements, and (n, d) objects as the robot sees them there."""
-        if not named:
-            return [], np.zeros((0, self.manifold.dimension))
-        x, o = (np.array([states[key] for key in keys]) for keys in _pairs(named))
-        keys = [(item.robot_key, item.object_key) for item in named]
-        classes = np.array([item.assigned_class for item in named])
-        factors = self.model.semantic_factors([item.detection for item in named], keys, classes, x, o)
-        return factors, self.manifold.between(x, o)
-
-    def _settled(self, keys: Collection[int]) -> "Smoother | None":
+    def _settled(self, keys: Collection[int], certain: Collection[int | None]) -> "Smoother | None":
         """Updated until no state is so far from where it is linearised that a further update would change it.
 
-        Where states were linearised anew, so are the semantic factors of objects among ``keys``.
+        Where states were linearised anew, so are the semantic factors of objects among ``keys``. Exact factors of
+        ``certain`` descriptors become linear.
         """
-        smoother = self
+        smoother, exact = self, self._exact(certain)
         for _ in range(MAX_UPDATES):
-            deltas = smoother.isam.getDelta().vector().reshape(-1, self.manifold.dimension)
-            if (np.abs(deltas) < self.manifold.relinearize_threshold).all():
+            if not exact and smoother._rests():
                 return smoother
-            smoother = smoother._renewed(smoother._stale(keys))
+            smoother = smoother._renewed([*smoother._stale(keys), *exact])
+            exact = []
         return None
+
+    def _rests(self) -> bool:
+        """Whether every variable is where it was linearised; descriptors come first, they have the lowest keys."""
+        deltas = np.abs(self.isam.getDelta().vector())
+        limit = self.semantics.descriptor_threshold
+        split = self.num_descriptors * len(limit)
+        poses = deltas[split:].reshape(-1, self.manifold.dimension) < self.manifold.relinearize_threshold
+        return bool(poses.all() and (deltas[:split].reshape(-1, max(len(limit), 1)) < limit).all())
+
+    def _exact(self, descriptor_keys: Collection[int | None]) -> list[int]:
+        """Which semantic measurements of these descriptors have exact factors."""
+        return [
+            row
+            for row, made in enumerate(self.made)
+            if made.named.exact and made.named.descriptor_key in descriptor_keys
+        ]
 
     def _stale(self, objects: Collection[int]) -> list[int]:
         """Which of the linear factors of these objects are no longer where they were made."""
-        rows = [row for row, made in enumerate(self.made) if made.named.object_key in objects]
+        rows = [row for row, made in enumerate(self.made) if made.named.object_key in objects and not made.named.exact]
         if not rows:
             return []
-        now = self._relative([self.made[row].named for row in rows])
-        before = np.array([self.made[row].relative for row in rows])
-        changes = self.model.view_change(before, now)
-        return [row for row, change in zip(rows, changes, strict=True) if change > MOVED]
+        made = [self.made[row] for row in rows]
+        moved = self.semantics.moved(made, self._states_of([item.named for item in made]))
+        return [row for row, stale in zip(rows, moved, strict=True) if stale]
 
-    def _relative(self, named: Sequence[Named]) -> Array:
-        """(n, d) objects as the robot sees them at the estimate."""
-        robots, objects = _pairs(named)
-        keys = sorted({*robots, *objects})
-        states = self.states(keys)
-        return self.manifold.between(states[np.searchsorted(keys, robots)], states[np.searchsorted(keys, objects)])
+    def _states_of(self, named: Sequence[Named]) -> dict[int, Array]:
+        """Estimates of all variables of some semantic measurements."""
+        keys = sorted({key for item in named for key in item.keys})
+        descriptors = [key for key in keys if is_descriptor(key)]
+        poses = keys[len(descriptors) :]
+        states = [*self.descriptors(descriptors), *self.states(poses)]
+        return dict(zip(keys, states, strict=True))
 
     def _renewed(self, rows: Sequence[int]) -> "Smoother":
-        """After an update that relinearises, in which some linear factors are replaced by those at the estimate."""
-        named = [self.made[row].named for row in rows]
-        keys = sorted({key for item in named for key in (item.robot_key, item.object_key)})
-        factors, relatives = self._linear(named, dict(zip(keys, self.states(keys), strict=True)))
+        """After an update that relinearises, in which some factors are replaced by linear ones at the estimate."""
+        named = [replace(self.made[row].named, exact=False) for row in rows]
+        factors, places = self.semantics.make(named, self._states_of(named))
         graph = gtsam.NonlinearFactorGraph()
         for factor in factors:
             graph.add(factor)
         result = self.isam.update(graph, gtsam.Values(), [self.made[row].index for row in rows])
         made = list(self.made)
-        for row, *parts in zip(rows, named, result.getNewFactorsIndices(), relatives, strict=True):
-            made[row] = Made(*parts)
-        return Smoother(self.manifold, self.model, self.isam, tuple(made))
+        for row, own, index, place in zip(rows, named, result.getNewFactorsIndices(), places, strict=True):
+            made[row] = Made(own, index, place)
+        return replace(self, made=tuple(made), _known={})
 
-    def _optimised(self, start: dict[int, Array]) -> "Smoother":
+    def _optimised(self, start: Mapping[int, Array]) -> "Smoother":
         """A new iSAM2 at the Levenberg-Marquardt optimum next to ``start``, its linear factors made there."""
         values = self.isam.calculateEstimate()
         for key, state in start.items():
             values.erase(key)
-            self.manifold.insert(values, key, state)
-        kept, named = self._nonlinear(), [made.named for made in self.made]
-        keys = sorted({key for item in named for key in (item.robot_key, item.object_key)})
+            self._insert(values, key, state)
+        kept, named = self._kept(), [made.named for made in self.made]
+        keys = sorted({key for item in named for key in item.keys})
         for _ in range(MAX_ROUNDS):
-            states = {key: self.manifold.state(values, key) for key in keys}
+            states = {key: self._state(values, key) for key in keys}
             graph = gtsam.NonlinearFactorGraph(kept)
-            factors, relatives = self._linear(named, states)
+            factors, places = self.semantics.make(named, states)
             for factor in factors:
                 graph.add(factor)
             values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-            if all(
-                np.abs(self.manifold.local(states[key], self.manifold.state(values, key))).max() < SAME for key in keys
-            ):
+            if all(self._change(key, states[key], self._state(values, key)) < SAME for key in keys):
                 break
-        isam = _new_isam(self.manifold)
+        isam = _new_isam(self.manifold, self.semantics)
         indices = isam.update(graph, values).getNewFactorsIndices()[kept.size() :]
-        made = [Made(*parts) for parts in zip(named, indices, relatives, strict=True)]
-        return Smoother(self.manifold, self.model, isam, tuple(made))
+        made = [Made(*parts) for parts in zip(named, indices, places, strict=True)]
+        return replace(self, isam=isam, made=tuple(made), _known={})
 
-    def _nonlinear(self) -> gtsam.NonlinearFactorGraph:
+    def _insert(self, values: gtsam.Values, key: int, state: Array) -> None:
+        if is_descriptor(key):
+            values.insert(key, state)
+        else:
+            self.manifold.insert(values, key, state)
+
+    def _state(self, values: gtsam.Values, key: int) -> Array:
+        return np.asarray(values.atVector(key)) if is_descriptor(key) else self.manifold.state(values, key)
+
+    def _change(self, key: int, before: Array, now: Array) -> float:
+        """Largest change of a component, metres, radians or a descriptor's own unit."""
+        return float(np.abs(now - before if is_descriptor(key) else self.manifold.local(before, now)).max())
+
+    def _kept(self) -> gtsam.NonlinearFactorGraph:
+        """All factors but the semantic ones."""
         graph = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe())
+        semantic = {made.index for made in self.made}
         kept = gtsam.NonlinearFactorGraph()
-        for factor in (graph.at(i) for i in range(graph.size()) if graph.exists(i)):
-            if not isinstance(factor, gtsam.LinearContainerFactor):
-                kept.add(factor)
+        for factor in (graph.at(i) for i in range(graph.size()) if i not in semantic and graph.exists(i)):
+            kept.add(factor)
         return kept
 
 
-def _pairs(named: Sequence[Named]) -> tuple[list[int], list[int]]:
-    """Keys of the robots and of the objects."""
-    return [item.robot_key for item in named], [item.object_key for item in named]
-
-
-def _new_isam(manifold: Manifold) -> gtsam.ISAM2:
+def _new_isam(manifold: Manifold, semantics: SemanticFactors) -> gtsam.ISAM2:
     parameters = gtsam.ISAM2Params()
     parameters.relinearizeSkip = 1
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol in "xo":
         thresholds.insert((symbol, manifold.relinearize_threshold))
+    if len(semantics.descriptor_threshold):
+        thresholds.insert((DESCRIPTOR, semantics.descriptor_threshold))
     parameters.setRelinearizeThreshold(thresholds)
     solver = gtsam.ISAM2GaussNewtonParams()
     solver.setWildfireThreshold(WILDFIRE_THRESHOLD)

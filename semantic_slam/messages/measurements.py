@@ -31,6 +31,7 @@ MEASUREMENTS_LAYOUT: Layout = {
     "sensor_position": (3,),
     "in_coverage": ("D",),
     "sight": ("B", 2),
+    "elevations": ("D",),
 }
 
 
@@ -49,6 +50,7 @@ def detections_from_message(message: Any) -> Detections:
 
 def measurements_to_message(value: SemanticMeasurements) -> Any:
     values = {**vars(value), "ranges": value.ranges_m, "bearings": value.bearings_rad}
+    values["elevations"] = value.elevations_rad
     return message_class(MEASUREMENTS_TYPE)(
         header=header_message(value.stamp_ns, value.frame_id),
         sequence=int(value.sequence),
@@ -68,6 +70,7 @@ def measurements_from_message(message: Any) -> SemanticMeasurements:
         frame_id=message.header.frame_id,
         ranges_m=arrays.pop("ranges"),
         bearings_rad=arrays.pop("bearings"),
+        elevations_rad=arrays.pop("elevations"),
         dropped=int(message.dropped),
         **arrays,
     )

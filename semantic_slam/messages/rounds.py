@@ -70,6 +70,8 @@ COMPONENTS_LAYOUT: Layout = {
     "forgotten_views": ("S", "O"),
     "existence": ("S", "O"),
     "lost_ids": ("X",),
+    "descriptors": ("S", "O", "L"),
+    "descriptor_variances": ("S", "O", "L"),
 }
 
 

@@ -1,22 +1,27 @@
-"""Frame in, semantic measurements out: crops, dropout passes, range and bearing."""
+"""Frame in, semantic measurements out: crops, dropout passes or learned features, range and bearing."""
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.latent.load import load_extractor
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.crops import box_fault, square_crop
 from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.range_bearing import RangeBearing, range_and_bearing
+from semantic_slam.perception.range_bearing import RangeBearing, elevation, range_and_bearing
 from semantic_slam.perception.sight import line_of_sight
 from semantic_slam.perception.weights import load_network
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.novelty import KnownViews
+
+if TYPE_CHECKING:
+    from semantic_slam.latent.extractor import FeatureExtractor
 
 Array = NDArray[np.float64]
 
@@ -32,6 +37,7 @@ class Classifier:
         self._configuration = configuration.perception
         self._seed = configuration.seed
         self._loaded = load_network(configuration.perception)
+        self._extractor = load_extractor(configuration.semantic_model)
         model = load_model(configuration.semantic_model)
         self._known = KnownViews(model) if isinstance(model, GaussianProcessModel) else None
         self.dropped: Counter[str] = Counter()
@@ -43,15 +49,15 @@ class Classifier:
 
     @property
     def num_features(self) -> int:
-        """F, components of the semantic feature: one per reported class."""
-        return len(self._loaded.components)
+        """F, components of the semantic feature: one per reported class, or those of a learned extractor."""
+        return len(self._loaded.components) if self._extractor is None else self._extractor.num_features
 
     def measure(self, frame: Frame, sequence: int, T_base_camera: Array) -> SemanticMeasurements:
         """Measurements of the frame's usable detections; ``T_base_camera`` is the (7,) pose of the optical frame."""
         kept = self._usable_detections(frame)
         boxes = frame.detections.boxes[kept].reshape(-1, 4)
         samples, total_entropy, model_part = self._dropout_samples(frame, kept)
-        features, covariances = samples.mean(axis=1), uncertainty.sample_covariance(samples)
+        features, covariances = self._features(frame, boxes, samples)
         geometry = [
             range_and_bearing(box, frame.depth_m, frame.camera, T_base_camera, self._configuration) for box in boxes
         ]
@@ -77,7 +83,15 @@ class Classifier:
             in_coverage=self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
             sight=_sight(frame, T_base_camera),
+            elevations_rad=np.array([elevation(box, frame.camera, T_base_camera) for box in boxes]),
         )
+
+    def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
+        """(D, F) semantic features and (D, F, F) their covariances: over the passes, none with a learned extractor."""
+        if self._extractor is None:
+            return samples.mean(axis=1), uncertainty.sample_covariance(samples)
+        features = crop_features(self._extractor, frame.image, boxes)
+        return features, np.zeros((*features.shape, features.shape[1]))
 
     def _in_coverage(self, features: Array, covariances: Array) -> NDArray[np.bool_]:
         """(D,) whether some class model shows such a feature in some direction; true without models to ask."""
@@ -115,6 +129,14 @@ class Classifier:
             total_entropy[row] = uncertainty.predictive_entropy(whole)
             model_part[row] = uncertainty.mutual_information(whole)
         return samples, total_entropy, model_part
+
+
+def crop_features(extractor: "FeatureExtractor", image: NDArray[np.uint8], boxes: Array) -> Array:
+    """(D, F) learned features of the objects in (D, 4) boxes of an RGB image."""
+    size = extractor.input_size
+    crops = np.array([square_crop(image, box, size) for box in boxes], dtype=np.uint8)
+    features: Array = extractor.features(crops.reshape(len(boxes), size, size, 3))
+    return features
 
 
 def _sight(frame: Frame, T_base_camera: Array) -> Array:

@@ -35,6 +35,12 @@ class SemanticMeasurements:
     dropped: int = 0  # inputs the classifier has not used so far
     sight: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (B, 2) bearing [rad], range [m] of the farthest
     # surface that the depth image shows in each direction, from the body's origin; none without depth
+    elevations_rad: Array = field(default_factory=lambda: np.zeros(0))  # (D,) how far the camera looks down on the
+    # centre of the box, in the body frame; left out: level
+
+    def __post_init__(self) -> None:
+        if not len(self.elevations_rad):
+            object.__setattr__(self, "elevations_rad", np.zeros(len(self)))
 
     def __len__(self) -> int:
         return len(self.detection_ids)
@@ -59,5 +65,6 @@ OF_DETECTIONS = (
     "bearings_rad",
     "geometric_covariances",
     "in_coverage",
+    "elevations_rad",
 )
 """Arrays with a row per detection."""

@@ -52,6 +52,12 @@ def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -
     return float(np.percentile(valid, DEPTH_PERCENTILE))
 
 
+def elevation(box: Array, camera: CameraModel, T_base_camera: Array) -> float:
+    """How far the ray through the centre of ``box`` points down in the body frame [rad]: the camera over the object."""
+    direction = rotation_matrix(T_base_camera[3:]) @ viewing_ray(box, camera)
+    return float(np.arcsin(np.clip(-direction[2], -1.0, 1.0)))
+
+
 def range_and_bearing(
     box: Array,
     depth_m: NDArray[np.float32] | None,

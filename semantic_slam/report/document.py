@@ -110,6 +110,8 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
             "in_coverage": bool(last.in_coverage[row]),
             "forgotten_views": int(last.forgotten_views[row]),
             "n_detections": analysis.detection_counts[int(number)],
+            "descriptor": last.descriptors[row],
+            "descriptor_variance": last.descriptor_covariances[row],
         }
         for row, number in enumerate(last.object_ids)
     ]
@@ -126,6 +128,8 @@ def map_prior(last: HybridBelief) -> MapPrior:
                 covariance=last.object_covariances[row],
                 class_probabilities=dict(zip(last.class_names, last.class_probabilities[row].tolist(), strict=True)),
                 existence=float(last.existence[row]),
+                descriptor=last.descriptors[row],
+                descriptor_variance=last.descriptor_covariances[row],
             )
             for row, number in enumerate(last.object_ids)
             if np.isfinite(last.object_poses[row]).all() and np.isfinite(last.object_covariances[row]).all()

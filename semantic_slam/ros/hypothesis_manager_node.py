@@ -1,5 +1,7 @@
 """Node ``hypothesis_manager``: measurements and odometry in, the hybrid belief and its plain views out.
 
+Service ~/find_lookalike (semantic_slam_msgs/srv/FindLookalike): which mapped object looks like a crop.
+
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
   backend_timeout_s  a backend silent for so long is given up (default 60)
@@ -30,6 +32,7 @@ from semantic_slam.pipeline.provenance import revision, source_text
 from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status
+from semantic_slam.ros.lookalike_service import LookalikeService
 from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.ros_pool import RosPool
@@ -58,6 +61,7 @@ class HypothesisManagerNode(PipelineNode):
         self._frames_measured = self._frames_lost = self._num_keyframes = self._announced = self._stamp_ns = 0
         self._status = dropped_status(self._undecodable)  # replaced by the worker, published by the executor
         self._publisher = BeliefPublisher(self, self.lossless)
+        self._lookalikes = LookalikeService(self, self._configuration.semantic_model)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
         )
@@ -114,7 +118,9 @@ class HypothesisManagerNode(PipelineNode):
         for keyframe in keyframes:
             if self._manager is None:
                 self._manager = self._start(keyframe.stamp_ns)
-            self._publisher.publish(self._manager.process(keyframe), keyframe.odometry)
+            belief = self._manager.process(keyframe)
+            self._publisher.publish(belief, keyframe.odometry)
+            self._lookalikes.belief = belief
             self._num_keyframes += 1
         self._status = dropped_status(self._assembler.dropped + self._undecodable)
         self._announce(finished=False)

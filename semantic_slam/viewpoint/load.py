@@ -13,8 +13,8 @@ SHIPPED_MODELS = "viewpoint_models.safetensors"
 
 
 def load_model(configuration: SemanticModelConfiguration) -> ViewpointModel | None:
-    """The models of Eq. 4.2, or None for ``kind: none``. Raises InputError."""
-    if configuration.kind == "none":
+    """The models of Eq. 4.2, or None where there are no classes (``none``, ``latent``). Raises InputError."""
+    if configuration.kind in ("none", "latent"):
         return None
     if configuration.kind == "parametric":
         return _parametric(configuration)

@@ -1,0 +1,87 @@
+"""The learned likelihood P(f(z) | x_rel, e) of a detection's feature, seen from the plane (Eq. 5.10).
+
+A tight crop tells the direction of view and nothing of range and roll. The elevation is measured with the box; the
+azimuth is that of the camera in the object's frame, so that it depends on the poses x of the robot and o of the object.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetections
+from semantic_slam.inference.planar_observation import by_camera, by_pose, camera_in_object, polar, polar_jacobian
+from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
+from semantic_slam.viewpoint.model import Viewpoints
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LatentLinearisation:
+    """log p = log_normaliser - |residual|^2 / 2 at B states, with Jacobians in the tangent spaces there."""
+
+    residual: Array  # (B, F) whitened
+    by_robot: Array  # (B, F, 3)
+    by_object: Array  # (B, F, 3)
+    by_descriptor: Array  # (B, F, L)
+    by_azimuth: Array  # (B, F)
+    log_normaliser: Array  # (B,)
+
+    def log_density(self) -> Array:
+        """(B,)."""
+        return np.asarray(self.log_normaliser - 0.5 * (self.residual**2).sum(axis=-1))
+
+
+@dataclass(frozen=True)
+class LatentObservation:
+    """A descriptor model, and what is known of descriptors before any view.
+
+    ``correlated_views`` N: so many views tell as much as one, each density enters with the power 1 / N.
+    """
+
+    model: DescriptorModel
+    correlated_views: float = 1.0
+    known: dict[int, DescriptorBelief] = field(default_factory=dict)  # object id -> prior of a map, B = 1
+
+    @property
+    def num_dimensions(self) -> int:
+        """L."""
+        return self.model.num_dimensions
+
+    def prior_of(self, object_id: int) -> DescriptorBelief:
+        """What is known of an object's descriptor before its first view, B = 1."""
+        return self.known.get(object_id, self.model.prior)
+
+    def linearise(self, seen: PlanarDetections, x: Array, o: Array, e: Array) -> LatentLinearisation:
+        """Of (B,) collected detections at (B, 3) robots and objects and (B, L) descriptors."""
+        v = camera_in_object(x, o, seen.sensor)
+        distance, azimuth = polar(v)
+        part = self.by_azimuth(seen, azimuth, e)
+        _, turn = polar_jacobian(v, distance)
+        by_view = part.by_azimuth[:, :, None] * turn[:, None]
+        return LatentLinearisation(
+            part.residual,
+            by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor),
+            by_pose(by_view, v),
+            part.by_descriptor,
+            part.by_azimuth,
+            part.log_normaliser,
+        )
+
+    def by_azimuth(self, seen: PlanarDetections, azimuth: Array, e: Array) -> LatentLinearisation:
+        """The same with (B,) azimuths given; its Jacobians by poses are empty."""
+        elevation = np.broadcast_to(seen.elevation_rad, azimuth.shape)
+        prediction = self.model.predict(Viewpoints(azimuth, elevation, np.ones_like(azimuth)), e)
+        variance = prediction.sigma**2 + np.diagonal(seen.feature_covariance, axis1=1, axis2=2)
+        sigma = np.sqrt(self.correlated_views * variance)
+        log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.correlated_views
+        none = np.zeros((len(azimuth), variance.shape[1], 0))
+        return LatentLinearisation(
+            (prediction.mean - seen.feature) / sigma,
+            none,
+            none,
+            prediction.by_descriptor / sigma[..., None],
+            prediction.by_direction[:, :, 0] / sigma,
+            np.asarray(log_peak),
+        )

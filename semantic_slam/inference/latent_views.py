@@ -1,0 +1,154 @@
+"""Semantics with a learned latent space: features weigh continuations, and enter the graph with descriptors."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.latent_joint import latent_problem
+from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.latent_problem import LatentProblem
+from semantic_slam.inference.object_views import DescriptorRecord, ObjectViews, class_posterior
+from semantic_slam.inference.semantics import Moment, Weighed
+from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
+from semantic_slam.perception.uncertainty import mutual_information
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+MAX_ITERATIONS = 12
+TOLERANCE = 0.01
+"""Nats that a further step may be expected to bring where a mode counts as found."""
+SPREAD_RAD = 0.1
+"""Standard deviation of the direction of view from which on modes are searched for besides the nearest."""
+SPREADS = (-1.5, 1.5)
+"""Starts of that search, in standard deviations."""
+DRAWS = 16
+"""Descriptors that the epistemic part of a class is told from."""
+
+
+class LatentViews:
+    """Evidence of the features about the geometric modes, with robot, objects and descriptors uncertain together."""
+
+    def __init__(self, observation: LatentObservation) -> None:
+        self._observation = observation
+
+    def weigh(self, moment: Moment) -> Weighed:
+        """Evidence and records of K continuations; the views themselves enter by factors."""
+        count = len(moment.stack.mean)
+        rows = np.flatnonzero(moment.stack.active.any(axis=1))
+        log_weights = np.zeros(count)
+        views: list[dict[int, ObjectViews]] = [{} for _ in range(count)]
+        if len(rows):
+            problem = latent_problem(moment, self._observation, rows)
+            v, mode = best_mode(problem)
+            log_weights[rows] = mode.log_evidence
+            self._record(moment, rows, problem, v, mode, views)
+        return Weighed(log_weights, np.full(count, np.nan), views, [None] * count)
+
+    def _record(
+        self,
+        moment: Moment,
+        rows: Index,
+        problem: LatentProblem,
+        v: Array,
+        mode: Mode,
+        views: list[dict[int, ObjectViews]],
+    ) -> None:
+        descriptors, variances, directions = posterior(problem, v, mode)
+        batch, number = np.nonzero(problem.active)
+        slots = problem.slots[batch, number]
+        belief = DescriptorBelief(descriptors[batch, slots], np.sqrt(variances[batch, slots]))
+        likelihood = self._observation.model.class_log_likelihood(belief)
+        places = moment.stack.rows.objects[rows[batch], number]
+        epistemic = epistemic_parts(self._observation.model, belief, moment.log_class_prior[places])
+        for at, (row, own) in enumerate(zip(batch, number, strict=True)):
+            object_id = moment.object_ids[places[at]]
+            records = views[rows[row]]
+            before = records.get(object_id)
+            entering = before.descriptor.entering if before is not None and before.descriptor is not None else ()
+            index = moment.used[own]
+            if before is None:
+                before = moment.parents[moment.stack.rows.parents[rows[row]]].views.get(object_id)
+            records[object_id] = ObjectViews(
+                likelihood[at],
+                float(epistemic[at]),
+                bool(moment.step.in_coverage[index]) and (before is None or before.in_coverage),
+                descriptor=DescriptorRecord(
+                    belief.mean[at],
+                    belief.sigma[at] ** 2,
+                    float(directions[row, own]),
+                    (*entering, (moment.step.index, moment.step.detections[index])),
+                ),
+            )
+
+
+def best_mode(problem: LatentProblem) -> tuple[Array, Mode]:
+    """The heaviest of the modes next to some starts: (B, V) and its curvature."""
+    v, mode = _mode(problem, started(problem, np.zeros((len(problem.mean), problem.gain.shape[2]))))
+    for start, rows in _more_starts(problem, v):
+        other_v, other = _mode(problem.select(rows), start)
+        better = other.log_evidence > mode.log_evidence[rows]
+        chosen = rows[better]
+        v[chosen], mode.hessian[chosen] = other_v[better], other.hessian[better]
+        mode.log_evidence[chosen] = other.log_evidence[better]
+    return v, mode
+
+
+def _mode(problem: LatentProblem, start: Array) -> tuple[Array, Mode]:
+    mode = find_modes(problem, start, MAX_ITERATIONS, TOLERANCE)
+    return mode.y, mode
+
+
+def started(problem: LatentProblem, v: Array) -> Array:
+    """(B, V) ``v`` with the descriptors that the encoder guesses from the features, where that explains them better."""
+    size = problem.num_tangent
+    guess = problem.observation.model.encode(problem.seen.feature)
+    batch, count = problem.active.shape
+    own = problem.gain[:, size:, size:]
+    expected = problem.descriptors(v)
+    blocks = own.reshape(batch, count, -1, own.shape[2])
+    variance = (blocks**2).sum(axis=-1)  # (B, n, L)
+    share = variance / (variance + guess.sigma**2)
+    first = problem.slots == np.arange(count)
+    step = np.where((problem.active & first)[..., None], share * (guess.mean - expected), 0.0).reshape(batch, -1)
+    encoded = v.copy()
+    encoded[:, size:] += np.linalg.solve(own, step[..., None])[..., 0]
+    costs = [problem.energies(each).sum(-1) + 0.5 * (each**2).sum(-1) for each in (v, encoded)]
+    return np.where((costs[1] < costs[0])[:, None], encoded, v)
+
+
+def _more_starts(problem: LatentProblem, v: Array) -> list[tuple[Array, Index]]:
+    """Starts at other directions of view, for the rows in which these are uncertain."""
+    starts = []
+    gain = problem.azimuth_gain(np.zeros_like(v))
+    sigma = np.linalg.norm(gain, axis=-1)
+    for number in range(sigma.shape[1]):
+        rows = np.flatnonzero((sigma[:, number] > SPREAD_RAD) & problem.active[:, number])
+        if len(rows):
+            along = gain[rows, number] / sigma[rows, number, None]
+            starts += [(started(problem.select(rows), spread * along), rows) for spread in SPREADS]
+    return starts
+
+
+def posterior(problem: LatentProblem, v: Array, mode: Mode) -> tuple[Array, Array, Array]:
+    """(B, n, L) descriptors, their (B, n, L) variances, and (B, n) standard deviations of the directions of view."""
+    gain = problem.gain[:, problem.num_tangent :]
+    spread = np.linalg.solve(mode.hessian, np.swapaxes(gain, 1, 2))
+    variances = np.einsum("biv,bvi->bi", gain, spread)
+    turn = problem.azimuth_gain(v)
+    towards = np.linalg.solve(mode.hessian, np.swapaxes(turn, 1, 2))
+    sigma = np.sqrt(np.maximum(np.einsum("bnv,bvn->bn", turn, towards), 0.0))
+    descriptors = problem.descriptors(v)
+    return descriptors, variances.reshape(descriptors.shape), sigma
+
+
+def epistemic_parts(model: DescriptorModel, belief: DescriptorBelief, log_prior: Array) -> Array:
+    """(B,) nats between class and descriptor, NaN without classes: what a descriptor known exactly would still tell."""
+    count, length = belief.mean.shape
+    if not log_prior.shape[1]:
+        return np.full(count, np.nan)
+    normals = np.random.default_rng(DRAWS).standard_normal((DRAWS, length))
+    drawn = belief.mean[:, None] + belief.sigma[:, None] * normals
+    points = DescriptorBelief(drawn.reshape(-1, length), np.zeros((count * DRAWS, length)))
+    likelihood = model.class_log_likelihood(points).reshape(count, DRAWS, -1)
+    return np.asarray(mutual_information(class_posterior(log_prior[:, None], likelihood)))

@@ -1,0 +1,57 @@
+"""Which mapped object looks like a crop? From where it was taken is unknown, and so is whether it is mapped at all."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.inference.heading_modes import HeadingModes, Sighting, updated
+from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
+
+Array = NDArray[np.float64]
+
+ELEVATION_RAD = 0.25
+"""Camera over the object where nothing tells: that of a robot 2 m away."""
+
+
+@dataclass(frozen=True)
+class Lookalikes:
+    """O objects in the order of the belief."""
+
+    probabilities: Array  # (O,) that the crop shows it; they sum to 1 - unknown
+    unknown: float  # that it shows none of them
+    azimuth_rad: Array  # (O,) direction that the crop would then have been taken from, in the object's frame
+    log_likelihood: Array  # (O,)
+
+    def ranking(self) -> NDArray[np.int_]:
+        """Rows, the likeliest first."""
+        return np.argsort(-self.probabilities, kind="stable")
+
+
+def lookalikes(
+    model: DescriptorModel,
+    feature: Array,
+    descriptors: Array,
+    variances: Array,
+    existence: Array,
+    elevation_rad: float = ELEVATION_RAD,
+) -> Lookalikes:
+    """P(object | crop) from its (F,) feature and the belief's (O, L) descriptors; (O,) existence.
+
+    Directions count alike, objects as much as they exist, and an object off the map as much as one that surely exists.
+    """
+    observation = LatentObservation(model)
+    size = len(feature)
+    view = PlanarDetection(1.0, 0.0, np.eye(2), np.zeros(2), np.asarray(feature), np.zeros((size, size)), elevation_rad)
+    beliefs = [DescriptorBelief(m[None], np.sqrt(v)[None]) for m, v in zip(descriptors, variances, strict=True)]
+    sightings = [Sighting(HeadingModes.all_around(each), 0, 0.0, 0.0) for each in (*beliefs, model.prior)]
+    found = updated(observation, PlanarDetections.of([view]), sightings)
+    log_likelihood = np.array([evidence for _, evidence in found])
+    with np.errstate(divide="ignore"):
+        joint = log_likelihood + np.log(np.append(np.clip(existence, 0.0, 1.0), 1.0))
+    probabilities = np.exp(joint - np.logaddexp.reduce(joint))
+    azimuth = np.array([-modes.best()[0][-1] for modes, _ in found])
+    azimuth = np.arctan2(np.sin(azimuth), np.cos(azimuth))
+    return Lookalikes(probabilities[:-1], float(probabilities[-1]), azimuth[:-1], log_likelihood[:-1])

@@ -1,0 +1,36 @@
+"""The configured latent space: its model for inference, and the extractor of the features that it explains."""
+
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.latent.model import DescriptorModel
+
+if TYPE_CHECKING:
+    from semantic_slam.latent.extractor import FeatureExtractor
+
+SHIPPED_MODEL = "latent_model.safetensors"
+
+
+def load_latent_model(settings: SemanticModelConfiguration) -> DescriptorModel | None:
+    """The model, or None unless ``kind: latent``. Raises InputError."""
+    if settings.kind != "latent":
+        return None
+    from semantic_slam.latent.store import read_model
+
+    return read_model(latent_file(settings))
+
+
+def load_extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor | None":
+    """f_psi, or None unless ``kind: latent``. Raises InputError."""
+    if settings.kind != "latent":
+        return None
+    from semantic_slam.latent.store import read_extractor
+
+    return read_extractor(latent_file(settings))
+
+
+def latent_file(settings: SemanticModelConfiguration) -> Path:
+    """The file named, or the one that is installed with the package."""
+    return Path(settings.path) if settings.path else Path(str(resources.files("semantic_slam.weights") / SHIPPED_MODEL))

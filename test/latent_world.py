@@ -1,0 +1,63 @@
+"""The planar world with features of a descriptor model in closed form; every object has its own descriptor."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from harmonic_model import HarmonicModel
+from planar_world import OBJECTS, make_world
+
+from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.latent_views import LatentViews
+from semantic_slam.inference.manager import HypothesisManager
+from semantic_slam.inference.planar_observation import viewpoints_in_plane
+from semantic_slam.inference.planar_reader import PlanarReader
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.run import problem_of
+
+MODEL = HarmonicModel()
+
+
+@dataclass(frozen=True)
+class LatentWorld:
+    run: RunConfiguration
+    problem: Problem
+    keyframes: list[Keyframe]
+    truth: np.ndarray  # (K, 3)
+    associations: list[tuple[int, ...]]
+    descriptors: np.ndarray  # (O, L)
+
+    def manager(self) -> HypothesisManager:
+        return HypothesisManager(self.run, InProcessPool(1, self.problem), self.problem)
+
+
+def make_latent_world(num_keyframes: int = 12, seed: int = 0, model: HarmonicModel = MODEL, **settings) -> LatentWorld:
+    """``settings`` are those of the planar world."""
+    world = make_world(num_keyframes, seed, **{"semantic_model": {"kind": "none"}, **settings})
+    random = np.random.default_rng(1000 + seed)
+    descriptors = random.normal(size=(len(OBJECTS), model.num_dimensions))
+    keyframes = [
+        _with_features(frame, x, list(seen), descriptors, model, random)
+        for frame, x, seen in zip(world.keyframes, world.truth, world.associations, strict=True)
+    ]
+    run = replace(world.run, class_names=model.class_names)
+    return LatentWorld(run, latent_problem_of(run, model), keyframes, world.truth, world.associations, descriptors)
+
+
+def latent_problem_of(run: RunConfiguration, model: HarmonicModel) -> Problem:
+    observation = LatentObservation(model)
+    plain = problem_of(run)
+    reader = PlanarReader(model.num_features)
+    return replace(plain, reader=reader, semantics=LatentViews(observation), latent=observation)
+
+
+def _with_features(frame: Keyframe, x: np.ndarray, seen: list[int], descriptors, model, random) -> Keyframe:
+    count = len(seen)
+    views = viewpoints_in_plane(np.tile(x, (count, 1)), OBJECTS[seen], np.zeros(2))
+    prediction = model.predict(views, descriptors[seen])
+    features = prediction.mean + prediction.sigma * random.normal(size=prediction.mean.shape)
+    size = model.num_features
+    measured = replace(frame.measurements, features=features, feature_covariances=np.zeros((count, size, size)))
+    return replace(frame, measurements=measured)
