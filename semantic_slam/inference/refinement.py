@@ -25,7 +25,7 @@ from semantic_slam.inference.importance import (
     normal_points,
     proposal,
 )
-from semantic_slam.inference.laplace import RANKING_ITERATIONS, Mode, find_modes
+from semantic_slam.inference.laplace import Mode, find_modes
 from semantic_slam.inference.object_views import Correction
 
 Array = NDArray[np.float64]
@@ -42,6 +42,8 @@ START_SPREAD = 0.7
 ROUGH, NUDGED, EXACT = 0.01, 1e-3, 1e-6
 """Nats that the last step of a search may have been expected to bring: from the prior, from beside the given start,
 and of the one that goes on in each valley."""
+ROUNDS = (5, 7)
+"""Iterations of the rough searches after which those in one valley go on as one."""
 SAME_VALLEY = 0.5
 """Posterior standard deviations between two rough modes that one exact search serves."""
 SAME_MODE = 0.05
@@ -248,10 +250,12 @@ def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
         starts += [np.broadcast_to(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
     owners = np.repeat(np.arange(len(chain)), len(starts))
     enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
-    points = np.stack(starts, axis=1).reshape(-1, chain.size)
-    rough = find_modes(chain.select(owners), points, RANKING_ITERATIONS, enough)
-    rows = np.concatenate([_valleys(rough, np.flatnonzero(owners == number)) for number in range(len(chain))])
-    return find_modes(chain.select(owners[rows]), rough.y[rows], tolerance=EXACT), owners[rows]
+    y = np.stack(starts, axis=1).reshape(-1, chain.size)
+    for iterations in ROUNDS:
+        rough = find_modes(chain.select(owners), y, iterations, enough)
+        rows = np.concatenate([_valleys(rough, np.flatnonzero(owners == number)) for number in range(len(chain))])
+        y, owners, enough = rough.y[rows], owners[rows], enough[rows]
+    return find_modes(chain.select(owners), y, tolerance=EXACT), owners
 
 
 def _valleys(rough: Mode, rows: Index) -> Index:
