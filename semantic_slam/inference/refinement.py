@@ -42,8 +42,9 @@ START_SPREAD = 0.7
 ROUGH, NUDGED, EXACT = 0.01, 1e-3, 1e-6
 """Nats that the last step of a search may have been expected to bring: from the prior, from beside the given start,
 and of the one that goes on in each valley."""
-ROUNDS = (5, 7)
-"""Iterations of the rough searches after which those in one valley go on as one."""
+ROUNDS = ((5, 6.0), (7, 2.0))
+"""Iterations of the rough searches after which those in one valley go on as one, and how far behind others are left:
+so many times what is negligible."""
 SAME_VALLEY = 0.5
 """Posterior standard deviations between two rough modes that one exact search serves."""
 SAME_MODE = 0.05
@@ -251,17 +252,18 @@ def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
     owners = np.repeat(np.arange(len(chain)), len(starts))
     enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
     y = np.stack(starts, axis=1).reshape(-1, chain.size)
-    for iterations in ROUNDS:
+    for iterations, patience in ROUNDS:
         rough = find_modes(chain.select(owners), y, iterations, enough)
-        rows = np.concatenate([_valleys(rough, np.flatnonzero(owners == number)) for number in range(len(chain))])
+        groups = [np.flatnonzero(owners == number) for number in range(len(chain))]
+        rows = np.concatenate([_valleys(rough, group, patience * NEGLIGIBLE) for group in groups])
         y, owners, enough = rough.y[rows], owners[rows], enough[rows]
     return find_modes(chain.select(owners), y, tolerance=EXACT), owners
 
 
-def _valleys(rough: Mode, rows: Index) -> Index:
-    """The best of ``rows`` in each valley, those far behind left out."""
+def _valleys(rough: Mode, rows: Index, gate: float) -> Index:
+    """The best of ``rows`` in each valley, those more than ``gate`` nats behind left out."""
     order = rows[np.argsort(-rough.log_evidence[rows], kind="stable")]
-    order = order[rough.log_evidence[order] >= rough.log_evidence[order[0]] - 2.0 * NEGLIGIBLE]
+    order = order[rough.log_evidence[order] >= rough.log_evidence[order[0]] - gate]
     kept: list[int] = []
     for row in order:
         away = rough.y[kept] - rough.y[row]
