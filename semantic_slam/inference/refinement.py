@@ -266,11 +266,16 @@ def _valleys(rough: Mode, rows: Index, gate: float) -> Index:
     order = order[rough.log_evidence[order] >= rough.log_evidence[order[0]] - gate]
     kept: list[int] = []
     for row in order:
-        away = rough.y[kept] - rough.y[row]
-        squared = ((away[:, None] @ rough.hessian[kept])[:, 0] * away).sum(-1)
-        if (squared > SAME_VALLEY**2).all():
+        if not _in_one_of(rough, kept, rough.y[row]):
             kept.append(int(row))
     return np.array(kept)
+
+
+def _in_one_of(found: Mode, valleys: list[int], y: Array) -> bool:
+    """Whether y (size,) is close to one of some modes, in its own metric, which is never shorter than the prior's."""
+    away = found.y[valleys] - y
+    near = np.flatnonzero((away**2).sum(-1) <= SAME_VALLEY**2)
+    return any(away[i] @ found.hessian[valleys[i]] @ away[i] <= SAME_VALLEY**2 for i in near)
 
 
 def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: Index) -> list[Mode]:
