@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 MAX_ITERATIONS = 30
 RANKING_ITERATIONS = 12
 """For modes that only rank partial associations: those near the best have converged by then."""
-RANKING_TOLERANCE = 0.1
+RANKING_TOLERANCE = 0.3
 """Nats that the last step may have been expected to bring at a mode that only ranks; what is left then is less."""
 WEIGHING_TOLERANCE = 1e-3
 """The same where the evidence at the mode is a weight."""
@@ -44,6 +44,10 @@ class Mode:
     y: Array  # (B, n) whitened
     hessian: Array  # (B, n, n)
     log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
+
+    def take(self, rows: NDArray[np.int_]) -> "Mode":
+        """Some of the problems."""
+        return Mode(self.y[rows], self.hessian[rows], self.log_evidence[rows])
 
 
 def find_modes(

@@ -19,6 +19,7 @@ from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
+from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.planar_factors import bearing_factor, linear_factor, range_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
@@ -27,7 +28,8 @@ Array = NDArray[np.float64]
 LEAST_DISTANCE_M = 1e-6
 LEAST_WINDOW_RAD = 0.6
 """Half the range of azimuths about a mode that is searched at least."""
-WINDOW_ANGLES = 25
+WINDOW_ANGLES, NARROW_WINDOW_ANGLES, WIDE_WINDOW_RAD = 25, 13, 1.2
+"""Azimuths looked at, fewer where half the range is not wide."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ class PlanarObservation:
         stacked = np.empty((*prediction.mean.shape, 3))
         stacked[..., 0] = self._feature_residual(prediction, seen)
         stacked[..., 1:] = prediction.mean_jacobian[:, :, ::2]
-        whitened = _forward(root, stacked)
+        whitened = forward(root, stacked)
         radial, turn = polar_jacobian(v, distance)
         by_view = whitened[..., 1:2] * turn[:, None]
         by_view += whitened[..., 2:] * radial[:, None]
@@ -109,7 +111,7 @@ class PlanarObservation:
         distance, azimuth = polar(camera_in_object(x, o, _repeated(seen.sensor, len(x))))
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
-        residual = _forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
+        residual = forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
         return np.asarray(total + log_normaliser - 0.5 * (residual**2).sum(-1))
 
     def heading_profile(
@@ -120,14 +122,15 @@ class PlanarObservation:
         Less than a narrow window is always looked at: the robot's heading moves the viewpoint, too.
         """
         reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
-        turns = reach[:, None] * np.linspace(-1.0, 1.0, WINDOW_ANGLES)
+        count = WINDOW_ANGLES if reach.max(initial=0.0) > WIDE_WINDOW_RAD else NARROW_WINDOW_ANGLES
+        turns = reach[:, None] * np.linspace(-1.0, 1.0, count)
         distance, azimuth = polar(camera_in_object(x, o, seen.sensor))
         prediction = self._predict(
-            np.repeat(classes, WINDOW_ANGLES), (azimuth[:, None] - turns).ravel(), np.repeat(distance, WINDOW_ANGLES)
+            np.repeat(classes, count), (azimuth[:, None] - turns).ravel(), np.repeat(distance, count)
         )
-        repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), WINDOW_ANGLES if len(seen.range_m) > 1 else 1))
+        repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), count if len(seen.range_m) > 1 else 1))
         root, log_normaliser = self._noise(prediction, repeated)
-        whitened = _forward(root, self._feature_residual(prediction, repeated)[..., None])[..., 0]
+        whitened = forward(root, self._feature_residual(prediction, repeated)[..., None])[..., 0]
         return (log_normaliser - 0.5 * (whitened**2).sum(-1)).reshape(turns.shape), turns
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
@@ -197,7 +200,7 @@ class PlanarObservation:
         and the N-th part of log N(h; h, S): the determinant must not count fully in every view either.
         """
         covariance = _per_detection(prediction.covariance, len(seen.feature)) + seen.feature_covariance
-        root = _cholesky(covariance.reshape(prediction.covariance.shape))
+        root = cholesky(covariance.reshape(prediction.covariance.shape))
         logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
         log_peak = -logdet - 0.5 * seen.feature.shape[1] * LOG_2PI
         return np.sqrt(self.correlated_views) * root, log_peak / self.correlated_views
@@ -334,27 +337,3 @@ def by_camera(by_point: Array, angle: Array, sensor: Array) -> Array:
 def _about_camera(by_camera: Array, sensor: Array) -> Array:
     """(B, m) derivatives by the heading of a robot whose camera is at ``sensor``: by_point R S s."""
     return np.asarray(by_camera[..., 1] * sensor[..., :1] - by_camera[..., 0] * sensor[..., 1:])
-
-
-def _cholesky(matrices: Array) -> Array:
-    """(B, F, F) lower factors, entry by entry: for many small matrices far cheaper than one by one."""
-    size = matrices.shape[-1]
-    root = np.zeros(matrices.shape)
-    for i in range(size):
-        for j in range(i + 1):
-            entry = matrices[..., i, j]
-            for k in range(j):
-                entry = entry - root[..., i, k] * root[..., j, k]
-            root[..., i, j] = np.sqrt(entry) if i == j else entry / root[..., j, j]
-    return root
-
-
-def _forward(root: Array, values: Array) -> Array:
-    """(B, F, K) L^-1 values."""
-    found = np.empty(values.shape)
-    for i in range(root.shape[-1]):
-        entry = values[..., i, :]
-        for j in range(i):
-            entry = entry - root[..., i, j, None] * found[..., j, :]
-        found[..., i, :] = entry / root[..., i, i, None]
-    return found

@@ -25,7 +25,7 @@ from semantic_slam.inference.importance import (
     normal_points,
     proposal,
 )
-from semantic_slam.inference.laplace import RANKING_ITERATIONS, Mode, find_modes
+from semantic_slam.inference.laplace import Mode, find_modes
 from semantic_slam.inference.object_views import Correction
 
 Array = NDArray[np.float64]
@@ -42,6 +42,9 @@ START_SPREAD = 0.7
 ROUGH, NUDGED, EXACT = 0.01, 1e-3, 1e-6
 """Nats that the last step of a search may have been expected to bring: from the prior, from beside the given start,
 and of the one that goes on in each valley."""
+ROUNDS = ((5, 6.0), (7, 2.0))
+"""Iterations of the rough searches after which those in one valley go on as one, and how far behind others are left:
+so many times what is negligible."""
 SAME_VALLEY = 0.5
 """Posterior standard deviations between two rough modes that one exact search serves."""
 SAME_MODE = 0.05
@@ -248,23 +251,31 @@ def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
         starts += [np.broadcast_to(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
     owners = np.repeat(np.arange(len(chain)), len(starts))
     enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
-    points = np.stack(starts, axis=1).reshape(-1, chain.size)
-    rough = find_modes(chain.select(owners), points, RANKING_ITERATIONS, enough)
-    rows = np.concatenate([_valleys(rough, np.flatnonzero(owners == number)) for number in range(len(chain))])
-    return find_modes(chain.select(owners[rows]), rough.y[rows], tolerance=EXACT), owners[rows]
+    y = np.stack(starts, axis=1).reshape(-1, chain.size)
+    for iterations, patience in ROUNDS:
+        rough = find_modes(chain.select(owners), y, iterations, enough)
+        groups = [np.flatnonzero(owners == number) for number in range(len(chain))]
+        rows = np.concatenate([_valleys(rough, group, patience * NEGLIGIBLE) for group in groups])
+        y, owners, enough = rough.y[rows], owners[rows], enough[rows]
+    return find_modes(chain.select(owners), y, tolerance=EXACT), owners
 
 
-def _valleys(rough: Mode, rows: Index) -> Index:
-    """The best of ``rows`` in each valley, those far behind left out."""
+def _valleys(rough: Mode, rows: Index, gate: float) -> Index:
+    """The best of ``rows`` in each valley, those more than ``gate`` nats behind left out."""
     order = rows[np.argsort(-rough.log_evidence[rows], kind="stable")]
-    order = order[rough.log_evidence[order] >= rough.log_evidence[order[0]] - 2.0 * NEGLIGIBLE]
+    order = order[rough.log_evidence[order] >= rough.log_evidence[order[0]] - gate]
     kept: list[int] = []
     for row in order:
-        away = rough.y[kept] - rough.y[row]
-        squared = ((away[:, None] @ rough.hessian[kept])[:, 0] * away).sum(-1)
-        if (squared > SAME_VALLEY**2).all():
+        if not _in_one_of(rough, kept, rough.y[row]):
             kept.append(int(row))
     return np.array(kept)
+
+
+def _in_one_of(found: Mode, valleys: list[int], y: Array) -> bool:
+    """Whether y (size,) is close to one of some modes, in its own metric, which is never shorter than the prior's."""
+    away = found.y[valleys] - y
+    near = np.flatnonzero((away**2).sum(-1) <= SAME_VALLEY**2)
+    return any(away[i] @ found.hessian[valleys[i]] @ away[i] <= SAME_VALLEY**2 for i in near)
 
 
 def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: Index) -> list[Mode]:

@@ -79,8 +79,9 @@ class Stack:
         mean = predicted.mean[self.rows.parents[:, None], blocks]
         columns = (blocks[..., None] * self.dimension + np.arange(self.dimension)).reshape(len(own), -1)
         covariance = predicted.covariance[self.rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
-        free = np.repeat(~used, self.dimension, axis=1)
-        covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
+        if not used.all():
+            free = np.repeat(~used, self.dimension, axis=1)
+            covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
         return mean, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
     def select(self, selection: Index) -> "Stack":
