@@ -4,10 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from harmonic_model import HarmonicModel
+from open_room import OBJECTS as ROOM
+from open_room import make_room
 from planar_world import OBJECTS, make_world
 
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.latent_tables import CarriedDescriptors
 from semantic_slam.inference.latent_views import LatentViews
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.planar_observation import viewpoints_in_plane
@@ -46,6 +49,22 @@ def make_latent_world(num_keyframes: int = 12, seed: int = 0, model: HarmonicMod
     return LatentWorld(run, latent_problem_of(run, model), keyframes, world.truth, world.associations, descriptors)
 
 
+def make_latent_room(num_keyframes: int = 30, seed: int = 0, model: HarmonicModel = MODEL, **settings) -> LatentWorld:
+    """The open room; false alarms look like anything."""
+    room = make_room(num_keyframes, seed, **settings)
+    random = np.random.default_rng(2000 + seed)
+    descriptors = random.normal(size=(len(ROOM), model.num_dimensions))
+    keyframes = []
+    for frame, x, labels in zip(room.keyframes, room.truth, room.associations, strict=True):
+        places = np.array([ROOM[n] if n >= 0 else random.uniform(-3.0, 3.0, 3) for n in labels]).reshape(-1, 3)
+        looks = np.array([descriptors[n] if n >= 0 else random.normal(size=model.num_dimensions) for n in labels])
+        keyframes.append(_seen(frame, x, places, looks.reshape(-1, model.num_dimensions), model, random))
+    run = replace(room.run, class_names=model.class_names)
+    plain = latent_problem_of(run, model)
+    problem = replace(plain, semantics=CarriedDescriptors(plain.latent))
+    return LatentWorld(run, problem, keyframes, room.truth, room.associations, descriptors)
+
+
 def latent_problem_of(run: RunConfiguration, model: HarmonicModel) -> Problem:
     observation = LatentObservation(model)
     plain = problem_of(run)
@@ -54,9 +73,13 @@ def latent_problem_of(run: RunConfiguration, model: HarmonicModel) -> Problem:
 
 
 def _with_features(frame: Keyframe, x: np.ndarray, seen: list[int], descriptors, model, random) -> Keyframe:
-    count = len(seen)
-    views = viewpoints_in_plane(np.tile(x, (count, 1)), OBJECTS[seen], np.zeros(2))
-    prediction = model.predict(views, descriptors[seen])
+    return _seen(frame, x, OBJECTS[seen], descriptors[seen], model, random)
+
+
+def _seen(frame: Keyframe, x: np.ndarray, places: np.ndarray, descriptors, model, random) -> Keyframe:
+    count = len(places)
+    views = viewpoints_in_plane(np.tile(x, (count, 1)), places, np.zeros(2))
+    prediction = model.predict(views, descriptors)
     features = prediction.mean + prediction.sigma * random.normal(size=prediction.mean.shape)
     size = model.num_features
     measured = replace(frame.measurements, features=features, feature_covariances=np.zeros((count, size, size)))

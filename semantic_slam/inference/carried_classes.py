@@ -44,6 +44,8 @@ class Views:
     robot: Array  # (K, 3)
     objects: Array  # (K, D, 3)
     log_class_prior: dict[int, Array]  # object id -> (C,)
+    keyframe: int
+    robot_covariance: Array  # (K, 3, 3)
 
 
 @dataclass(frozen=True)

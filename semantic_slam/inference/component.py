@@ -9,6 +9,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.manifold import Manifold
@@ -28,6 +29,8 @@ Array = NDArray[np.float64]
 
 JUMP = 0.5
 """Change of the robot's predicted state, metres or radians, from which on the whole graph is optimised at once."""
+TURN_RAD = 0.3
+"""Change of an object's heading from which on it is, too."""
 
 
 def robot_key(keyframe: int) -> int:
@@ -157,8 +160,11 @@ class Component:
         start = {robot_key(keyframe): continued.robot} | continued.smoothed
         start |= {object_key(item.object_id): o for item, o in zip(observed, continued.objects, strict=True)}
         entering = descriptor_views(continued.views)
+        jumped = self._jumped(motion, continued) or self.turned(continued.views)
         start |= self.with_descriptors(graph, values, continued.views, entering, start)
-        smoother = self.smoother.extended(graph, values, [*named, *entering], start, self._jumped(motion, continued))
+        predicted = self.manifold.compose(self.newest_robot(), motion.control)
+        calm = {robot_key(keyframe): predicted} | self.calm(continued.views)
+        smoother = self.smoother.extended(graph, values, [*named, *entering], start, jumped, calm)
         return Component(
             self.manifold,
             self.model,
@@ -187,12 +193,44 @@ class Component:
             if guess is None or not guess.entering:
                 continue
             states[key] = guess.mean
+            if guess.heading_rad is not None:
+                own = object_key(number)
+                states[own] = np.append(start[own][:-1], guess.heading_rad)
             if not self.smoother.has(key):
                 prior = self.smoother.semantics.descriptor_prior(number)
                 graph.add(gtsam.PriorFactorVector(key, prior.mean[0], gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])))
                 values.insert(key, guess.mean)
         lacking = sorted({key for item in entering for key in item.keys} - start.keys() - states.keys())
         return states | dict(zip(lacking, self.states(lacking), strict=True))
+
+    def calm(self, views: Mapping[int, ObjectViews]) -> dict[int, Array]:
+        """Where descriptors and the objects that their views turn begin, if all else stays as it was."""
+        states: dict[int, Array] = {}
+        for number, record in views.items():
+            guess, own = record.descriptor, object_key(number)
+            if guess is None or not guess.entering:
+                continue
+            states[descriptor_key(number)] = guess.mean
+            if guess.heading_rad is not None and self.smoother.has(own):
+                states[own] = np.append(self.states([own])[0, :-1], guess.heading_rad)
+        return states
+
+    def turned(self, views: Mapping[int, ObjectViews]) -> bool:
+        """Whether views that enter now turn an object: linear factors do not tell true from so far away."""
+        return any(
+            record.descriptor is not None
+            and record.descriptor.heading_rad is not None
+            and len(record.descriptor.entering) > 0
+            and self._turn(number, record.descriptor.heading_rad) > TURN_RAD
+            for number, record in views.items()
+        )
+
+    def _turn(self, object_id: int, heading_rad: float) -> float:
+        """Between an object's estimated heading and another; infinite for a new object."""
+        key = object_key(object_id)
+        if not self.smoother.has(key):
+            return np.inf
+        return float(np.abs(wrap_angle(self.states([key])[0, -1] - heading_rad)))
 
     def _new(
         self, motion: Motion, observed: Sequence[Observed], continued: Continued

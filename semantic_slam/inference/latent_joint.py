@@ -58,8 +58,13 @@ def blocks(places: Sequence[int], size: int) -> Index:
     return np.asarray((np.array(places, dtype=int)[:, None] * size + np.arange(size)).ravel())
 
 
-def latent_problem(moment: Moment, observation: LatentObservation, rows: Index) -> LatentProblem:
-    """The least-squares problems of some continuations of a moment. Raises LostComponentError."""
+def latent_problem(
+    moment: Moment, observation: LatentObservation, rows: Index, active: NDArray[np.bool_]
+) -> LatentProblem:
+    """The least-squares problems of some continuations of a moment, over their ``active`` (B, n) detections.
+
+    Raises LostComponentError.
+    """
     stack = moment.stack.select(rows)
     y, hessian = moment.mode.y[rows], moment.mode.hessian[rows]
     mean, cross, covariance = _gathered(moment, observation, rows)
@@ -81,7 +86,7 @@ def latent_problem(moment: Moment, observation: LatentObservation, rows: Index) 
         stack.manifold,
         observation,
         PlanarDetections.of([moment.step.detections[i] for i in moment.used]),
-        stack.active,
+        active,
         stack.slots,
         stack.mean,
         np.concatenate([tangent_offset, descriptor_offset], axis=1),

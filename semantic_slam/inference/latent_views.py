@@ -3,10 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.inference.heading_modes import HeadingModes
 from semantic_slam.inference.laplace import Mode, find_modes
 from semantic_slam.inference.latent_joint import latent_problem
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.latent_problem import LatentProblem
+from semantic_slam.inference.latent_tables import Turned, camera_bearing, seen_turned
 from semantic_slam.inference.object_views import DescriptorRecord, ObjectViews, class_posterior
 from semantic_slam.inference.semantics import Moment, Weighed
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
@@ -22,6 +24,8 @@ SPREAD_RAD = 0.1
 """Standard deviation of the direction of view from which on modes are searched for besides the nearest."""
 SPREADS = (-1.5, 1.5)
 """Starts of that search, in standard deviations."""
+UNKNOWN_RAD = 0.5
+"""Standard deviation of an object's heading from which on it counts as unknown."""
 DRAWS = 16
 """Descriptors that the epistemic part of a class is told from."""
 
@@ -31,19 +35,62 @@ class LatentViews:
 
     def __init__(self, observation: LatentObservation) -> None:
         self._observation = observation
+        self._unseen: dict[int, HeadingModes] = {}
 
     def weigh(self, moment: Moment) -> Weighed:
-        """Evidence and records of K continuations; the views themselves enter by factors."""
+        """Evidence and records of K continuations; the views themselves enter by factors.
+
+        Objects whose heading neither a map nor the graph knows have modes of their own until it is.
+        """
         count = len(moment.stack.mean)
-        rows = np.flatnonzero(moment.stack.active.any(axis=1))
         log_weights = np.zeros(count)
         views: list[dict[int, ObjectViews]] = [{} for _ in range(count)]
+        turned = self._turned(moment)
+        active = moment.stack.active & ~turned
+        rows = np.flatnonzero(active.any(axis=1))
         if len(rows):
-            problem = latent_problem(moment, self._observation, rows)
+            problem = latent_problem(moment, self._observation, rows, active[rows])
             v, mode = best_mode(problem)
             log_weights[rows] = mode.log_evidence
             self._record(moment, rows, problem, v, mode, views)
+        if turned.any():
+            self._add_turned(moment, turned, log_weights, views)
         return Weighed(log_weights, np.full(count, np.nan), views, [None] * count)
+
+    def _turned(self, moment: Moment) -> NDArray[np.bool_]:
+        """(K, n) whether the heading of a detection's object is unknown."""
+        stack = moment.stack
+        sigmas = [stack.heading_sigma(number) for number in range(stack.active.shape[1])]
+        broad = np.array(sigmas).reshape(-1, len(stack.active)).T > UNKNOWN_RAD
+        return np.asarray(stack.active & broad)
+
+    def _add_turned(
+        self, moment: Moment, turned: NDArray[np.bool_], log_weights: Array, views: list[dict[int, ObjectViews]]
+    ) -> None:
+        stack = moment.stack
+        states, covariances = stack.marginals(moment.mode.y, moment.mode.hessian)
+        detections = [moment.step.detections[i] for i in moment.used]
+        seen = []
+        for number in range(turned.shape[1]):
+            bearing = camera_bearing(states[:, 0], stack.objects_of(states, number), detections[number].sensor)
+            for row in np.flatnonzero(turned[:, number]):
+                object_id = moment.object_ids[stack.rows.objects[row, number]]
+                before = moment.parents[stack.rows.parents[row]].views.get(object_id)
+                sigma = float(np.sqrt(covariances[row, 0, 2, 2] + detections[number].covariance[1, 1]))
+                start = self._start(before, object_id)
+                seen.append(Turned(int(row), object_id, number, before, start, float(bearing[row]), sigma))
+        inside = moment.step.in_coverage[moment.used]
+        found = seen_turned(self._observation, moment.step.index, detections, inside, seen)
+        for view, (record, evidence) in zip(seen, found, strict=True):
+            log_weights[view.row] += evidence
+            views[view.row][view.object_id] = record
+
+    def _start(self, before: ObjectViews | None, object_id: int) -> HeadingModes:
+        if before is not None and before.headings is not None:
+            return before.headings.modes
+        if object_id not in self._unseen:
+            self._unseen[object_id] = HeadingModes.all_around(self._observation.prior_of(object_id))
+        return self._unseen[object_id]
 
     def _record(
         self,

@@ -1,12 +1,15 @@
 """What the views of an object, associated as one hypothesis has it, tell of its class."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.manifold import Manifold
+
+if TYPE_CHECKING:
+    from semantic_slam.inference.heading_modes import HeadingModes
 
 Array = NDArray[np.float64]
 
@@ -64,11 +67,20 @@ class DescriptorRecord:
     variance: Array  # (L,)
     direction_sigma_rad: float  # of the newest view's azimuth
     entering: tuple[tuple[int, Any], ...]  # keyframe and detection of the views whose factors enter with this record
+    heading_rad: float | None = None  # of the object, where its views tell that and no map does
 
     @property
     def is_bent(self) -> bool:
         """Whether the factors that enter have to be exact."""
         return self.direction_sigma_rad > UNCERTAIN_RAD
+
+
+@dataclass(frozen=True)
+class HeadingRecord:
+    """An object whose heading no map tells: its modes over descriptor and heading."""
+
+    modes: "HeadingModes"
+    pending: tuple[tuple[int, Any], ...]  # keyframe and detection of the views that have no factors yet
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,7 @@ class ObjectViews:
     dropped: int = 0  # number of those views
     correction: Correction | None = None  # of the object's pose
     descriptor: DescriptorRecord | None = None  # with a learned latent space
+    headings: HeadingRecord | None = None
 
 
 def class_posterior(log_prior: Array, log_likelihood: Array) -> Array:

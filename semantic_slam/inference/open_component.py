@@ -7,7 +7,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import JUMP, Component, Observed, object_key, robot_key
+from semantic_slam.inference.component import JUMP, Component, Observed, descriptor_views, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.local_map import LocalMap
 from semantic_slam.inference.object_views import Correction, ObjectViews
@@ -105,7 +105,10 @@ class OpenComponent(Component):
         )
 
     def _smoothed(self, step: Step, added: Grown, jumped: bool, *, in_place: bool) -> Smoother:
-        """With the keyframe's factors; without ``settle`` updated once, the next keyframe goes on."""
+        """With the keyframe's factors; without ``settle`` updated once, the next keyframe goes on.
+
+        Descriptors then stay with their records: they enter with a turn of their object, which one update cannot make.
+        """
         key = robot_key(self.keyframe + 1)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         motion = step.motion
@@ -122,7 +125,12 @@ class OpenComponent(Component):
             if item.assigned_class >= 0:
                 named.append(Named(key, own, item.detection, item.assigned_class))
         if self.settle:
-            return self.smoother.extended(graph, values, named, start, jumped)
+            entering = descriptor_views(added.views)
+            turned = self.turned(added.views)
+            start |= self.with_descriptors(graph, values, added.views, entering, start)
+            predicted = self.manifold.compose(self.objects.robot, motion.control)
+            calm = {key: predicted} | self.calm(added.views)
+            return self.smoother.extended(graph, values, [*named, *entering], start, jumped or turned, calm)
         return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ from semantic_slam.inference.gating import Chosen, Pairs, best_assignments, pair
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import hypothesis_id
 from semantic_slam.inference.laplace import find_modes, search_start
+from semantic_slam.inference.latent_tables import CarriedDescriptors
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
 from semantic_slam.inference.local_map import LocalMap, Seen
 from semantic_slam.inference.objects import ObjectRegistry
@@ -201,7 +202,7 @@ class OpenExpander:
     def _carried(self, step: Step, outlooks: list[Outlook], parents: Index, ids: Index, result: Evaluated) -> Weighed:
         """What views say of associations (K, D) under carried classes; nothing where there are no class models."""
         count, semantics = len(parents), self.problem.semantics
-        if not isinstance(semantics, CarriedClasses) or not len(step.detections):
+        if not isinstance(semantics, (CarriedClasses, CarriedDescriptors)) or not len(step.detections):
             return Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
         numbers = np.unique(ids).tolist()
         prior = dict(zip(numbers, self.registry.log_class_prior_of(numbers), strict=True))
@@ -217,6 +218,8 @@ class OpenExpander:
             result.robot,
             result.objects,
             prior,
+            step.index,
+            result.robot_covariance,
         )
         return semantics.carried(views)
 

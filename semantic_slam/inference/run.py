@@ -14,6 +14,7 @@ from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import digest
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.latent_priors import prior_of_classes
+from semantic_slam.inference.latent_tables import CarriedDescriptors
 from semantic_slam.inference.latent_views import LatentViews
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior, parse_map_prior
@@ -119,7 +120,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         class_names=run.class_names,
         seed=configuration.seed,
         association=configuration.association,
-        semantics=LatentViews(latent) if latent is not None else _semantics(configuration, model),
+        semantics=_latent_semantics(configuration, latent) if latent is not None else _semantics(configuration, model),
         latent=latent,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
@@ -139,6 +140,10 @@ def _latent(
     known = {entry.object_id: prior_of_classes(model, entry.class_prior) for entry in objects}
     known |= {item.object_id: _descriptor(item, model) for item in prior.objects if len(item.descriptor)}
     return LatentObservation(model, _correlated_views(configuration.semantic_model), known)
+
+
+def _latent_semantics(configuration: Configuration, latent: LatentObservation) -> Semantics:
+    return CarriedDescriptors(latent) if configuration.association == "open" else LatentViews(latent)
 
 
 def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:

@@ -22,6 +22,9 @@ DESCRIPTOR = "e"
 """Symbol of E(n), below those of objects and robots."""
 MOVED_RAD = 0.1
 """Change of a view from which on its linear factor is made anew."""
+MOVED_POSE = 0.3
+"""Change of a pose, metres or radians, from which on those with descriptors are, even where the view remained the same:
+GTSAM keeps a Jacobian in the frame where it was made, and a map that floats must not be held by that."""
 MOVED_DESCRIPTOR = 0.2
 """Change of a descriptor's component, in standard deviations of its prior, from which on linear factors are."""
 RELINEARISED_DESCRIPTOR = 0.1
@@ -58,6 +61,7 @@ class Place:
     """Where a linear factor was made."""
 
     relative: Array  # (d,) the object as seen from the robot
+    poses: Array  # (2, d) robot and object
     descriptor: Array  # (L,), of no components under a class
 
 
@@ -111,20 +115,26 @@ class SemanticFactors:
         before = [item.place for item in made]
         relative = (np.array([place.relative for place in places]) for places in (before, now))
         moved = self.model.view_change(*relative) > MOVED_RAD
-        limit = MOVED_DESCRIPTOR * self._prior_sigma
-        learned = [
-            bool(len(a.descriptor) and (np.abs(b.descriptor - a.descriptor) > limit).any())
-            for a, b in zip(before, now, strict=True)
-        ]
-        return np.asarray(moved | np.array(learned))
+        learned = np.array([len(place.descriptor) > 0 for place in before])
+        if not learned.any():
+            return np.asarray(moved)
+        rows = np.flatnonzero(learned)
+        poses, descriptors = (
+            [np.array([getattr(places[row], name) for row in rows]) for places in (before, now)]
+            for name in ("poses", "descriptor")
+        )
+        shift = np.abs(self.manifold.local(*poses)).max(axis=(1, 2))
+        change = np.abs(descriptors[1] - descriptors[0]) / self._prior_sigma
+        moved[rows] |= (shift > MOVED_POSE) | (change.max(axis=1) > MOVED_DESCRIPTOR)
+        return np.asarray(moved)
 
     def _places(self, named: Sequence[Named], states: States) -> list[Place]:
         x, o = _poses(named, states)
-        relative = self.manifold.between(x, o)
+        relative, poses = self.manifold.between(x, o), np.stack([x, o], axis=1)
         none = np.zeros(0)
         return [
-            Place(own, none if item.descriptor_key is None else states[item.descriptor_key])
-            for own, item in zip(relative, named, strict=True)
+            Place(own, pair, none if item.descriptor_key is None else states[item.descriptor_key])
+            for own, pair, item in zip(relative, poses, named, strict=True)
         ]
 
     def _classed(self, named: Sequence[Named], states: States) -> list[Any]:

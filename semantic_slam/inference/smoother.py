@@ -26,6 +26,8 @@ SAME = 1e-3
 MAX_ROUNDS = 6
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
+MAX_EXACT_ITERATIONS = 15
+"""Of an optimisation with callbacks."""
 STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, change of a state from which on it
 takes part, and change below which back-substitution stops, metres or radians."""
@@ -108,17 +110,22 @@ class Smoother:
         named: Sequence[Named],
         start: dict[int, Array],
         jumped: bool,
+        calm: Mapping[int, Array] | None = None,
     ) -> "Smoother":
         """A fork with the factors of ``graph`` and those of ``named``, made at ``start`` (key -> (d,) state).
 
-        Where the estimate ``jumped`` to ``start``, or does not settle, the whole is optimised from there. Raises
+        Where the estimate ``jumped`` to ``start``, or does not settle, the whole is optimised from there; with
+        descriptors from ``calm``, what it lacks being where it was, if that explains everything better. Raises
         LostComponentError when the system is indeterminate.
         """
         try:
+            origin = self.isam.calculateEstimate() if jumped else None
+            if origin is not None:
+                origin.insert(values)
             fork = self._updated(gtsam.ISAM2(self.isam), graph, values, named, start)
             certain = {item.descriptor_key for item in named if not item.exact}
             settled = None if jumped else fork._settled(start, certain)
-            return fork._optimised(start) if settled is None else settled
+            return fork._optimised(start, origin, calm or {}) if settled is None else settled
         except RuntimeError as fault:
             raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
 
@@ -208,7 +215,13 @@ class Smoother:
         ]
 
     def _stale(self, objects: Collection[int]) -> list[int]:
-        """Which of the linear factors of these objects are no longer where they were made."""
+        """Which linear factors are no longer where they were made: of these objects, and if any is, of descriptors."""
+        stale = self._stale_of(objects)
+        if not stale or not self.num_descriptors:
+            return stale
+        return self._stale_of({made.named.object_key for made in self.made})
+
+    def _stale_of(self, objects: Collection[int]) -> list[int]:
         rows = [row for row, made in enumerate(self.made) if made.named.object_key in objects and not made.named.exact]
         if not rows:
             return []
@@ -237,14 +250,21 @@ class Smoother:
             made[row] = Made(own, index, place)
         return replace(self, made=tuple(made), _known={})
 
-    def _optimised(self, start: Mapping[int, Array]) -> "Smoother":
-        """A new iSAM2 at the Levenberg-Marquardt optimum next to ``start``, its linear factors made there."""
-        values = self.isam.calculateEstimate()
-        for key, state in start.items():
-            values.erase(key)
-            self._insert(values, key, state)
+    def _optimised(
+        self, start: Mapping[int, Array], origin: gtsam.Values | None, calm: Mapping[int, Array]
+    ) -> "Smoother":
+        """A new iSAM2 at the Levenberg-Marquardt optimum next to ``start``, its linear factors made there.
+
+        What ``start`` lacks begins at ``origin``, or at the estimate. Factors of descriptors are exact on the way: an
+        object that turns, or a map that may float, is far from where linear ones hold.
+        """
+        learned = self.num_descriptors > 0
+        estimate = self.isam.calculateEstimate() if origin is None or not learned else origin
+        values = self._with(estimate, start)
         kept, named = self._kept(), [made.named for made in self.made]
         keys = sorted({key for item in named for key in item.keys})
+        if learned:
+            values = self._exactly(kept, [values, self._with(estimate, calm)] if calm else [values])
         for _ in range(MAX_ROUNDS):
             states = {key: self._state(values, key) for key in keys}
             graph = gtsam.NonlinearFactorGraph(kept)
@@ -258,6 +278,26 @@ class Smoother:
         indices = isam.update(graph, values).getNewFactorsIndices()[kept.size() :]
         made = [Made(*parts) for parts in zip(named, indices, places, strict=True)]
         return replace(self, isam=isam, made=tuple(made), _known={})
+
+    def _with(self, values: gtsam.Values, states: Mapping[int, Array]) -> gtsam.Values:
+        """A copy with other states of some variables."""
+        changed = gtsam.Values(values)
+        for key, state in states.items():
+            changed.erase(key)
+            self._insert(changed, key, state)
+        return changed
+
+    def _exactly(self, kept: gtsam.NonlinearFactorGraph, starts: Sequence[gtsam.Values]) -> gtsam.Values:
+        """The optimum next to the best start with callbacks for all descriptors' factors, until it is nearly there."""
+        named = [replace(made.named, exact=made.named.descriptor_key is not None) for made in self.made]
+        states = {key: self._state(starts[0], key) for item in named for key in item.keys}
+        graph = gtsam.NonlinearFactorGraph(kept)
+        for factor in self.semantics.make(named, states)[0]:
+            graph.add(factor)
+        parameters = gtsam.LevenbergMarquardtParams()
+        parameters.setMaxIterations(MAX_EXACT_ITERATIONS)
+        best = min(starts, key=graph.error)
+        return gtsam.LevenbergMarquardtOptimizer(graph, best, parameters).optimize()
 
     def _insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         if is_descriptor(key):
