@@ -82,6 +82,9 @@ class LinearModel:
         part = self.semantics(self.collect(detections), x, o, classes)
         return [_linear_factor(part, row, pair, x[row], o[row]) for row, pair in enumerate(keys)]
 
+    def linearise_ahead(self, detections, classes, x, o):
+        pass
+
 
 def _tiled(values, count):
     return np.tile(values, (count // len(values), 1))

@@ -81,3 +81,6 @@ class ObservationModel(Protocol):
         self, detections: Sequence[Any], keys: Sequence[tuple[int, int]], classes: Classes, x: Array, o: Array
     ) -> list[Any]:
         """GTSAM factors of (n,) semantic measurements, linearised together at (n, d) robots and objects."""
+
+    def linearise_ahead(self, detections: Sequence[Any], classes: Classes, x: Array, o: Array) -> None:
+        """Semantic factors of these (n,) measurements will be asked for: one evaluation costs far less than many."""
