@@ -1,6 +1,6 @@
 """Views of objects from a folder of turntables in BigBIRD's format."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tqdm import tqdm
@@ -10,19 +10,22 @@ from semantic_slam.errors import InputError
 from semantic_slam.perception.views import ObjectView, cut_out
 
 
-def load_views(root: Path, cameras: Sequence[str]) -> list[ObjectView]:
+def load_views(
+    root: Path, cameras: Sequence[str], wanted: Callable[[int], bool] = lambda angle_deg: True
+) -> list[ObjectView]:
     """Every view of every object below ``root`` by the named cameras; an object's class is its folder's name.
 
-    Views whose mask is empty are left out. Raises InputError when there is nothing to read.
+    ``wanted`` tells by the table's angle which views are read at all. Views whose mask is empty are left out. Raises InputError when there is nothing to read.
     """
     views = []
     for folder in tqdm(object_folders(root), desc="reading turntables", unit="object"):
         for view in turntable_views(folder, cameras):
-            mask = view.mask
-            if mask.any():
+            if wanted(view.angle_deg) and (mask := view.mask).any():
                 azimuth, elevation, range_m = view.viewpoint
                 cutout, alpha = cut_out(view.image, mask)
-                views.append(ObjectView(view.object_name, azimuth, elevation, range_m, cutout, alpha))
+                views.append(
+                    ObjectView(view.object_name, azimuth, elevation, range_m, cutout, alpha, view.angle_deg)
+                )
     if not views:
         raise InputError(f"{root}: every mask is empty; restore the masks of the data set")
     return views
