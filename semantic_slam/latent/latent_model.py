@@ -1,6 +1,6 @@
 """The learned model as inference uses it: plain numpy, constant diagonal covariance (Eqs. 5.10 and 5.12)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,8 @@ class LatentModel:
 
     decoder: SmoothNetwork  # encoded direction and descriptor to feature
     encoder: SmoothNetwork  # feature to mean and log sigma of the descriptor
-    noise: FeatureNoise
+    noise: FeatureNoise  # of detections in rooms
+    turntable_noise: FeatureNoise  # of clean turntable pictures
     instances: Instances
     grounding: Grounding | None = None
     formulation: str = "map"
@@ -57,8 +58,9 @@ class LatentModel:
             raise ValueError("the decoder's input is not a direction and a descriptor")
         if (self.encoder.num_inputs, self.encoder.num_outputs) != (features, 2 * dimensions):
             raise ValueError("the encoder does not fit the decoder")
-        if self.noise.sigma.shape != (features,) or not np.all(self.noise.tempered > 0.0):
-            raise ValueError("sigma does not fit the features or is not positive")
+        for noise in (self.noise, self.turntable_noise):
+            if noise.sigma.shape != (features,) or not np.all(noise.tempered > 0.0):
+                raise ValueError("sigma does not fit the features or is not positive")
         if len(self.instances.names) != len(self.instances.descriptors):
             raise ValueError("an instance without a name or without a descriptor")
 
@@ -78,6 +80,10 @@ class LatentModel:
     @property
     def class_names(self) -> tuple[str, ...]:
         return self.grounding.class_names if self.grounding else ()
+
+    def on_turntable(self) -> "LatentModel":
+        """The model for clean turntable pictures, whose features are more certain than those of a detection."""
+        return replace(self, noise=self.turntable_noise)
 
     def mean(self, viewpoints: Viewpoints, descriptors: Array) -> Array:
         """(B, F) mean alone, for rasters."""
