@@ -179,7 +179,7 @@ def test_scene_folder_is_not_overwritten(room_folder: Path) -> None:
 def turntables(tmp_path_factory: pytest.TempPathFactory) -> Path:
     skip_unless_rendering_works()
     root = tmp_path_factory.mktemp("bigbird")
-    write_turntables(root, TurntableSettings(step_deg=90, width=160, height=120))
+    write_turntables(root, tuple(MODELS), TurntableSettings(step_deg=90, width=160, height=120))
     return root
 
 

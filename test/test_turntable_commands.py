@@ -12,9 +12,10 @@ import pytest
 
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
+from semantic_slam.errors import InputError
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.training import TrainingConfiguration
-from semantic_slam.perception.turntables import class_names_of, load_views
+from semantic_slam.perception.turntables import class_names_of, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
 from semantic_slam.viewpoint.store import read_model, read_provenance
 
@@ -128,3 +129,20 @@ def test_a_folder_without_turntables_is_bad_input(command: str, tmp_path: Path) 
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1
     assert str(tmp_path) in result.stderr
+
+
+def test_instances_are_trained_under_their_class(turntables: Path, tmp_path: Path) -> None:
+    classes, weights = tmp_path / "classes.json", tmp_path / "network.safetensors"
+    classes.write_text(json.dumps({"red_box": "box"}))
+    assert {view.class_name for view in with_classes(load_views(turntables, USED), classes)} == {"box"}
+    words = ("--turntables", str(turntables), "--cameras", "NP1", "--epochs", "1", "--crops-per-epoch", "8")
+    trained = call("train_classifier", *words, "--out", str(weights), "--classes", str(classes))
+    assert "classes box;" in trained.stdout, trained.stderr
+
+
+@pytest.mark.parametrize("text", ["[1]", '{"red_box": 3}', '{"green_box": "box"}', "{", ""])
+def test_a_wrong_file_of_classes_is_one_line(text: str, turntables: Path, tmp_path: Path) -> None:
+    classes = tmp_path / "classes.json"
+    classes.write_text(text)
+    with pytest.raises(InputError, match=str(classes)):
+        with_classes(load_views(turntables, USED), classes)

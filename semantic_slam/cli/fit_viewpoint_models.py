@@ -34,6 +34,12 @@ def parse() -> argparse.Namespace:
         default=8,
         help="crops per direction, each in another room and light (default: %(default)s)",
     )
+    parser.add_argument(
+        "--classes",
+        type=Path,
+        metavar="FILE",
+        help="JSON {instance: class} for turntables of instances; default: each turntable is a class",
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
     return parser.parse_args()
 
@@ -43,6 +49,8 @@ def command() -> None:
     arguments = parse()
     if arguments.draws < 2:
         raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
+    if arguments.classes and not arguments.turntables:
+        raise InputError("--classes: only for --turntables; leave it out")
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
@@ -81,11 +89,13 @@ def command() -> None:
 def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, Any], dict[str, int]]:
     """Samples of each class by name from whichever source was given, and what was left out."""
     if arguments.turntables:
-        from semantic_slam.perception.turntables import load_views
+        from semantic_slam.perception.turntables import load_views, with_classes
         from semantic_slam.perception.weights import load_network
         from semantic_slam.viewpoint.fit import FitSettings, measure_views
 
         views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
+        if arguments.classes:
+            views = with_classes(views, arguments.classes)
         settings = FitSettings(draws=arguments.draws, seed=arguments.seed)
         return measure_views(views, load_network(perception), settings), {}
     from semantic_slam.pipeline.known_poses import views_of_bag

@@ -25,6 +25,12 @@ def parse() -> argparse.Namespace:
         type=float,
         help="views further from an object's front are not shown to the network (default: 109)",
     )
+    parser.add_argument(
+        "--classes",
+        type=Path,
+        metavar="FILE",
+        help="JSON {instance: class} for turntables of instances; default: each turntable is a class",
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
     return parser.parse_args()
 
@@ -33,9 +39,11 @@ def command() -> None:
     """Parse, train, save and say how well the network does around the objects. Raises InputError."""
     arguments = parse()
     chosen = _chosen(arguments)
-    from semantic_slam.perception.turntables import class_names_of, load_views
+    from semantic_slam.perception.turntables import class_names_of, load_views, with_classes
 
     views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
+    if arguments.classes:
+        views = with_classes(views, arguments.classes)
     from semantic_slam.perception.training import TrainingConfiguration, accuracy_by_azimuth, train
     from semantic_slam.perception.weights import save_compact_network
 

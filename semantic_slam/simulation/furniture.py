@@ -6,8 +6,7 @@ front, 90 degrees at the object's left (+y) side.
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from semantic_slam.simulation.surface import Surface, rectangle
 
 
 @dataclass(frozen=True)
@@ -22,32 +21,16 @@ class ObjectModel:
     right: str
     top: str
 
-    def faces(self) -> tuple["Face", ...]:
+    def surfaces(self) -> tuple[Surface, ...]:
         """The five visible faces."""
         depth, width, height = (length / 2.0 for length in self.size)
         return (
-            Face("front", self.front, (depth, 0, 0), (0, width, 0), (0, 0, height)),
-            Face("left", self.left, (0, width, 0), (-depth, 0, 0), (0, 0, height)),
-            Face("back", self.back, (-depth, 0, 0), (0, -width, 0), (0, 0, height)),
-            Face("right", self.right, (0, -width, 0), (depth, 0, 0), (0, 0, height)),
-            Face("top", self.top, (0, 0, height), (0, width, 0), (-depth, 0, 0)),
+            rectangle("front", self.front, (depth, 0, 0), (0, width, 0), (0, 0, height)),
+            rectangle("left", self.left, (0, width, 0), (-depth, 0, 0), (0, 0, height)),
+            rectangle("back", self.back, (-depth, 0, 0), (0, -width, 0), (0, 0, height)),
+            rectangle("right", self.right, (0, -width, 0), (depth, 0, 0), (0, 0, height)),
+            rectangle("top", self.top, (0, 0, height), (0, width, 0), (-depth, 0, 0)),
         )
-
-
-@dataclass(frozen=True)
-class Face:
-    """A rectangle in the object frame, metres: its picture's x runs along ``right``, its picture's y against ``up``."""
-
-    name: str
-    picture: str
-    centre: tuple[float, float, float]
-    right: tuple[float, float, float]  # half extent, rightwards for who looks at the face
-    up: tuple[float, float, float]  # half extent
-
-    def corners(self) -> NDArray[np.float64]:
-        """(4, 3) lower left, lower right, upper right, upper left, counter-clockwise from outside."""
-        centre, right, up = np.array(self.centre), np.array(self.right), np.array(self.up)
-        return np.array([centre - right - up, centre + right - up, centre + right + up, centre - right + up])
 
 
 WOODEN = (0.62, 0.70, 0.62)

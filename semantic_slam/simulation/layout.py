@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.simulation.furniture import MODELS
+from semantic_slam.simulation.goods import CLASSES, goods_names
 from semantic_slam.simulation.mujoco_scene import PlacedObject, Room
 from semantic_slam.simulation.tour import RING_OFFSET_M, TourFrame, sees, tour
 
@@ -26,8 +27,11 @@ FRONT_RAD = 0.9
 """An object counts as seen from the front within this azimuth."""
 
 
-def draw_layout(seed: int) -> tuple[PlacedObject, ...]:
-    """Eight objects, every class at least once and three classes twice; the best of ``DRAWS`` sets of headings."""
+def draw_layout(seed: int, goods: int = 0) -> tuple[PlacedObject, ...]:
+    """Eight objects in the best of ``DRAWS`` sets of headings: every class of furniture at least once and three twice.
+
+    With ``goods`` two different instances of each of four classes instead, out of the first so many goods.
+    """
     rng = np.random.default_rng([seed, 1])
     places = grid() + rng.uniform(-JITTER_M, JITTER_M, (COLUMNS * ROWS, 2))
     frames = tour(seed)
@@ -35,7 +39,7 @@ def draw_layout(seed: int) -> tuple[PlacedObject, ...]:
     visible = np.array([sees(frame, places) for frame in frames])
     candidates = [_headings(rng) for _ in range(DRAWS)]
     headings = max(candidates, key=lambda drawn: _merit(drawn, bearings, visible))
-    return _placed(places, headings, _classes(rng))
+    return _placed(places, headings, _goods(rng, goods) if goods else _classes(rng))
 
 
 def grid() -> Array:
@@ -88,8 +92,15 @@ def _classes(rng: np.random.Generator) -> list[str]:
     return [str(name) for name in rng.permutation(names + twice)]
 
 
+def _goods(rng: np.random.Generator, count: int) -> list[str]:
+    names = goods_names(count)
+    classes = rng.choice(sorted(CLASSES), COLUMNS * ROWS // 2, replace=False).tolist()
+    pairs = [rng.choice([n for n in names if n.startswith(f"{name}_")], 2, replace=False) for name in classes]
+    return [str(name) for name in rng.permutation(np.concatenate(pairs))]
+
+
 def _placed(places: Array, headings: Array, classes: Sequence[str]) -> tuple[PlacedObject, ...]:
-    """Instances, numbered by class and place; ids from 1 because 0 is AVD's background."""
+    """Instances, numbered by model and place; ids from 1 because 0 is AVD's background."""
     order = sorted(range(len(classes)), key=lambda index: (classes[index], index))
     objects = []
     for number, index in enumerate(order, start=1):

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.simulation.furniture import MODELS, Face, ObjectModel
-from semantic_slam.simulation.textures import draw
+from semantic_slam.simulation.catalogue import Model, model_named, picture_named
+from semantic_slam.simulation.surface import Surface
 
 WALL_HEIGHT_M = 3.0
 METRES_PER_TILE_PICTURE = 1.2
@@ -17,18 +17,18 @@ METRES_PER_TILE_PICTURE = 1.2
 
 @dataclass(frozen=True)
 class PlacedObject:
-    """One piece of furniture standing on the floor."""
+    """One object standing on the floor."""
 
     object_id: int  # instance id, > 0
     name: str  # instance, e.g. chest_1
-    class_name: str
+    class_name: str  # its model
     x_m: float
     y_m: float
     yaw_rad: float  # direction of its front
 
     @property
-    def model(self) -> ObjectModel:
-        return MODELS[self.class_name]
+    def model(self) -> Model:
+        return model_named(self.class_name)
 
     @property
     def pose(self) -> NDArray[np.float64]:
@@ -50,11 +50,11 @@ class Room:
 def scene_xml(objects: Sequence[PlacedObject], room: Room | None) -> tuple[str, dict[str, bytes]]:
     """XML and texture files of a scene; body ``i + 1`` is ``objects[i]``. The only camera is number 0."""
     models = {placed.class_name: placed.model for placed in objects}
-    pictures = {face.picture for model in models.values() for face in model.faces()} | (
+    pictures = {surface.picture for model in models.values() for surface in model.surfaces()} | (
         {"floor", "wall"} if room else set()
     )
     assets = [_picture_xml(name, room) for name in sorted(pictures)]
-    assets += [_mesh_xml(model, face) for model in models.values() for face in model.faces()]
+    assets += [_mesh_xml(model, surface) for model in models.values() for surface in model.surfaces()]
     world = [_body_xml(placed) for placed in objects] + ([_room_xml(room)] if room else [])
     xml = f"""<mujoco>
   <statistic center="0 0 0" extent="10"/>
@@ -74,11 +74,11 @@ def scene_xml(objects: Sequence[PlacedObject], room: Room | None) -> tuple[str, 
     {"".join(world)}
   </worldbody>
 </mujoco>"""
-    return xml, {f"{name}.png": _png(name) for name in pictures}
+    return xml, {_file_name(name): _png(name) for name in pictures}
 
 
 def _png(name: str) -> bytes:
-    return cv2.imencode(".png", cv2.cvtColor(draw(name), cv2.COLOR_RGB2BGR))[1].tobytes()
+    return cv2.imencode(".png", cv2.cvtColor(picture_named(name), cv2.COLOR_RGB2BGR))[1].tobytes()
 
 
 def _picture_xml(name: str, room: Room | None) -> str:
@@ -87,7 +87,7 @@ def _picture_xml(name: str, room: Room | None) -> str:
         repeat = _repeat(room.x_max - room.x_min, room.y_max - room.y_min)
     if room and name == "wall":
         repeat = 'texrepeat="6 1"'
-    texture = f'<texture type="2d" name="{name}" file="{name}.png"/>'
+    texture = f'<texture type="2d" name="{name}" file="{_file_name(name)}"/>'
     return texture + f'<material name="{name}" texture="{name}" specular="0" {repeat}/>'
 
 
@@ -95,21 +95,23 @@ def _repeat(width_m: float, height_m: float) -> str:
     return f'texrepeat="{width_m / METRES_PER_TILE_PICTURE:.3f} {height_m / METRES_PER_TILE_PICTURE:.3f}"'
 
 
-def _mesh_xml(model: ObjectModel, face: Face) -> str:
-    return _quad_xml(f"{model.name}_{face.name}", face.corners())
+def _file_name(picture: str) -> str:
+    return f"{picture.replace('/', '-')}.png"
 
 
-def _quad_xml(name: str, corners: NDArray[np.float64]) -> str:
-    """A rectangle with its picture upright; MuJoCo counts v downwards, and a mesh without volume is a shell."""
-    vertices = " ".join(f"{value:.6f}" for value in corners.ravel())
-    shape = f'vertex="{vertices}" texcoord="0 1 1 1 1 0 0 0" face="0 1 2 0 2 3"'
-    return f'<mesh name={quoteattr(name)} inertia="shell" {shape}/>'
+def _mesh_xml(model: Model, surface: Surface) -> str:
+    """A mesh without volume is a shell."""
+    vertices = " ".join(f"{value:.6f}" for value in surface.vertices.ravel())
+    texture = " ".join(f"{value:.6g}" for value in surface.texture.ravel())
+    triangles = " ".join(str(index) for index in surface.triangles.ravel())
+    shape = f'vertex="{vertices}" texcoord="{texture}" face="{triangles}"'
+    return f'<mesh name={quoteattr(f"{model.name}_{surface.name}")} inertia="shell" {shape}/>'
 
 
 def _body_xml(placed: PlacedObject) -> str:
     geoms = "".join(
-        f'<geom type="mesh" mesh="{placed.class_name}_{face.name}" material="{face.picture}"/>'
-        for face in placed.model.faces()
+        f'<geom type="mesh" mesh="{placed.class_name}_{surface.name}" material="{surface.picture}"/>'
+        for surface in placed.model.surfaces()
     )
     height = placed.model.size[2] / 2.0
     return (

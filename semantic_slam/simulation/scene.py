@@ -13,6 +13,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.simulation import avd_writer
 from semantic_slam.simulation.annotation import annotate
 from semantic_slam.simulation.avd_writer import SceneImage
+from semantic_slam.simulation.catalogue import class_named
 from semantic_slam.simulation.layout import draw_layout, room
 from semantic_slam.simulation.move_graph import moves
 from semantic_slam.simulation.mujoco_scene import PlacedObject, scene_xml
@@ -34,6 +35,7 @@ class SceneSettings:
     width: int = 720
     height: int = 540
     tour_only: bool = False
+    goods: int = 0  # pairs of the first so many goods stand in the room; 0: furniture
 
 
 def make_scene(root: Path, seed: int, settings: SceneSettings | None = None) -> Path:
@@ -45,7 +47,7 @@ def make_scene(root: Path, seed: int, settings: SceneSettings | None = None) -> 
     if folder.exists():
         raise InputError(f"{folder}: exists already; remove it or choose another --out")
     folder.mkdir(parents=True)
-    objects = draw_layout(seed)
+    objects = draw_layout(seed, settings.goods)
     images = _render(folder, _planned(seed, settings.tour_only), objects, settings)
     scale_mm = float(np.random.default_rng([seed, 4]).uniform(300.0, 900.0))
     avd_writer.write_annotations(folder, images)
@@ -146,7 +148,7 @@ def _write_ground_truth(folder: Path, objects: Sequence[PlacedObject], origin: A
         {
             "id": placed.object_id,
             "name": placed.name,
-            "class": placed.class_name,
+            "class": class_named(placed.class_name),
             "pose": placed.pose.tolist(),
             "size": list(placed.model.size),
         }

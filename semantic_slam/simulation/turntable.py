@@ -1,5 +1,6 @@
-"""Turntable views of every furniture class, written in BigBIRD's on-disk format (see datasets/bigbird.py)."""
+"""Turntable views of furniture or goods, written in BigBIRD's on-disk format (see datasets/bigbird.py)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from semantic_slam.perception.frame import CameraModel
-from semantic_slam.simulation.furniture import MODELS
+from semantic_slam.simulation.catalogue import model_named
 from semantic_slam.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam.simulation.renderer import Renderer, Rendering, camera_model
 
@@ -47,16 +48,14 @@ class TurntableSettings:
     horizontal_fov_rad: float = float(np.deg2rad(52.0))
 
 
-def write_turntables(root: Path, settings: TurntableSettings | None = None) -> tuple[Path, ...]:
-    """One folder ``root/<class>`` per class of furniture; returns them."""
+def write_turntables(root: Path, names: Sequence[str], settings: TurntableSettings | None = None) -> tuple[Path, ...]:
+    """One folder ``root/<name>`` per model of the catalogue; returns them."""
     settings = settings or TurntableSettings()
     angles = range(0, 360, settings.step_deg)
-    folders = []
-    with tqdm(total=len(MODELS) * len(angles), desc="turntables", unit="angle") as progress:
-        for name in MODELS:
-            folders.append(root / name)
+    with tqdm(total=len(names) * len(angles), desc="turntables", unit="angle") as progress:
+        for name in names:
             _write_object(root / name, name, angles, settings, progress)
-    return tuple(folders)
+    return tuple(root / name for name in names)
 
 
 def table_from_camera(camera: TurntableCamera, azimuth_rad: float) -> Array:
@@ -75,7 +74,7 @@ def _write_object(folder: Path, name: str, angles: range, settings: TurntableSet
         (folder / sub).mkdir(parents=True, exist_ok=True)
     intrinsics = camera_model(settings.width, settings.height, settings.horizontal_fov_rad)
     _write_calibration(folder / "calibration.h5", intrinsics)
-    height = MODELS[name].size[2]
+    height = model_named(name).size[2]
     xml, assets = scene_xml([PlacedObject(1, name, name, 0.0, 0.0, 0.0)], room=None)
     world_from_table = np.eye(4)
     world_from_table[2, 3] = height / 2.0

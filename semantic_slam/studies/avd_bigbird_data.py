@@ -143,6 +143,7 @@ def _render_scene(folder: Path, seed: int, quick: bool) -> None:
 
 
 def _render_turntables(folder: Path, step_deg: int) -> None:
+    from semantic_slam.simulation.furniture import MODELS
     from semantic_slam.simulation.turntable import TurntableSettings, write_turntables
 
-    write_turntables(folder, TurntableSettings(step_deg=step_deg))
+    write_turntables(folder, tuple(MODELS), TurntableSettings(step_deg=step_deg))
