@@ -67,7 +67,7 @@ class Circuit:
         self.poses, self.objects = self._layout()
         self._motion = gtsam.noiseModel.Isotropic.Sigma(3, SIGMA_STEP)
         self._geometry = gtsam.noiseModel.Diagonal.Sigmas(SIGMA_GEOMETRY)
-        self._seen = [self._frame(k) for k in range(POSES + 1)]
+        self.seen = [self._frame(k) for k in range(POSES + 1)]
         self._isams = {latent: self._grown(latent) for latent in (True, False)}
 
     def clones(self, count: int, *, latent: bool) -> list[gtsam.ISAM2]:
@@ -80,7 +80,7 @@ class Circuit:
 
     def linear(self, frame: int) -> list[gtsam.LinearContainerFactor]:
         """The latent factors of one keyframe, made in one batch."""
-        detections, numbers = self._seen[frame]
+        detections, numbers = self.seen[frame]
         seen = PlanarDetections.of(detections)
         x, o = np.tile(self.poses[frame], (len(numbers), 1)), self.objects[numbers]
         e = self.descriptors[numbers]
@@ -119,7 +119,7 @@ class Circuit:
         known: set[int] = set()
         for k in range(POSES):
             graph, values = self._keyframe(k, latent=latent, plain=1 if latent else 2)
-            new = [int(n) for n in self._seen[k][1] if int(n) not in known]
+            new = [int(n) for n in self.seen[k][1] if int(n) not in known]
             known |= set(new)
             self._start(graph, values, new, first=k == 0, latent=latent)
             isam.update(graph, values)
@@ -130,7 +130,7 @@ class Circuit:
         values.insert(robot_key(k), gtsam.Pose2(*self.poses[k]))
         if k:
             graph.add(gtsam.BetweenFactorPose2(robot_key(k - 1), robot_key(k), gtsam.Pose2(*STEP), self._motion))
-        for detection, number in zip(*self._seen[k], strict=True):
+        for detection, number in zip(*self.seen[k], strict=True):
             for _ in range(plain):
                 own = (robot_key(k), object_key(int(number)), detection.direction, detection.range_m)
                 graph.add(gtsam.BearingRangeFactorPose2(*own, self._geometry))

@@ -30,6 +30,8 @@ def measure(quick: bool, seed: int) -> list[Any]:
         engine_growth,
         hybrid_smoother,
         keyframe_floor,
+        latent_drive,
+        latent_update,
         mc_dropout,
         two_backends,
         weights_accuracy,
@@ -48,6 +50,8 @@ def measure(quick: bool, seed: int) -> list[Any]:
         hybrid_smoother.hybrid,
         two_backends.two_backends,
         engine_growth.growth,
+        latent_update.updates,
+        latent_drive.drive,
     )
     return [row for benchmark in tqdm(benchmarks, desc="benchmarks") for row in benchmark(quick, seed)]
 

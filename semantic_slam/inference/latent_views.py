@@ -24,6 +24,8 @@ SPREAD_RAD = 0.1
 """Standard deviation of the direction of view from which on modes are searched for besides the nearest."""
 SPREADS = (-1.5, 1.5)
 """Starts of that search, in standard deviations."""
+UNKNOWN_SHARE = 0.5
+"""Standard deviation of a descriptor's component, in those of its prior, up to which no guess is needed."""
 UNKNOWN_RAD = 0.5
 """Standard deviation of an object's heading from which on it counts as unknown."""
 DRAWS = 16
@@ -149,15 +151,16 @@ def _mode(problem: LatentProblem, start: Array) -> tuple[Array, Mode]:
 def started(problem: LatentProblem, v: Array) -> Array:
     """(B, V) ``v`` with the descriptors that the encoder guesses from the features, where that explains them better."""
     size = problem.num_tangent
-    guess = problem.observation.model.encode(problem.seen.feature)
     batch, count = problem.active.shape
     own = problem.gain[:, size:, size:]
-    expected = problem.descriptors(v)
-    blocks = own.reshape(batch, count, -1, own.shape[2])
-    variance = (blocks**2).sum(axis=-1)  # (B, n, L)
+    variance = (own.reshape(batch, count, -1, own.shape[2]) ** 2).sum(axis=-1)  # (B, n, L)
+    open_slots = problem.active & (problem.slots == np.arange(count))
+    open_slots &= (variance > (UNKNOWN_SHARE * problem.observation.model.prior.sigma) ** 2).any(axis=-1)
+    if not open_slots.any():
+        return v
+    guess = problem.observation.model.encode(problem.seen.feature)
     share = variance / (variance + guess.sigma**2)
-    first = problem.slots == np.arange(count)
-    step = np.where((problem.active & first)[..., None], share * (guess.mean - expected), 0.0).reshape(batch, -1)
+    step = np.where(open_slots[..., None], share * (guess.mean - problem.descriptors(v)), 0.0).reshape(batch, -1)
     encoded = v.copy()
     encoded[:, size:] += np.linalg.solve(own, step[..., None])[..., 0]
     costs = [problem.energies(each).sum(-1) + 0.5 * (each**2).sum(-1) for each in (v, encoded)]

@@ -17,16 +17,16 @@ def load_latent_model(settings: SemanticModelConfiguration) -> DescriptorModel |
     """The model, or None unless ``kind: latent``. Raises InputError."""
     if settings.kind != "latent":
         return None
-    from semantic_slam.latent.store import read_model
+    from semantic_slam.latent.store import read_latent_model
 
-    return read_model(latent_file(settings))
+    return read_latent_model(latent_file(settings))
 
 
 def load_extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor | None":
     """f_psi, or None unless ``kind: latent``. Raises InputError."""
     if settings.kind != "latent":
         return None
-    from semantic_slam.latent.store import read_extractor
+    from semantic_slam.latent.extractor_store import read_extractor
 
     return read_extractor(latent_file(settings))
 

@@ -22,6 +22,7 @@ class ObjectView:
     range_m: float
     cutout: Bytes  # (h, w, 3) RGB, tight around the object
     mask: Bytes  # (h, w) 255 on the object, 0 beside it
+    angle_deg: int = 0  # of the table, what training and test views are told apart by
 
 
 def cut_out(image: Bytes, mask: NDArray[np.bool_]) -> tuple[Bytes, Bytes]:

@@ -1,0 +1,66 @@
+"""The feature extractor f_psi (Eq. 5.6): from a detector's crop, background included, to a short vector."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from semantic_slam.perception.network import normalised
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+BLOCK = 512
+"""Crops at a time."""
+
+
+class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
+    """Four convolutions and two linear layers; batches of crops to F numbers each."""
+
+    input_size = 32
+
+    def __init__(self, num_features: int) -> None:
+        super().__init__()
+        self.trunk = nn.Sequential(
+            *_block(3, 24, 5, stride=2),
+            *_block(24, 48, 3, stride=2),
+            *_block(48, 96, 3),
+            *_block(96, 96, 3, stride=2),
+            nn.Flatten(),
+            nn.Linear(96 * 4 * 4, 256),
+            nn.ReLU(),
+        )
+        self.head = nn.Linear(256, num_features)
+
+    def forward(self, images: torch.Tensor) -> torch.Tensor:
+        """(N, 3, size, size) normalised images to (N, F)."""
+        features: torch.Tensor = self.head(self.trunk(images))
+        return features
+
+    def normalise(self, crops: Bytes) -> torch.Tensor:
+        """(N, size, size, 3) RGB bytes to about zero mean and unit spread."""
+        return normalised(crops, (0.5, 0.5, 0.5), (0.25, 0.25, 0.25))
+
+    def features(self, crops: Bytes) -> Array:
+        """(N, F) of (N, size, size, 3) RGB bytes."""
+        with torch.inference_mode():
+            blocks = [
+                self(self.normalise(crops[start : start + BLOCK])).numpy() for start in range(0, len(crops), BLOCK)
+            ]
+        return np.asarray(np.concatenate(blocks), dtype=np.float64) if blocks else np.zeros((0, self.num_features))
+
+    @property
+    def num_features(self) -> int:
+        return int(self.head.out_features)
+
+    def project(self, matrix: Array, offset: Array) -> None:
+        """From now on deliver matrix @ (f - offset): (F', F) and (F,)."""
+        weight, bias = self.head.weight.detach().double().numpy(), self.head.bias.detach().double().numpy()
+        self.head = nn.Linear(weight.shape[1], len(matrix))
+        with torch.no_grad():
+            self.head.weight.copy_(torch.from_numpy(matrix @ weight))
+            self.head.bias.copy_(torch.from_numpy(matrix @ (bias - offset)))
+
+
+def _block(inputs: int, outputs: int, kernel: int, stride: int = 1) -> list[nn.Module]:
+    return [nn.Conv2d(inputs, outputs, kernel, stride=stride, padding=kernel // 2), nn.ReLU()]

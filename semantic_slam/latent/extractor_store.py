@@ -1,0 +1,32 @@
+"""The extractor's part of a latent model file (store.py has the rest, without torch)."""
+
+from pathlib import Path
+
+import torch
+
+from semantic_slam.errors import InputError
+from semantic_slam.latent.extractor import FeatureExtractor
+from semantic_slam.latent.store import REMEDY, read_parts
+
+PREFIX = "extractor."
+
+
+def read_extractor(path: Path) -> FeatureExtractor:
+    """The extractor in a latent model file, ready to use. Raises InputError naming file, fault and remedy.
+
+    From here on torch uses one thread: two that fight for a core are many times slower than one.
+    """
+    torch.set_num_threads(1)
+    arrays, _ = read_parts(path)
+    state = {
+        name.removeprefix(PREFIX): torch.from_numpy(value) for name, value in arrays.items() if name.startswith(PREFIX)
+    }
+    try:
+        extractor = FeatureExtractor(len(state["head.bias"]))
+        extractor.load_state_dict(state, strict=True)
+    except (KeyError, RuntimeError, TypeError) as fault:
+        reason = " ".join(str(fault).split())[:300]
+        raise InputError(f"{path}: the extractor's weights do not fit ({reason}); {REMEDY}") from None
+    extractor.eval()
+    extractor.requires_grad_(False)
+    return extractor

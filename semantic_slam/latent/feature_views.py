@@ -1,0 +1,52 @@
+"""Features of views whose instance and direction are known: what a model is fitted, calibrated and judged on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.viewpoint.model import Viewpoints
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class FeatureViews:
+    """N views of instances by their index in ``names``."""
+
+    names: tuple[str, ...]
+    instance: Indices  # (N,)
+    viewpoints: Viewpoints
+    features: Array  # (N, F)
+
+    def __len__(self) -> int:
+        return len(self.instance)
+
+    def chosen(self, rows: NDArray[np.bool_] | Indices) -> "FeatureViews":
+        """The views of a mask or of indices."""
+        return FeatureViews(self.names, self.instance[rows], taken(self.viewpoints, rows), self.features[rows])
+
+    def with_features(self, features: Array) -> "FeatureViews":
+        """The same views seen by another extractor."""
+        return FeatureViews(self.names, self.instance, self.viewpoints, features)
+
+
+def taken(viewpoints: Viewpoints, rows: NDArray[np.bool_] | Indices) -> Viewpoints:
+    """The directions of a mask or of indices."""
+    return Viewpoints(viewpoints.azimuth_rad[rows], viewpoints.elevation_rad[rows], viewpoints.range_m[rows])
+
+
+def turned(viewpoints: Viewpoints, by_rad: Array | float) -> Viewpoints:
+    """The directions with another azimuth, (B,) or one number added."""
+    return Viewpoints(viewpoints.azimuth_rad + by_rad, viewpoints.elevation_rad, viewpoints.range_m)
+
+
+def repeated(viewpoints: Viewpoints, count: int) -> Viewpoints:
+    """Every direction ``count`` times, one after the other."""
+    return Viewpoints(
+        *(
+            np.repeat(value, count)
+            for value in (viewpoints.azimuth_rad, viewpoints.elevation_rad, viewpoints.range_m)
+        )
+    )

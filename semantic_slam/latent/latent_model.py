@@ -1,0 +1,111 @@
+"""The learned model as inference uses it: plain numpy, constant diagonal covariance (Eqs. 5.10 and 5.12)."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.latent.direction import NUM_INPUTS, encoded, encoded_derivative
+from semantic_slam.latent.grounding import Grounding
+from semantic_slam.latent.model import DescriptorBelief, LatentPrediction
+from semantic_slam.latent.smooth_network import SmoothNetwork
+from semantic_slam.viewpoint.model import Viewpoints
+
+Array = NDArray[np.float64]
+
+SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -4.0, 1.5
+"""Bounds of what the encoder may say of its own certainty, about the spread of all descriptors."""
+
+
+@dataclass(frozen=True)
+class FeatureNoise:
+    """Sigma of Eq. 5.10: the spread of calibration views about the mean, and what it is multiplied by for a graph."""
+
+    sigma: Array  # (F,) calibrated per component
+    temper: float  # so that the pose inferred from calibration views is as uncertain as it is wrong
+
+    @property
+    def tempered(self) -> Array:
+        """(F,)"""
+        return self.sigma * self.temper
+
+
+@dataclass(frozen=True)
+class Instances:
+    """The N instances that the model was trained on (Eq. 5.7)."""
+
+    names: tuple[str, ...]
+    descriptors: Array  # (N, L)
+
+
+@dataclass(frozen=True)
+class LatentModel:
+    """P(f | x_rel, e) = N(mu(x_rel, e), Sigma), P(e | f), and P(e | c) where grounded. A DescriptorModel."""
+
+    decoder: SmoothNetwork  # encoded direction and descriptor to feature
+    encoder: SmoothNetwork  # feature to mean and log sigma of the descriptor
+    noise: FeatureNoise  # of detections in rooms
+    turntable_noise: FeatureNoise  # of clean turntable pictures
+    instances: Instances
+    grounding: Grounding | None = None
+    formulation: str = "map"
+    provenance: dict[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Raises ValueError when the parts do not fit each other."""
+        features, dimensions = self.num_features, self.num_dimensions
+        if self.decoder.num_inputs != NUM_INPUTS + dimensions:
+            raise ValueError("the decoder's input is not a direction and a descriptor")
+        if (self.encoder.num_inputs, self.encoder.num_outputs) != (features, 2 * dimensions):
+            raise ValueError("the encoder does not fit the decoder")
+        for noise in (self.noise, self.turntable_noise):
+            if noise.sigma.shape != (features,) or not np.all(noise.tempered > 0.0):
+                raise ValueError("sigma does not fit the features or is not positive")
+        if len(self.instances.names) != len(self.instances.descriptors):
+            raise ValueError("an instance without a name or without a descriptor")
+
+    @property
+    def num_features(self) -> int:
+        return self.decoder.num_outputs
+
+    @property
+    def num_dimensions(self) -> int:
+        return int(self.instances.descriptors.shape[1])
+
+    @property
+    def prior(self) -> DescriptorBelief:
+        descriptors = self.instances.descriptors
+        return DescriptorBelief(descriptors.mean(axis=0)[None], np.maximum(descriptors.std(axis=0), 1e-3)[None])
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        return self.grounding.class_names if self.grounding else ()
+
+    def on_turntable(self) -> "LatentModel":
+        """The model for clean turntable pictures, whose features are more certain than those of a detection."""
+        return replace(self, noise=self.turntable_noise)
+
+    def mean(self, viewpoints: Viewpoints, descriptors: Array) -> Array:
+        """(B, F) mean alone, for rasters."""
+        return self.decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))
+
+    def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
+        count, dimensions = descriptors.shape
+        inputs = np.concatenate([encoded(viewpoints), descriptors], axis=1)
+        tangents = np.zeros((count, inputs.shape[1], 2 + dimensions))
+        tangents[:, :NUM_INPUTS, :2] = encoded_derivative(viewpoints)
+        tangents[:, NUM_INPUTS:, 2:] = np.eye(dimensions)
+        mean, slopes = self.decoder.value_and_tangents(inputs, tangents)
+        sigma = np.broadcast_to(self.noise.tempered, mean.shape)
+        return LatentPrediction(mean, sigma, slopes[:, :, :2], slopes[:, :, 2:])
+
+    def encode(self, features: Array) -> DescriptorBelief:
+        outputs = self.encoder.value(np.asarray(features, dtype=np.float64))
+        mean, log_sigma = np.split(outputs, 2, axis=1)
+        scale = self.prior.sigma
+        return DescriptorBelief(mean, scale * np.exp(np.clip(log_sigma, SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA)))
+
+    def class_log_likelihood(self, belief: DescriptorBelief) -> Array:
+        if self.grounding is None:
+            return np.zeros((len(belief.mean), 0))
+        return self.grounding.log_likelihood(belief)

@@ -1,0 +1,61 @@
+"""A small fully connected network in plain numpy, smooth, with exact derivatives of whole batches."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """weight @ x + bias; tanh follows every layer but the last."""
+
+    weight: Array  # (outputs, inputs)
+    bias: Array  # (outputs,)
+
+
+class SmoothNetwork:
+    """y = W_n tanh(... tanh(W_1 x + b_1) ...) + b_n."""
+
+    def __init__(self, layers: Sequence[Layer]) -> None:
+        """Raises ValueError when the layers do not fit each other."""
+        if not layers:
+            raise ValueError("a network needs a layer")
+        for before, after in zip(layers[:-1], layers[1:], strict=True):
+            if after.weight.shape[1] != len(before.weight):
+                raise ValueError(f"a layer of {len(before.weight)} outputs is followed by {after.weight.shape[1]} inputs")
+        if any(layer.bias.shape != (len(layer.weight),) for layer in layers):
+            raise ValueError("a bias does not fit its weight")
+        self.layers = tuple(layers)
+
+    @property
+    def num_inputs(self) -> int:
+        return int(self.layers[0].weight.shape[1])
+
+    @property
+    def num_outputs(self) -> int:
+        return len(self.layers[-1].weight)
+
+    def value(self, inputs: Array) -> Array:
+        """(B, outputs) for (B, inputs)."""
+        hidden = inputs
+        for layer in self.layers[:-1]:
+            hidden = np.tanh(hidden @ layer.weight.T + layer.bias)
+        return np.asarray(hidden @ self.layers[-1].weight.T + self.layers[-1].bias)
+
+    def value_and_tangents(self, inputs: Array, tangents: Array) -> tuple[Array, Array]:
+        """(B, outputs) and its derivatives (B, outputs, T) along T directions (B, inputs, T) of the input."""
+        hidden, slope = inputs, tangents
+        for layer in self.layers[:-1]:
+            hidden = np.tanh(hidden @ layer.weight.T + layer.bias)
+            slope = (1.0 - hidden**2)[:, :, None] * np.matmul(layer.weight, slope)
+        last = self.layers[-1]
+        return np.asarray(hidden @ last.weight.T + last.bias), np.asarray(np.matmul(last.weight, slope))
+
+    def projected(self, matrix: Array, offset: Array) -> "SmoothNetwork":
+        """The network of matrix @ (y - offset)."""
+        last = self.layers[-1]
+        return SmoothNetwork((*self.layers[:-1], Layer(matrix @ last.weight, matrix @ (last.bias - offset))))

@@ -1,0 +1,123 @@
+"""Latent model files: weights, descriptors and a JSON description in one safetensors file; nothing in it is executed."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from semantic_slam.errors import InputError
+from semantic_slam.latent.grounding import Grounding
+from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
+from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
+
+Arrays = dict[str, NDArray[Any]]
+
+SCHEMA_VERSION = 1
+KIND = "latent_descriptor"
+METADATA_KEY = "semantic_slam"
+SHIPPED_MODEL = "latent_model.safetensors"
+REMEDY = "make one with train_latent_model"
+
+
+def save_latent_model(model: LatentModel, extractor: Mapping[str, NDArray[Any]], path: Path) -> None:
+    """Write the model and the (numpy) state of its extractor; ``model.provenance`` is kept with them as it is."""
+    arrays: Arrays = {f"extractor.{name}": np.ascontiguousarray(value) for name, value in extractor.items()}
+    for name, network in (("decoder", model.decoder), ("encoder", model.encoder)):
+        for index, layer in enumerate(network.layers):
+            arrays[f"{name}.{index}.weight"] = np.ascontiguousarray(layer.weight, dtype=np.float32)
+            arrays[f"{name}.{index}.bias"] = np.ascontiguousarray(layer.bias, dtype=np.float32)
+    for name, noise in (("noise", model.noise), ("turntable_noise", model.turntable_noise)):
+        arrays[f"{name}.sigma"] = np.asarray(noise.sigma, dtype=np.float64)
+        arrays[f"{name}.temper"] = np.array(noise.temper, dtype=np.float64)
+    arrays["instances.descriptors"] = np.ascontiguousarray(model.instances.descriptors, dtype=np.float64)
+    if model.grounding is not None:
+        arrays["grounding.mean"] = np.ascontiguousarray(model.grounding.mean)
+        arrays["grounding.sigma"] = np.ascontiguousarray(model.grounding.sigma)
+    description = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": KIND,
+        "formulation": model.formulation,
+        "instance_names": list(model.instances.names),
+        "class_names": list(model.class_names),
+        "provenance": model.provenance,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_file(arrays, str(path), metadata={METADATA_KEY: json.dumps(description, sort_keys=True)})
+
+
+def read_latent_model(path: Path) -> LatentModel:
+    """The numpy side of a file; raises InputError naming the file, what is wrong and the remedy."""
+    arrays, description = read_parts(path)
+    try:
+        names = tuple(str(name) for name in description["instance_names"])
+        return LatentModel(
+            decoder=_network(arrays, "decoder"),
+            encoder=_network(arrays, "encoder"),
+            noise=_noise(arrays, "noise"),
+            turntable_noise=_noise(arrays, "turntable_noise"),
+            instances=Instances(names, _array(arrays, "instances.descriptors", 2)),
+            grounding=_grounding(arrays, description["class_names"]),
+            formulation=str(description["formulation"]),
+            provenance=dict(description["provenance"]),
+        )
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InputError(f"{path}: incomplete latent model ({_one_line(fault)}); {REMEDY}") from None
+
+
+def read_parts(path: Path) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays and description of a latent model file; raises InputError."""
+    try:
+        with safe_open(str(path), framework="np") as file:
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            text = (file.metadata() or {}).get(METADATA_KEY, "")
+    except (OSError, SafetensorError) as fault:
+        raise InputError(f"{path}: not readable as safetensors ({_one_line(fault)}); {REMEDY}") from None
+    try:
+        description = dict(json.loads(text))
+    except (ValueError, TypeError):
+        raise InputError(f"{path}: no latent model; {REMEDY}") from None
+    version, kind = description.get("schema_version"), description.get("kind")
+    if version != SCHEMA_VERSION or kind != KIND:
+        raise InputError(
+            f"{path}: holds kind '{kind}' of schema {version}, wanted is '{KIND}' of schema {SCHEMA_VERSION}; {REMEDY}"
+        )
+    return arrays, description
+
+
+def _network(arrays: Arrays, name: str) -> SmoothNetwork:
+    count = sum(key.startswith(f"{name}.") and key.endswith(".weight") for key in arrays)
+    return SmoothNetwork(
+        [
+            Layer(_array(arrays, f"{name}.{index}.weight", 2), _array(arrays, f"{name}.{index}.bias", 1))
+            for index in range(count)
+        ]
+    )
+
+
+def _noise(arrays: Arrays, name: str) -> FeatureNoise:
+    return FeatureNoise(_array(arrays, f"{name}.sigma", 1), float(_array(arrays, f"{name}.temper", 0)))
+
+
+def _grounding(arrays: Arrays, class_names: Sequence[str]) -> Grounding | None:
+    if not class_names:
+        return None
+    mean, sigma = _array(arrays, "grounding.mean", 2), _array(arrays, "grounding.sigma", 2)
+    if not (len(class_names) == len(mean) and mean.shape == sigma.shape and np.all(sigma > 0.0)):
+        raise ValueError("the classes do not fit their Gaussians")
+    return Grounding(tuple(str(name) for name in class_names), mean, sigma)
+
+
+def _array(arrays: Arrays, name: str, dimensions: int) -> NDArray[np.float64]:
+    value = np.asarray(arrays[name], dtype=np.float64)
+    if value.ndim != dimensions or not np.all(np.isfinite(value)):
+        raise ValueError(f"'{name}' has a wrong shape or is not finite")
+    return value
+
+
+def _one_line(fault: BaseException) -> str:
+    return " ".join(str(fault).split())
