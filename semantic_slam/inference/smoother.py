@@ -7,6 +7,7 @@ and, with a learned latent space, descriptors of L components.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import gtsam
 import numpy as np
