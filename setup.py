@@ -12,6 +12,7 @@ COMMANDS = (
     "bag_to_report",
     "train_classifier",
     "fit_viewpoint_models",
+    "train_latent_model",
     "run_study",
     "bench",
 )
