@@ -85,6 +85,15 @@ def infer_descriptors(
     return DescriptorBelief(best[0], np.sqrt(variance))
 
 
+def ascend_descriptors(
+    model: LatentModel, viewpoints: Viewpoints, features: Array, start: Array, iterations: int = ITERATIONS
+) -> DescriptorBelief:
+    """The same from one start, (B, L)."""
+    end, _, information = _ascend_descriptors(model, viewpoints, features, start, iterations)
+    variance = np.diagonal(np.linalg.inv(information), axis1=1, axis2=2)
+    return DescriptorBelief(end, np.sqrt(variance))
+
+
 def _ascend_descriptors(
     model: LatentModel, viewpoints: Viewpoints, features: Array, start: Array, iterations: int
 ) -> tuple[Array, Array, Array]:
