@@ -112,5 +112,5 @@ def _damped_step(hessian: Array, gradient: Array, damping: Array) -> tuple[Array
     added = damping[:, None] * np.einsum("bii->bi", hessian)
     damped = hessian.copy()
     np.einsum("bii->bi", damped)[...] += added
-    step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+    step = np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0], dtype=np.float64)
     return step, 0.5 * (step * (added * step - gradient)).sum(-1)

@@ -285,13 +285,12 @@ def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: I
     for number, history in enumerate(histories):
         rows = np.flatnonzero(owners == number)
         own = scores[rows] + history.log_share(chain, found.y[rows])
+        order = rows[np.argsort(-own, kind="stable")]
         kept: list[int] = []
-        for row, score in sorted(zip(rows.tolist(), own.tolist(), strict=True), key=lambda pair: -pair[1]):
-            if len(kept) == MAX_MODES or (kept and score < least):
-                break
-            least = score - NEGLIGIBLE if not kept else least
+        for row in order[np.sort(-own) <= NEGLIGIBLE - own.max()]:
             if all(np.abs(found.y[row] - found.y[other]).max() > SAME_MODE for other in kept):
-                kept.append(row)
+                kept.append(int(row))
+        kept = kept[:MAX_MODES]
         modes.append(Mode(found.y[kept], found.hessian[kept], found.log_evidence[kept]))
     return modes
 
