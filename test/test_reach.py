@@ -84,4 +84,4 @@ def test_the_belief_is_that_of_all_objects(margin: float, monkeypatch: pytest.Mo
     for mine, reference in zip(gated, everything, strict=True):
         same_mass = replace(mine, discarded_mass=reference.discarded_mass)
         assert belief_difference(same_mass, reference) < 1e-9
-        assert -1e-12 < mine.discarded_mass - reference.discarded_mass < 1e-4  # a bound on what was not looked at
+        assert -1e-12 < mine.discarded_mass - reference.discarded_mass < 1e-3  # a bound on what was not looked at

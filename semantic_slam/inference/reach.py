@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 
 FEW_OBJECTS = 12
 """Up to so many, all of them are looked at."""
-FIRST_MARGIN = 10.0
+FIRST_MARGIN = 15.0
 """Nats, beyond the gate, that a detection may cost more than at least: objects looked at from the start."""
 
 
