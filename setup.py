@@ -13,6 +13,7 @@ COMMANDS = (
     "find_lookalike",
     "train_classifier",
     "fit_viewpoint_models",
+    "train_latent_model",
     "run_study",
     "bench",
 )

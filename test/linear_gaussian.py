@@ -44,12 +44,16 @@ class LinearModel:
     def geometry(self, seen, x, o):
         count = len(x)
         eye = np.broadcast_to(np.eye(2), (count, 2, 2))
-        return _whitened(o - x - seen.geo, -eye, eye, self.geometric_covariance)
+        return _whitened(o - x - _tiled(seen.geo, count), -eye, eye, self.geometric_covariance)
 
     def semantics(self, seen, x, o, classes):
         slope = self.slopes[classes]
         mean = self.offsets[classes] + (slope @ (o - x)[..., None])[..., 0]
-        return _whitened(mean - seen.sem, -slope, slope, self.semantic_covariance)
+        return _whitened(mean - _tiled(seen.sem, len(x)), -slope, slope, self.semantic_covariance)
+
+    def log_likelihood(self, seen, x, o, classes):
+        parts = [self.geometry(seen, x, o)] + ([] if classes is None else [self.semantics(seen, x, o, classes)])
+        return sum(part.log_normaliser - 0.5 * (part.residual**2).sum(-1) for part in parts)
 
     def heading_profile(self, seen, x, o, classes, sigma):
         peak = -0.5 * np.linalg.slogdet(2.0 * np.pi * self.semantic_covariance)[1]
@@ -77,6 +81,13 @@ class LinearModel:
     def semantic_factors(self, detections, keys, classes, x, o):
         part = self.semantics(self.collect(detections), x, o, classes)
         return [_linear_factor(part, row, pair, x[row], o[row]) for row, pair in enumerate(keys)]
+
+    def linearise_ahead(self, detections, classes, x, o):
+        pass
+
+
+def _tiled(values, count):
+    return np.tile(values, (count // len(values), 1))
 
 
 def _whitened(residual, jacobian_x, jacobian_o, covariance):

@@ -83,7 +83,7 @@ def test_coordinates_and_slopes_are_those_of_the_states() -> None:
     chain = history(component(model, 1.0, 0.3), [detection(model, 0.3)] * 2, np.array([0.3, 0.1, 0.2])).chain()
     y = np.random.default_rng(0).standard_normal(chain.size)
     robots, objects = chain.states(y[None])
-    np.testing.assert_allclose(chain.coordinates(robots[0], objects[0]), y, atol=1e-9)
+    np.testing.assert_allclose(chain.coordinates(robots, objects)[0], y, atol=1e-9)
     energy, gradient, _ = chain.normal_equations(y[None])
     steps = 1e-6 * np.eye(chain.size)
     numeric = (chain.energy(y + steps) - chain.energy(y - steps)) / 2e-6

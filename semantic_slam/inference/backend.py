@@ -78,6 +78,7 @@ class Backend:
         survivors: dict[int, Held] = {}
         lost: list[int] = []
         owned = np.flatnonzero(commit.owners == self.backend_id)
+        self._linearise_ahead(commit, mine)
         last = {int(commit.parent_ids[row]): int(row) for row in owned}
         for row in owned:
             number = int(commit.ids[row])
@@ -88,6 +89,15 @@ class Backend:
                 lost.append(number)
         self.held, self.committed, self._expanded = survivors, commit.keyframe, None
         return self._report(commit.keyframe, lost)
+
+    def _linearise_ahead(self, commit: Commit, ids: set[int]) -> None:
+        """The semantics of all that grow from what was expanded, in one evaluation."""
+        if self.committed != commit.keyframe - 1 or self._expanded is None:
+            return
+        continuations = self._expanded[0]
+        rows = [row for row, number in enumerate(continuations.ids) if number in ids]
+        if not isinstance(self.expander, OpenExpander):
+            continuations.linearise_ahead(self.steps[commit.keyframe], rows, self.problem.model)
 
     def _survivor(self, commit: Commit, row: int, rebuilt: dict[int, Component], is_last: bool) -> Component:
         """``is_last``: no other survivor grows from the same parent, which need not stay as it was."""

@@ -1,167 +1,217 @@
-"""A hypothesis from the last keyframe at which it was Gaussian: robot states since, and the objects seen since.
+"""Hypotheses from the last keyframe at which each was Gaussian: robot states since, and the objects seen since.
 
 The states are x_a = mean Exp(L y_a), o = mean Exp(L y_o) and x_t = x_(t-1) u_t Exp(M_t y_t), so that y ~ N(0, I)
 exactly and the evidence of everything since is the mean of the likelihood over y: Eq. 4.18 for the whole history.
+Hypotheses of one shape (the same keyframes since the anchor, as many objects) are looked at together.
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.manifold import Manifold
-from semantic_slam.inference.observation import Detections, Linearisation, ObservationModel
+from semantic_slam.inference.observation import Linearisation, ObservationModel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A detection under a hypothesis."""
+class Link:
+    """What one keyframe adds to every chain."""
 
-    detection: Any
-    place: int  # of its object among the chain's
-    assigned_class: int  # -1: no semantics
+    motion: Motion
+    detections: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
-class Link:
-    """What one keyframe adds to a chain."""
+class Anchored:
+    """K Gaussians over robot and O objects at the anchor, and what each of S detections since is."""
 
-    motion: Motion
-    seen: tuple[Seen, ...]
+    mean: Array  # (K, 1 + O, d), the robot's first
+    covariance: Array  # (K, (1 + O) d, (1 + O) d)
+    places: Index  # (K, S) among the objects
+    classes: Index  # (K, S), -1: no semantics; the same S have some in every hypothesis
 
 
 class Chain:
-    """The energy -log p(Z | y) + |y|^2 / 2 of T keyframes after the anchor, over the robot and O objects.
+    """The energy -log p(Z | y) + |y|^2 / 2 of T keyframes after the anchor, for K hypotheses.
 
-    The blocks of y: robot and objects at the anchor, then the T motions; ``size`` = (1 + O + T) d numbers.
+    The blocks of y: robot and objects at the anchor, then the T motions; ``size`` = (1 + O + T) d numbers. Of K N rows
+    of y the first N are of the first hypothesis, and so on.
     """
 
-    def __init__(
-        self, manifold: Manifold, model: ObservationModel, mean: Array, covariance: Array, links: Sequence[Link]
-    ):
-        """``mean`` (1 + O, d), the robot's first, and ``covariance`` ((1 + O) d, (1 + O) d) of the anchor."""
+    def __init__(self, manifold: Manifold, model: ObservationModel, anchored: Anchored, links: Sequence[Link]):
         self.manifold, self.model, self.links = manifold, model, tuple(links)
-        self.mean, self.dimension = mean, manifold.dimension
-        self.root = np.linalg.cholesky(covariance)
+        self.mean, self.dimension = anchored.mean, manifold.dimension
+        self.places, self.classes = anchored.places, anchored.classes
+        self.root: Array = np.linalg.cholesky(anchored.covariance)
+        self.width = self.root.shape[-1]
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
-        self.size = self.root.shape[0] + len(links) * self.dimension
-        self.sights = [(t + 1, seen) for t, link in enumerate(links) for seen in link.seen]
-        self._seen = model.collect([seen.detection for _, seen in self.sights])
-        self._times = np.array([t for t, _ in self.sights], dtype=int)
-        self._places = np.array([seen.place for _, seen in self.sights], dtype=int)
-        self._classes = np.array([seen.assigned_class for _, seen in self.sights], dtype=int)
+        self.size = self.width + len(links) * self.dimension
+        self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
+        seen = model.collect([detection for link in links for detection in link.detections])
+        named = self.classes[0] >= 0
+        self._parts = [  # detections with and without semantics
+            (seen if rows.all() else seen.take(np.flatnonzero(rows)), np.flatnonzero(rows), bool(rows is named))
+            for rows in (named, ~named)
+            if rows.any()
+        ]
+
+    def __len__(self) -> int:
+        return len(self.mean)
 
     def select(self, selection: Any) -> "Chain":
-        """Itself: one chain serves every row of y."""
-        return self
+        """Some of the hypotheses, any number of times; a single one serves every row as it is."""
+        if len(self) == 1:
+            return self
+        part = copy.copy(self)
+        part.mean, part.root = self.mean[selection], self.root[selection]
+        part.places, part.classes = self.places[selection], self.classes[selection]
+        return part
 
     def coordinates(self, robots: Array, objects: Array) -> Array:
-        """(size,) y of robot states (1 + T, d), the anchor's first, and objects (O, d)."""
-        anchor = self.manifold.local(self.mean, np.concatenate([robots[:1], objects]))
-        blocks = [solve_triangular(self.root, anchor.ravel(), lower=True)]
-        for before, after, link, root in zip(robots[:-1], robots[1:], self.links, self.motion_roots, strict=True):
-            moved = self.manifold.compose(before, link.motion.control)
-            blocks.append(solve_triangular(root, self.manifold.local(moved, after), lower=True))
-        return np.concatenate(blocks)
+        """(K, size) y of robot states (K, 1 + T, d), the anchor's first, and objects (K, O, d)."""
+        anchor = self.manifold.local(self.mean, np.concatenate([robots[:, :1], objects], axis=1))
+        blocks = [np.linalg.solve(self.root, anchor.reshape(len(self), -1, 1))[..., 0]]
+        for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
+            moved = self.manifold.compose(robots[:, t], link.motion.control)
+            blocks.append(np.linalg.solve(root, self.manifold.local(moved, robots[:, t + 1]).T).T)
+        return np.concatenate(blocks, axis=1)
 
     def newest_slopes(self, y: Array) -> Array:
-        """(1 + O, d, size) derivatives of the newest robot state and of the objects by y (size,)."""
-        by_robot, by_object = self._slopes(self._states(y[None])[2])
-        return np.concatenate([by_robot[:, -1], by_object[0]])
+        """(K, 1 + O, d, size) derivatives of the newest robot state and of the objects by y (K, size)."""
+        by_robot, by_object = self._slopes(self._states(y)[2])
+        found = np.zeros((len(y), self.mean.shape[1], self.dimension, self.size))
+        found[:, 0], found[:, 1:, :, : self.width] = by_robot[:, 0, -1], by_object[:, 0]
+        return found
 
     def states(self, y: Array) -> tuple[Array, Array]:
         """(B, 1 + T, d) robot, the anchor's first, and (B, O, d) objects."""
         robots, objects, _ = self._states(y)
-        return robots, objects
+        return robots.reshape(len(y), *robots.shape[2:]), objects.reshape(len(y), *objects.shape[2:])
 
     def log_likelihood(self, y: Array) -> Array:
         """(B,) log P(Z | y)."""
-        total = np.zeros(len(y))
-        for part, _ in self._parts(*self.states(y)):
-            total += (part.log_normaliser - 0.5 * (part.residual**2).sum(-1)).reshape(len(y), -1).sum(-1)
-        return total
+        return self._log_likelihood(*self._states(y)[:2])
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) of every keyframe since the anchor."""
-        if not self.sights:
-            return np.zeros(len(y))
-        x, o = self._pairs(*self.states(y), np.arange(len(self.sights)))
-        return np.asarray(self.model.log_visibility(x, o, soft=soft).reshape(len(y), -1).sum(-1))
+        return self._log_visibility(*self._states(y)[:2], soft=soft)
 
-    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
-        """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
-        robots, objects, tangents = self._states(y)
-        by_robot, by_object = self._slopes(tangents)
-        energy, gradient = 0.5 * (y**2).sum(-1), y.copy()
-        hessian = np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size)).copy()
-        for part, sights in self._parts(robots, objects):
-            shape = (len(y), len(sights), -1, self.dimension)
-            jacobian = part.jacobian_robot.reshape(shape) @ by_robot[:, self._times[sights]]
-            jacobian += part.jacobian_object.reshape(shape) @ by_object[:, self._places[sights]]
-            jacobian = jacobian.reshape(len(y), -1, self.size)
-            transposed = np.swapaxes(jacobian, -1, -2)
-            energy += (0.5 * (part.residual**2).sum(-1) - part.log_normaliser).reshape(len(y), -1).sum(-1)
-            gradient += (transposed @ part.residual.reshape(len(y), -1, 1))[..., 0]
-            hessian += transposed @ jacobian
-        return energy, gradient, hessian
+    def log_target(self, y: Array) -> Array:
+        """(B,) log P(Z, beta | y), what is not visible excluded."""
+        robots, objects, _ = self._states(y)
+        return self._log_likelihood(robots, objects) + self._log_visibility(robots, objects, soft=False)
 
     def energy(self, y: Array) -> Array:
         """(B,) -log P(Z | y) + |y|^2 / 2."""
         return np.asarray(0.5 * (y**2).sum(-1) - self.log_likelihood(y))
 
+    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
+        """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
+        robots, objects, tangents = self._states(y)
+        by_robot, by_object = self._slopes(tangents)
+        energy, residuals, jacobians = 0.5 * (y**2).sum(-1), [], []
+        for parts, sights in self._linearised(robots, objects):
+            for part in parts:
+                energy += (0.5 * (part.residual**2).sum(-1) - part.log_normaliser).reshape(len(y), -1).sum(-1)
+            shape = (*robots.shape[:2], len(sights), -1, self.dimension)
+            together = np.concatenate([part.jacobian_robot for part in parts], axis=1).reshape(shape)
+            jacobian = together @ self._timed(by_robot, sights)
+            together = np.concatenate([part.jacobian_object for part in parts], axis=1).reshape(shape)
+            jacobian[..., : self.width] += together @ self._placed(by_object, sights)
+            jacobians.append(jacobian.reshape(len(y), -1, self.size))
+            residuals.append(np.concatenate([part.residual for part in parts], axis=1).reshape(len(y), -1, 1))
+        if not jacobians:
+            return energy, y.copy(), np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size)).copy()
+        jacobian, residual = np.concatenate(jacobians, axis=1), np.concatenate(residuals, axis=1)
+        transposed = np.swapaxes(jacobian, -1, -2)
+        hessian = transposed @ jacobian
+        hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
+        return energy, y + (transposed @ residual)[..., 0], hessian
+
+    def _log_likelihood(self, robots: Array, objects: Array) -> Array:
+        total = np.zeros(robots.shape[0] * robots.shape[1])
+        for seen, sights, named in self._parts:
+            x, o = self._pairs(robots, objects, sights)
+            classes = self._repeated(sights, robots.shape[1]) if named else None
+            total += self.model.log_likelihood(seen, x, o, classes).reshape(len(total), -1).sum(-1)
+        return total
+
+    def _log_visibility(self, robots: Array, objects: Array, *, soft: bool) -> Array:
+        count = robots.shape[0] * robots.shape[1]
+        if not len(self._times):
+            return np.zeros(count)
+        x, o = self._pairs(robots, objects, np.arange(len(self._times)))
+        return np.asarray(self.model.log_visibility(x, o, soft=soft).reshape(count, -1).sum(-1))
+
+    def _linearised(self, robots: Array, objects: Array) -> list[tuple[list[Linearisation], Index]]:
+        """Geometry of all sights, with semantics where they have a class, and which they are."""
+        found = []
+        for seen, sights, named in self._parts:
+            x, o = self._pairs(robots, objects, sights)
+            parts = [self.model.geometry(seen, x, o)]
+            if named:
+                parts.append(self.model.semantics(seen, x, o, self._repeated(sights, robots.shape[1])))
+            found.append((parts, sights))
+        return found
+
     def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
-        """(B S, d) robot and object of S sights."""
-        x, o = robots[:, self._times[sights]], objects[:, self._places[sights]]
+        """(K N S, d) robot and object of S sights."""
+        o = self._placed(objects, sights)
+        x = np.broadcast_to(self._timed(robots, sights), o.shape)
         return x.reshape(-1, self.dimension), o.reshape(-1, self.dimension)
 
-    def _parts(self, robots: Array, objects: Array) -> list[tuple[Linearisation, Index]]:
-        """Geometry of all sights and semantics of those with a class, and which they are."""
-        everything = np.arange(len(self.sights))
-        if not len(everything):
-            return []
-        parts = [(self.model.geometry(*self._repeated(robots, objects, everything)), everything)]
-        named = np.flatnonzero(self._classes >= 0)
-        if len(named):
-            classes = np.tile(self._classes[named], len(robots))
-            parts.append((self.model.semantics(*self._repeated(robots, objects, named), classes), named))
-        return parts
+    def _timed(self, values: Array, sights: Index) -> Array:
+        """(K, N, S, ...) of the sights' robot states, from (K, N, 1 + T, ...); one of them where all are the same."""
+        times = self._times[sights]
+        return values[:, :, times[0] : times[0] + 1] if (times == times[0]).all() else values[:, :, times]
 
-    def _repeated(self, robots: Array, objects: Array, sights: Index) -> tuple[Detections, Array, Array]:
-        return self._seen.take(np.tile(sights, len(robots))), *self._pairs(robots, objects, sights)
+    def _placed(self, values: Array, sights: Index) -> Array:
+        """(K, N, S, ...) of the sights' objects, from (K, N, O, ...)."""
+        places = self.places[:, sights]
+        if (places == places[:1]).all():
+            in_order = np.array_equal(places[0], np.arange(values.shape[2]))
+            return values if in_order else values[:, :, places[0]]
+        rows, columns = np.arange(values.shape[0])[:, None, None], np.arange(values.shape[1])[:, None]
+        return np.asarray(values[rows, columns, places[:, None]])
+
+    def _repeated(self, sights: Index, count: int) -> Index:
+        """(K N S,) classes."""
+        classes = self.classes[:, None, sights]
+        return np.broadcast_to(classes, (len(classes), count, len(sights))).reshape(-1)
 
     def _states(self, y: Array) -> tuple[Array, Array, list[Array]]:
-        """Robot and objects, and the tangents: of the anchor (B, 1 + O, d), then of each motion (B, d)."""
-        width = self.root.shape[0]
-        anchor = (y[:, :width] @ self.root.T).reshape(-1, *self.mean.shape)
-        states = self.manifold.retract(np.broadcast_to(self.mean, anchor.shape), anchor)
-        robots, tangents = [states[:, 0]], [anchor]
+        """(K, N, 1 + T, d) robot, (K, N, O, d) objects, and the tangents of the anchor (K, N, 1 + O, d) and motions."""
+        y = y.reshape(len(self), -1, self.size)
+        anchor = y[..., : self.width] @ np.swapaxes(self.root, 1, 2)
+        anchor = anchor.reshape(*y.shape[:2], *self.mean.shape[1:])
+        states = self.manifold.retract(self.mean[:, None], anchor)
+        robots, tangents = [states[:, :, 0]], [anchor]
         for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
-            tangent = y[:, width + t * self.dimension : width + (t + 1) * self.dimension] @ root.T
-            moved = self.manifold.compose(robots[-1], np.broadcast_to(link.motion.control, tangent.shape))
-            robots.append(self.manifold.retract(moved, tangent))
-            tangents.append(tangent)
-        return np.stack(robots, axis=1), states[:, 1:], tangents
+            start = self.width + t * self.dimension
+            tangents.append(y[..., start : start + self.dimension] @ root.T)
+            moved = self.manifold.compose(robots[-1], link.motion.control)
+            robots.append(self.manifold.retract(moved, tangents[-1]))
+        return np.stack(robots, axis=2), states[:, :, 1:], tangents
 
     def _slopes(self, tangents: list[Array]) -> tuple[Array, Array]:
-        """(B, 1 + T, d, size) of the robot, (B, O, d, size) of the objects: derivatives in tangent spaces by y."""
-        width, d = self.root.shape[0], self.dimension
-        count = len(tangents[0])
+        """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, width) of the objects: in tangent spaces by y."""
+        d, leading = self.dimension, tangents[0].shape[:2]
         chart = self.manifold.retract_jacobian(tangents[0])
-        anchor = np.zeros((count, len(self.mean), d, self.size))
-        anchor[..., :width] = chart @ self.root.reshape(len(self.mean), d, width)
-        robots = np.zeros((count, 1 + len(self.links), d, self.size))
-        robots[:, 0] = anchor[:, 0]
+        anchor = chart @ self.root.reshape(len(self), 1, -1, d, self.width)
+        robots = np.zeros((*leading, 1 + len(self.links), d, self.size))
+        robots[:, :, 0, :, : self.width] = anchor[:, :, 0]
         for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
             moved = self.manifold.retract(np.zeros(d), tangents[t + 1])
             transition = self.manifold.propagation(moved) @ self.manifold.propagation(link.motion.control)
-            robots[:, t + 1] = transition @ robots[:, t]
-            columns = slice(width + t * d, width + (t + 1) * d)
-            robots[:, t + 1, :, columns] += self.manifold.retract_jacobian(tangents[t + 1]) @ root
-        return robots, anchor[:, 1:]
+            robots[:, :, t + 1] = transition @ robots[:, :, t]
+            columns = slice(self.width + t * d, self.width + (t + 1) * d)
+            robots[:, :, t + 1, :, columns] += self.manifold.retract_jacobian(tangents[t + 1]) @ root
+        return robots, anchor[:, :, 1:]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from semantic_slam.inference.component import Component, Continued, Held
+from semantic_slam.inference.component import Component, Continued, Held, object_key, robot_key
 from semantic_slam.inference.enumeration import (
     Enumerated,
     Setting,
@@ -18,10 +18,12 @@ from semantic_slam.inference.enumeration import (
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.history import History
 from semantic_slam.inference.identity import generator, hypothesis_id
-from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, Mode, find_modes
+from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.modes import Expanded, Split, split
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.objects import ObjectRegistry
+from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.refinement import Refined
@@ -70,6 +72,18 @@ class Continuations:
             refined.corrections if refined is not None else {},
         )
 
+    def linearise_ahead(self, step: Step, rows: Sequence[int], model: ObservationModel) -> None:
+        """Let the model linearise the semantics of continuations that will grow in one evaluation."""
+        seen = [
+            (step.detections[i], assigned, self.robot[row], self.objects[row, slot])
+            for row in rows
+            for slot, i in enumerate(self.used)
+            if (assigned := self.steps[row].class_assignment[i]) >= 0
+        ]
+        if seen:
+            detections, classes, robots, objects = zip(*seen, strict=True)
+            model.linearise_ahead(detections, np.array(classes), np.array(robots), np.array(objects))
+
 
 class Expander:
     """Weighs continuations; a pure function of the problem, the registry and what it is given."""
@@ -86,14 +100,13 @@ class Expander:
         used = self._used(step, given)
         known, unknown = self._objects(components[0], used, given)
         new = [self._new_objects(component, step, used, given, unknown) for component in components]
-        pairs = zip(components, new, strict=True)
-        predicted = _stacked([_predicted(component, step, known, added) for component, added in pairs])
+        predicted = _predicted(self.problem.manifold, components, step, known, new)
         object_ids = [*known, *unknown]
         setting = self._setting(step, used, object_ids, components, path)
         enumerated, mode = self._enumerate(setting, predicted, used, given, object_ids)
         stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
         if setting.model.num_classes > 0 and len(used):
-            mode = find_modes(stack, enumerated.start)
+            mode = find_modes(stack, enumerated.start, tolerance=WEIGHING_TOLERANCE)
         steps = _lineage_steps(enumerated.rows, used, object_ids, len(step.names))
         expanded = Expanded(
             step=step,
@@ -222,16 +235,28 @@ class Expander:
         return self.problem.semantics.weigh(moment)
 
 
-def _stacked(parts: list[Predicted]) -> Predicted:
-    return Predicted(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
-
-
-def _predicted(component: Component, step: Step, known: list[int], new: dict[int, GaussianPrior]) -> Predicted:
-    """b^-[x_k, O], the new objects after the known ones."""
-    predicted = component.predict(step.motion, known)
-    mean = np.concatenate([predicted.mean[0], *(prior.mean[None] for prior in new.values())])
-    covariance = block_diag(predicted.covariance[0], *(prior.covariance for prior in new.values()))
-    return Predicted(mean[None], covariance[None])
+def _predicted(
+    manifold: Manifold,
+    components: Sequence[Component],
+    step: Step,
+    known: list[int],
+    new: Sequence[dict[int, GaussianPrior]],
+) -> Predicted:
+    """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent, the new objects after the known ones."""
+    keys = [[robot_key(component.keyframe), *(object_key(n) for n in known)] for component in components]
+    mean = np.array([component.states(own) for component, own in zip(components, keys, strict=True)])
+    covariance = np.array([component.joint_covariance(own) for component, own in zip(components, keys, strict=True)])
+    dimension, transition = manifold.dimension, manifold.propagation(step.motion.control)
+    mean[:, 0] = manifold.compose(mean[:, 0], step.motion.control)
+    covariance[:, :dimension] = transition @ covariance[:, :dimension]
+    covariance[:, :, :dimension] = covariance[:, :, :dimension] @ transition.T
+    covariance[:, :dimension, :dimension] += step.motion.covariance
+    if not any(new):
+        return Predicted(mean, covariance)
+    added = [list(priors.values()) for priors in new]
+    mean = np.concatenate([mean, [[prior.mean for prior in priors] for priors in added]], axis=1)
+    pairs = zip(covariance, added, strict=True)
+    return Predicted(mean, np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs]))
 
 
 def _path(path: LineageStep, used: Index, object_ids: list[int]) -> tuple[Index, Index]:

@@ -13,10 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.laplace import RANKING_ITERATIONS, RANKING_TOLERANCE, Mode, find_modes, search_start
+from semantic_slam.inference.laplace import (
+    RANKING_ITERATIONS,
+    RANKING_TOLERANCE,
+    WEIGHING_TOLERANCE,
+    Mode,
+    find_modes,
+    search_start,
+)
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.screening import screen, sight_sigmas
+from semantic_slam.inference.screening import screen
 from semantic_slam.inference.stack import Predicted, Rows, Stack
 
 Array = NDArray[np.float64]
@@ -56,22 +63,20 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
     left_out = np.full(len(parents), -np.inf)
     stack = _stack(setting, predicted, rows)
     mode = find_modes(stack, np.zeros((len(parents), stack.size)))
-    sigmas = sight_sigmas(setting.model, predicted)
     for number in range(len(setting.detections)):
         allowed = None if setting.path is None else int(setting.path[0][number])
         rows, origin = _with_next_object(rows, predicted.mean.shape[1] - 1, setting.distinct, allowed)
         stack = _stack(setting, predicted, rows)
-        sigma = sigmas[rows.parents[:, None], rows.objects].max(axis=1)
-        screened = screen(stack, _carried(stack, mode.y[origin]), sigma, setting.gate, len(parents))
+        screened = screen(stack, mode.take(origin), setting.gate, len(parents))
         rows, stack = rows.take(screened.kept), stack.select(screened.kept)
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:
-            mode = find_modes(stack, screened.start)
+            mode = find_modes(stack, screened.start, tolerance=WEIGHING_TOLERANCE)
         else:
             mode = find_modes(stack, screened.start, RANKING_ITERATIONS, RANKING_TOLERANCE)
         keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents), setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
-        rows, mode = rows.take(keep), Mode(mode.y[keep], mode.hessian[keep], mode.log_evidence[keep])
+        rows, mode = rows.take(keep), mode.take(keep)
     return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out), mode
 
 
@@ -127,13 +132,6 @@ def _with_next_object(rows: Rows, num_objects: int, distinct: bool, only: int | 
         np.put_along_axis(allowed, rows.objects, False, axis=1)
     origin, added = np.nonzero(allowed)
     return Rows(rows.parents[origin], np.concatenate([rows.objects[origin], added[:, None]], axis=1)), origin
-
-
-def _carried(stack: Stack, previous: Array) -> Array:
-    """The mode of the detections so far, the new object where it is expected from there."""
-    carried = np.zeros((len(previous), stack.size))
-    carried[:, : previous.shape[1]] = previous
-    return carried
 
 
 def _gated(parents: Index, score: Array, gate: float, num_parents: int, limit: int) -> tuple[Index, Array]:

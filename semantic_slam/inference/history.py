@@ -4,13 +4,14 @@ The anchor is the component of that time. A hypothesis that is one of several mo
 share of the states that it answers for, so that the modes of one association sum to its whole evidence.
 """
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from semantic_slam.inference.chain import Chain, Link, Seen
+from semantic_slam.inference.chain import Anchored, Chain, Link
 from semantic_slam.inference.component import Component, Motion, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.importance import Gaussians
@@ -38,8 +39,7 @@ class Region:
     def log_share(self, chain: Chain, y: Array) -> Array:
         """(B,) log responsibility of the mode, a function of the chain's earlier blocks."""
         anchor = (1 + self.num_objects) * chain.dimension
-        width = len(chain.mean) * chain.dimension
-        motions = y[:, width : width + self.num_links * chain.dimension]
+        motions = y[:, chain.width : chain.width + self.num_links * chain.dimension]
         earlier = np.concatenate([y[:, :anchor], motions], axis=1)
         return np.asarray(self.modes.log_responsibilities(earlier)[self.number])
 
@@ -72,25 +72,52 @@ class History:
         """Objects seen since the anchor, in the order in which they were."""
         return list(dict.fromkeys(item.object_id for taken in self.taken for item in taken.observed))
 
-    def chain(self) -> Chain:
-        """The integral over everything since the anchor. Raises LostComponentError."""
+    def shape(self) -> Hashable:
+        """Equal where one :class:`Chain` serves several histories."""
+        detections = tuple((id(o.detection), o.assigned_class >= 0) for t in self.taken for o in t.observed)
+        return self.anchor.keyframe, len(self.taken), detections, len(self.object_ids())
+
+    def anchored(self) -> tuple[Array, Array]:
+        """Mean (1 + O, d) and covariance of the robot at the anchor and the objects. Raises LostComponentError."""
         anchor, objects = self.anchor, self.object_ids()
         introduced = dict(self.introduced)
         known = [n for n in objects if n not in introduced]
         keys = [robot_key(anchor.keyframe), *(object_key(n) for n in known)]
         mean, covariance = anchor.states(keys), anchor.joint_covariance(keys)
+        if not introduced:
+            return mean, covariance
         added = [introduced[n] for n in objects if n in introduced]
         mean = np.concatenate([mean, *(prior.mean[None] for prior in added)])
         covariance = block_diag(covariance, *(prior.covariance for prior in added))
         place = {n: i for i, n in enumerate([*known, *(n for n in objects if n in introduced)])}
         order = [0, *(1 + place[n] for n in objects)]
         blocks = (np.array(order)[:, None] * mean.shape[1] + np.arange(mean.shape[1])).ravel()
-        links = [
-            Link(t.motion, tuple(Seen(o.detection, objects.index(o.object_id), o.assigned_class) for o in t.observed))
-            for t in self.taken
-        ]
-        return Chain(anchor.manifold, anchor.model, mean[order], covariance[np.ix_(blocks, blocks)], links)
+        return mean[order], covariance[np.ix_(blocks, blocks)]
+
+    def chain(self) -> Chain:
+        """The integral over everything since the anchor. Raises LostComponentError."""
+        return chain_of([self])
 
     def log_share(self, chain: Chain, y: Array) -> Array:
         """(B,) log of the share that this mode answers for."""
         return np.asarray(sum((region.log_share(chain, y) for region in self.regions), np.zeros(len(y))))
+
+
+def chain_of(histories: Sequence[History]) -> Chain:
+    """Of histories that have one shape. Raises LostComponentError."""
+    first = histories[0]
+    anchored = [history.anchored() for history in histories]
+    places, classes = [], []
+    for history in histories:
+        place = {n: i for i, n in enumerate(history.object_ids())}
+        observed = [item for taken in history.taken for item in taken.observed]
+        places.append([place[item.object_id] for item in observed])
+        classes.append([item.assigned_class for item in observed])
+    links = [Link(taken.motion, tuple(item.detection for item in taken.observed)) for taken in first.taken]
+    at_anchor = Anchored(
+        np.array([mean for mean, _ in anchored]),
+        np.array([covariance for _, covariance in anchored]),
+        np.array(places, dtype=int),
+        np.array(classes, dtype=int),
+    )
+    return Chain(first.anchor.manifold, first.anchor.model, at_anchor, links)

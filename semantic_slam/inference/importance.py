@@ -4,12 +4,14 @@ The points are a fixed low-discrepancy set with its mirror image about every mod
 the same points, so that their errors cancel in the weights, and nothing depends on who draws them or when.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.stats import norm, qmc
 
 Array = NDArray[np.float64]
@@ -22,14 +24,11 @@ WIDENED = 1.1
 """Factor on adapted covariances, because a proposal must not be narrower than its target."""
 
 
-class Target(Protocol):
-    """What is integrated: P(Z | y) P(beta | y) N(y; 0, I)."""
+class Targets(Protocol):
+    """What is integrated for each of K problems: P(Z | y) P(beta | y) N(y; 0, I)."""
 
-    def log_likelihood(self, y: Array) -> Array:
-        """(B,) log P(Z | y)."""
-
-    def log_visibility(self, y: Array, *, soft: bool) -> Array:
-        """(B,) log P(beta | y)."""
+    def log_target(self, y: Array) -> Array:
+        """(K N,) log P(Z, beta | y), N rows of each problem after those of the one before."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +41,16 @@ class Gaussians:
 
     def log_densities(self, y: Array) -> Array:
         """(M, B) logs of share times density."""
-        deviation = np.einsum("mbi,mij->mbj", y[None] - self.means[:, None], self.roots)
+        deviation = (y[None] - self.means[:, None]) @ self.roots
         scale = np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(-1) - 0.5 * y.shape[1] * np.log(2.0 * np.pi)
         return np.asarray((self.log_shares + scale)[:, None] - 0.5 * (deviation**2).sum(-1))
 
     def log_responsibilities(self, y: Array) -> Array:
         """(M, B) logs of each Gaussian's part in the mixture at y."""
+        if len(self.means) == 1:
+            return np.zeros((1, len(y)))
         logs = self.log_densities(y)
-        return np.asarray(logs - np.logaddexp.reduce(logs, axis=0))
+        return np.asarray(logs - log_sum(logs))
 
     def without_prior(self) -> "Gaussians":
         """All but the last."""
@@ -127,18 +128,38 @@ def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians
     return Gaussians(means, roots, np.log((1.0 - PRIOR_SHARE) * shares)).with_prior()
 
 
-def draw(target: Target, mixture: Gaussians, num_samples: int) -> Samples:
-    """About ``num_samples`` points, each weighed against the whole mixture (balance heuristic)."""
-    pairs = np.maximum(1, np.round(0.5 * num_samples * np.exp(mixture.log_shares))).astype(int)
+def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> list[Samples]:
+    """``num_samples`` points for each of K problems, weighed against its whole mixture (balance heuristic)."""
+    pairs = [_pairs(mixture, num_samples // 2) for mixture in mixtures]
+    points = np.array([_points(mixture, counts) for mixture, counts in zip(mixtures, pairs, strict=True)])
+    log_target = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(len(mixtures), -1)
+    log_target -= 0.5 * (points**2).sum(-1) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
+    found = []
+    for mixture, counts, y, logs in zip(mixtures, pairs, points, log_target, strict=True):
+        drawn = Gaussians(mixture.means, mixture.roots, np.log(counts / counts.sum()))
+        found.append(Samples(y, logs - log_sum(drawn.log_densities(y))))
+    return found
+
+
+def _pairs(mixture: Gaussians, total: int) -> NDArray[np.int_]:
+    """(M,) points and mirror images of each Gaussian, at least one; the heaviest takes what rounding leaves."""
+    counts = np.maximum(1, np.round(total * np.exp(mixture.log_shares))).astype(int)
+    counts[np.argmax(counts)] += total - counts.sum()
+    return np.asarray(counts)
+
+
+def _points(mixture: Gaussians, pairs: NDArray[np.int_]) -> Array:
     parts = []
     for mean, root, count in zip(mixture.means, mixture.roots, pairs, strict=True):
-        half = np.linalg.solve(root.T, normal_points(int(count), len(mean)).T).T
+        half = solve_triangular(root, normal_points(int(count), len(mean)).T, lower=True, trans=1, check_finite=False).T
         parts += [mean + half, mean - half]
-    y = np.concatenate(parts)
-    drawn = Gaussians(mixture.means, mixture.roots, np.log(pairs / pairs.sum()))
-    log_target = target.log_likelihood(y) + target.log_visibility(y, soft=False)
-    log_prior = -0.5 * (y**2).sum(-1) - 0.5 * y.shape[1] * np.log(2.0 * np.pi)
-    return Samples(y, log_target + log_prior - np.logaddexp.reduce(drawn.log_densities(y), axis=0))
+    return np.concatenate(parts)
+
+
+def log_sum(logs: Array) -> Array:
+    """(B,) log of the sum of exponentials of (M, B) finite logs."""
+    largest = logs.max(axis=0)
+    return np.asarray(largest + np.log(np.exp(logs - largest).sum(axis=0)))
 
 
 @lru_cache(maxsize=256)

@@ -17,8 +17,10 @@ Array = NDArray[np.float64]
 MAX_ITERATIONS = 30
 RANKING_ITERATIONS = 12
 """For modes that only rank partial associations: those near the best have converged by then."""
-RANKING_TOLERANCE = 0.01
-"""Nats that a further step may be expected to bring at a mode that only ranks."""
+RANKING_TOLERANCE = 0.3
+"""Nats that the last step may have been expected to bring at a mode that only ranks; what is left then is less."""
+WEIGHING_TOLERANCE = 1e-3
+"""The same where the evidence at the mode is a weight."""
 STEP_TOLERANCE = 1e-5
 """Whitened step at which a mode counts as found: log evidence is then exact to about 1e-5."""
 INITIAL_DAMPING = 1e-4
@@ -43,15 +45,21 @@ class Mode:
     hessian: Array  # (B, n, n)
     log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
 
+    def take(self, rows: NDArray[np.int_]) -> "Mode":
+        """Some of the problems."""
+        return Mode(self.y[rows], self.hessian[rows], self.log_evidence[rows])
 
-def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS, tolerance: float = 0.0) -> Mode:
+
+def find_modes(
+    stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0
+) -> Mode:
     """Levenberg-Marquardt from ``start`` (B, n); rows that have converged are left alone.
 
-    ``tolerance``: nats that a step may be expected to bring where a mode counts as found all the same.
+    ``tolerance`` (B,): nats that a step may be expected to bring where a mode counts as found all the same.
     The damping follows the gain of each step (Nielsen, 1999): rows with large residuals settle at the damping
     they need instead of swinging about it.
     """
-    y = start.copy()
+    y, enough = start.copy(), np.broadcast_to(tolerance, len(start))
     damping, growth = np.full(len(y), INITIAL_DAMPING), np.full(len(y), 2.0)
     running = np.arange(len(y))
     energy, gradient, hessian = (np.array(value) for value in stack.normal_equations(y))
@@ -69,10 +77,15 @@ def find_modes(stack: LeastSquares, start: Array, max_iterations: int = MAX_ITER
         relaxed = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 1.0) - 1) ** 3)
         damping[running] *= np.where(better, relaxed, growth[running])
         growth[running] = np.where(better, 2.0, 2.0 * growth[running])
-        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < tolerance))
+        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < enough[running]))
         running = running[~(small | (damping[running] > LARGEST_DAMPING))]
-    log_determinant = np.linalg.slogdet(hessian)[1]
-    return Mode(y, hessian, -energy - 0.5 * log_determinant)
+    return Mode(y, hessian, -energy - 0.5 * log_determinants(hessian))
+
+
+def log_determinants(matrices: Array) -> Array:
+    """(B,) of symmetric positive definite (B, n, n)."""
+    root = np.linalg.cholesky(matrices)
+    return np.asarray(2.0 * np.log(np.einsum("bii->bi", root)).sum(-1))
 
 
 def search_start(stack: Stack) -> Array:
@@ -96,8 +109,8 @@ def search_start(stack: Stack) -> Array:
 
 def _damped_step(hessian: Array, gradient: Array, damping: Array) -> tuple[Array, Array]:
     """(B, n) step and (B,) decrease of the energy that the quadratic model expects of it."""
-    diagonal = np.einsum("bii->bi", hessian)
-    damped = hessian + (damping[:, None] * diagonal)[:, :, None] * np.eye(hessian.shape[-1])
+    added = damping[:, None] * np.einsum("bii->bi", hessian)
+    damped = hessian.copy()
+    np.einsum("bii->bi", damped)[...] += added
     step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
-    expected = 0.5 * np.einsum("bi,bi->b", step, damping[:, None] * diagonal * step - gradient)
-    return step, expected
+    return step, 0.5 * (step * (added * step - gradient)).sum(-1)

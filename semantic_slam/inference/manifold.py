@@ -64,7 +64,7 @@ class PlanarPoses:
         return se2.compose(state, control)
 
     def retract(self, state: Array, tangent: Array) -> Array:
-        return se2.compose(state, se2.exp(tangent))
+        return se2.retract(state, tangent)
 
     def local(self, state: Array, other: Array) -> Array:
         return se2.log(se2.between(state, other))

@@ -12,7 +12,7 @@ from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.history import History, Taken
 from semantic_slam.inference.importance import effective_share, normal_points
 from semantic_slam.inference.laplace import Mode
-from semantic_slam.inference.refinement import Refined, refine
+from semantic_slam.inference.refinement import Refined, Start, refine_all
 from semantic_slam.inference.stack import Stack
 from semantic_slam.inference.step import Step
 
@@ -76,7 +76,10 @@ def split(expanded: Expanded, weights: WeightsConfiguration, path_mode: int | No
         log_evidence[rows], shares[rows] = _screened(expanded, rows, log_evidence[rows], weights.screening_samples)
         effective[rows] = shares[rows] * weights.screening_samples
     look = heavy & (shares < weights.gaussian_share) if path_mode is None else heavy
-    found = [_modes(expanded, row, weights) if look[row] else [] for row in range(len(log_evidence))]
+    rows = np.flatnonzero(look)
+    found: list[list[Refined]] = [[] for _ in log_evidence]
+    for row, modes in zip(rows, refine_all(_starts(expanded, rows), weights), strict=True):
+        found[row] = modes
     return _collected(expanded, found, log_evidence, effective, weights)
 
 
@@ -112,12 +115,16 @@ def _screened(expanded: Expanded, rows: Index, laplace: Array, count: int) -> tu
     return np.where(seen, found, laplace), shares
 
 
-def _modes(expanded: Expanded, row: int, weights: WeightsConfiguration) -> list[Refined]:
-    """Modes of one candidate over its history, from where its parent and its own mode are."""
+def _starts(expanded: Expanded, rows: Index) -> list[Start]:
+    """Histories of some candidates, and where their parents' and their own modes are."""
+    part = expanded.stack.select(rows)
+    return [_start(expanded, row, own) for row, own in zip(rows, part.states(expanded.mode.y[rows]), strict=True)]
+
+
+def _start(expanded: Expanded, row: int, states: Array) -> Start:
     parent = expanded.parents[expanded.stack.rows.parents[row]]
     new = expanded.new[expanded.stack.rows.parents[row]]
     history = History.of(parent).with_keyframe(Taken(expanded.step.motion, expanded.observed[row]), new)
-    states = expanded.stack.select(np.array([row])).states(expanded.mode.y[row : row + 1])[0]
     seen = {
         expanded.object_ids[place]: states[1 + expanded.stack.slots[row, number]]
         for number, place in enumerate(expanded.stack.rows.objects[row])
@@ -126,7 +133,7 @@ def _modes(expanded: Expanded, row: int, weights: WeightsConfiguration) -> list[
     past = range(history.anchor.keyframe, parent.keyframe + 1)
     robots = np.concatenate([parent.states([robot_key(k) for k in past]), states[:1]])
     objects = [seen[n] if n in seen else parent.states([object_key(n)])[0] for n in history.object_ids()]
-    return refine(history, robots, np.array(objects).reshape(-1, robots.shape[1]), weights)
+    return Start(history, robots, np.array(objects).reshape(-1, robots.shape[1]))
 
 
 def _collected(
@@ -142,7 +149,7 @@ def _collected(
             origin.append(row)
             number.append(1 + at)
             evidence.append(mode.log_evidence - before)
-            sizes.append(mode.effective_share * weights.importance_samples)
+            sizes.append(mode.effective_share * mode.num_samples)
             refined.append(mode)
             histories.append(mode.history)
         if not modes:

@@ -24,14 +24,17 @@ class Linearisation:
 
 
 class Detections(Protocol):
-    """Detections as arrays: B rows, or one that stands for any number."""
+    """Detections as arrays, a row each."""
 
     def take(self, index: Any) -> "Detections":
         """Rows of a selection."""
 
 
 class ObservationModel(Protocol):
-    """States are (B, d) robot ``x`` and object ``o`` in map; a detection is opaque to the engine."""
+    """States are (B, d) robot ``x`` and object ``o`` in map; a detection is opaque to the engine.
+
+    Of S detections ``seen`` the rows repeat: state b is of detection b mod S.
+    """
 
     num_classes: int  # 0: classes are not enumerated
 
@@ -39,10 +42,13 @@ class ObservationModel(Protocol):
         """Detections as arrays, a row each."""
 
     def geometry(self, seen: Any, x: Array, o: Array) -> Linearisation:
-        """The geometric part z_geo of (B,) collected detections."""
+        """The geometric part z_geo of the collected detections."""
 
     def semantics(self, seen: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
         """The semantic part z_sem for (B,) classes."""
+
+    def log_likelihood(self, seen: Any, x: Array, o: Array, classes: Classes | None) -> Array:
+        """(B,) log density of both, without slopes; of the geometric part alone where ``classes`` is None."""
 
     def heading_profile(self, seen: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
         """(B, K) log of the semantic density when the object is turned by (B, K) angles, far enough for ``sigma`` (B,).
@@ -75,3 +81,6 @@ class ObservationModel(Protocol):
         self, detections: Sequence[Any], keys: Sequence[tuple[int, int]], classes: Classes, x: Array, o: Array
     ) -> list[Any]:
         """GTSAM factors of (n,) semantic measurements, linearised together at (n, d) robots and objects."""
+
+    def linearise_ahead(self, detections: Sequence[Any], classes: Classes, x: Array, o: Array) -> None:
+        """Semantic factors of these (n,) measurements will be asked for: one evaluation costs far less than many."""

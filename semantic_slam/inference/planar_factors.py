@@ -5,6 +5,7 @@ from its lineage, never from a pickled graph.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import gtsam
@@ -38,13 +39,18 @@ def bearing_factor(linearise: Callable[[Array, Array], Linearisation], keys: tup
 
 def linear_factor(keys: tuple[int, int], part: Linearisation, row: int, x: Array, o: Array) -> Any:
     """One row of a linearisation at (3,) robot ``x`` and object ``o``: no callback, but true near those states only."""
-    noise = gtsam.noiseModel.Unit.Create(part.residual.shape[1])
+    noise = _unit_noise(part.residual.shape[1])
     by_robot, by_object = np.asfortranarray(part.jacobian_robot[row]), np.asfortranarray(part.jacobian_object[row])
     values = gtsam.Values()
     values.insert(keys[0], gtsam.Pose2(*x))
     values.insert(keys[1], gtsam.Pose2(*o))
     linear = gtsam.JacobianFactor(keys[0], by_robot, keys[1], by_object, -part.residual[row], noise)
     return gtsam.LinearContainerFactor(linear, values)
+
+
+@cache
+def _unit_noise(size: int) -> Any:
+    return gtsam.noiseModel.Unit.Create(size)
 
 
 def _planar_states(values: gtsam.Values, keys: list[int]) -> tuple[Array, Array]:

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
+from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.planar_factors import bearing_factor, linear_factor, range_factor
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
@@ -26,7 +28,8 @@ Array = NDArray[np.float64]
 LEAST_DISTANCE_M = 1e-6
 LEAST_WINDOW_RAD = 0.6
 """Half the range of azimuths about a mode that is searched at least."""
-WINDOW_ANGLES = 25
+WINDOW_ANGLES, NARROW_WINDOW_ANGLES, WIDE_WINDOW_RAD = 25, 13, 1.2
+"""Azimuths looked at, fewer where half the range is not wide."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class PlanarVisibility:
         for value, limit in ((distance, self.max_range_m), (np.abs(bearing), self.field_of_view_rad / 2.0)):
             if limit > 0.0:
                 margin = (limit - value) / (self.softness * limit)
-                total = total + (-np.logaddexp(0.0, -4.0 * margin) if soft else np.where(margin >= 0.0, 0.0, -np.inf))
+                total = total + (_log_logistic(4.0 * margin) if soft else np.where(margin >= 0.0, 0.0, -np.inf))
         return total
 
 
@@ -63,6 +66,8 @@ class PlanarObservation:
         self.visibility = visibility
         self.new_objects = new_objects or NewObjectConfiguration()
         self.num_classes = len(model.class_names) if model is not None else 0
+        self._ahead: dict[tuple[int, int, bytes, bytes], tuple[Linearisation, int]] = {}
+        self._of_ahead: tuple[PlanarDetection, ...] = ()
 
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
         """Detections as arrays."""
@@ -70,38 +75,46 @@ class PlanarObservation:
 
     def geometry(self, seen: PlanarDetections, x: Array, o: Array) -> Linearisation:
         """Residual of [range, bearing], the range's 0 where there is only a bearing."""
-        body = object_in_body(x, o)
-        d = body - seen.origin
-        distance, bearing = polar(d)
-        residual = np.empty((len(x), 2))
-        residual[:, 0] = distance - seen.range_m
-        residual[:, 1] = wrap_angle(bearing - seen.bearing_rad)
-        by_polar = np.empty((len(x), 2, 2))
-        by_polar[:, 0], by_polar[:, 1] = polar_jacobian(d, distance)
-        by_point: Array = seen.whiten @ by_polar
-        whitened: Array = (seen.whiten @ residual[..., None])[..., 0]
+        rows = _Rows.of(seen, x, o)
+        body, d, distance, whitened = rows.polar_residual()
+        by_point = rows.by_polar(d, distance)
+        log_normaliser = np.broadcast_to(seen.log_normaliser, distance.shape)
+        turn = sine_cosine(rows.o[..., 2] - rows.x[..., 2])
         return Linearisation(
-            whitened,
-            by_pose(by_point, body),
-            by_position(by_point, o[:, 2] - x[:, 2]),
-            np.broadcast_to(seen.log_normaliser, len(x)),
+            whitened.reshape(-1, 2),
+            by_pose(by_point, body).reshape(-1, 2, 3),
+            by_position(by_point, *turn).reshape(-1, 2, 3),
+            log_normaliser.reshape(-1),
         )
 
     def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
         """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes."""
-        v = camera_in_object(x, o, seen.sensor)
+        v = camera_in_object(x, o, _repeated(seen.sensor, len(x)))
         distance, azimuth = polar(v)
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
+        stacked = np.empty((*prediction.mean.shape, 3))
+        stacked[..., 0] = self._feature_residual(prediction, seen)
+        stacked[..., 1:] = prediction.mean_jacobian[:, :, ::2]
+        whitened = forward(root, stacked)
         radial, turn = polar_jacobian(v, distance)
-        by_view = prediction.mean_jacobian[:, :, :1] * turn[:, None]
-        by_view += prediction.mean_jacobian[:, :, 2:] * radial[:, None]
-        stacked = np.empty((*prediction.mean.shape, 7))
-        stacked[..., 0] = prediction.mean - seen.feature
-        stacked[..., 1:4] = by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
-        stacked[..., 4:] = by_pose(by_view, v)
-        whitened: Array = np.asarray(np.linalg.solve(root, stacked), dtype=np.float64)
-        return Linearisation(whitened[..., 0], whitened[..., 1:4], whitened[..., 4:], log_normaliser)
+        by_view = whitened[..., 1:2] * turn[:, None]
+        by_view += whitened[..., 2:] * radial[:, None]
+        by_robot = by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
+        return Linearisation(whitened[..., 0], by_robot, by_pose(by_view, v), log_normaliser)
+
+    def log_likelihood(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
+        """(B,) log density without its slopes."""
+        rows = _Rows.of(seen, x, o)
+        whitened = rows.polar_residual()[3]
+        total = (seen.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
+        if classes is None:
+            return np.asarray(total)
+        distance, azimuth = polar(camera_in_object(x, o, _repeated(seen.sensor, len(x))))
+        prediction = self._predict(classes, azimuth, distance)
+        root, log_normaliser = self._noise(prediction, seen)
+        residual = forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
+        return np.asarray(total + log_normaliser - 0.5 * (residual**2).sum(-1))
 
     def heading_profile(
         self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
@@ -111,14 +124,15 @@ class PlanarObservation:
         Less than a narrow window is always looked at: the robot's heading moves the viewpoint, too.
         """
         reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
-        turns = reach[:, None] * np.linspace(-1.0, 1.0, WINDOW_ANGLES)
+        count = WINDOW_ANGLES if reach.max(initial=0.0) > WIDE_WINDOW_RAD else NARROW_WINDOW_ANGLES
+        turns = reach[:, None] * np.linspace(-1.0, 1.0, count)
         distance, azimuth = polar(camera_in_object(x, o, seen.sensor))
         prediction = self._predict(
-            np.repeat(classes, WINDOW_ANGLES), (azimuth[:, None] - turns).ravel(), np.repeat(distance, WINDOW_ANGLES)
+            np.repeat(classes, count), (azimuth[:, None] - turns).ravel(), np.repeat(distance, count)
         )
-        repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), WINDOW_ANGLES if len(seen.range_m) > 1 else 1))
+        repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), count if len(seen.range_m) > 1 else 1))
         root, log_normaliser = self._noise(prediction, repeated)
-        whitened = np.linalg.solve(root, (prediction.mean - repeated.feature)[..., None])[..., 0]
+        whitened = forward(root, self._feature_residual(prediction, repeated)[..., None])[..., 0]
         return (log_normaliser - 0.5 * (whitened**2).sum(-1)).reshape(turns.shape), turns
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
@@ -159,9 +173,21 @@ class PlanarObservation:
         x: Array,
         o: Array,
     ) -> list[Any]:
-        """One evaluation for all of them."""
+        """One evaluation for all of them, unless they were linearised ahead."""
+        measured = zip(detections, classes.tolist(), x, o, strict=True)
+        ahead = [self._ahead.get(_measurement(*one)) for one in measured]
+        if all(ahead):
+            known = zip(keys, filter(None, ahead), x, o, strict=True)
+            return [linear_factor(pair, *one, robot, seen) for pair, one, robot, seen in known]
         part = self.semantics(self.collect(detections), x, o, classes)
         return [linear_factor(pair, part, row, x[row], o[row]) for row, pair in enumerate(keys)]
+
+    def linearise_ahead(self, detections: Sequence[PlanarDetection], classes: Classes, x: Array, o: Array) -> None:
+        """Those of the call before are forgotten."""
+        part = self.semantics(self.collect(detections), x, o, classes)
+        measured = zip(detections, classes.tolist(), x, o, strict=True)
+        self._ahead = {_measurement(*one): (part, row) for row, one in enumerate(measured)}
+        self._of_ahead = tuple(detections)  # alive, so that their identities are theirs alone
 
     def sight_sigma(self, x: Array, o: Array, covariance: Array) -> Array:
         """From the covariance of the object in the body frame."""
@@ -187,28 +213,75 @@ class PlanarObservation:
         The covariance S is that of the model and of the dropout passes; N(z; h, S)^(1 / N) has residuals as under N S
         and the N-th part of log N(h; h, S): the determinant must not count fully in every view either.
         """
-        root = np.linalg.cholesky(prediction.covariance + seen.feature_covariance)
+        covariance = _per_detection(prediction.covariance, len(seen.feature)) + seen.feature_covariance
+        root = cholesky(covariance.reshape(prediction.covariance.shape))
         logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
         log_peak = -logdet - 0.5 * seen.feature.shape[1] * LOG_2PI
         return np.sqrt(self.correlated_views) * root, log_peak / self.correlated_views
+
+    def _feature_residual(self, prediction: Prediction, seen: PlanarDetections) -> Array:
+        """(B, F) of the mean against the features."""
+        return (_per_detection(prediction.mean, len(seen.feature)) - seen.feature).reshape(prediction.mean.shape)
 
     def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
         assert self.model is not None
         return self.model.predict(classes, Viewpoints(azimuth, np.zeros_like(azimuth), distance))
 
 
+def _measurement(detection: PlanarDetection, assigned: int, x: Array, o: Array) -> tuple[int, int, bytes, bytes]:
+    """What tells a semantic measurement at a state from all others of a keyframe."""
+    return id(detection), assigned, x.tobytes(), o.tobytes()
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Robots and objects (B / S, S, 3) beside S detections, which repeat."""
+
+    seen: PlanarDetections
+    x: Array
+    o: Array
+
+    @classmethod
+    def of(cls, seen: PlanarDetections, x: Array, o: Array) -> "_Rows":
+        count = len(seen.range_m)
+        return cls(seen, _per_detection(x, count), _per_detection(o, count))
+
+    def polar_residual(self) -> tuple[Array, Array, Array, Array]:
+        """(..., 2) object in the body frame and from the detection's origin, its (...,) distance, (..., 2) residual."""
+        seen, body = self.seen, object_in_body(self.x, self.o)
+        d = body - seen.origin
+        distance, bearing = polar(d)
+        by_range, turn = distance - seen.range_m, wrap_angle(bearing - seen.bearing_rad)
+        whitened = np.empty(d.shape)
+        whitened[..., 0] = seen.whiten[..., 0, 0] * by_range
+        whitened[..., 1] = seen.whiten[..., 1, 0] * by_range + seen.whiten[..., 1, 1] * turn
+        return body, d, distance, whitened
+
+    def by_polar(self, d: Array, distance: Array) -> Array:
+        """(..., 2, 2) derivative of the residual by the point ``d``."""
+        radial, turn = polar_jacobian(d, distance)
+        whiten = self.seen.whiten
+        found = np.empty((*d.shape, 2))
+        found[..., 0, :] = whiten[..., 0, :1] * radial
+        found[..., 1, :] = whiten[..., 1, :1] * radial + whiten[..., 1, 1:] * turn
+        return found
+
+
 def object_in_body(x: Array, o: Array) -> Array:
-    """(B, 2) positions of objects in the body frame."""
-    return _turn_back(x[:, 2], o[:, :2] - x[:, :2])
+    """(..., 2) positions of objects in the body frame."""
+    sin, cos = sine_cosine(x[..., 2])
+    return _turned_back(sin, cos, o[..., 0] - x[..., 0], o[..., 1] - x[..., 1])
 
 
 def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
     """(B, 2) positions of the camera in the objects' frames; ``sensor`` (2,) or (B, 2) in the body frame."""
-    cos, sin = np.cos(x[:, 2]), np.sin(x[:, 2])
-    camera = np.empty((len(x), 2))
-    camera[:, 0] = x[:, 0] + cos * sensor[..., 0] - sin * sensor[..., 1]
-    camera[:, 1] = x[:, 1] + sin * sensor[..., 0] + cos * sensor[..., 1]
-    return _turn_back(o[:, 2], camera - o[:, :2])
+    ahead, left = x[..., 0] - o[..., 0], x[..., 1] - o[..., 1]
+    if sensor.any():
+        sin, cos = sine_cosine(x[..., 2])
+        ahead = ahead + cos * sensor[..., 0] - sin * sensor[..., 1]
+        left = left + sin * sensor[..., 0] + cos * sensor[..., 1]
+    sin, cos = sine_cosine(o[..., 2])
+    return _turned_back(sin, cos, ahead, left)
 
 
 def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
@@ -217,47 +290,69 @@ def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
     return Viewpoints(azimuth, np.zeros_like(azimuth), distance)
 
 
-def _turn_back(angle: Array, vector: Array) -> Array:
-    cos, sin = np.cos(angle), np.sin(angle)
-    turned = np.empty_like(vector)
-    turned[:, 0] = cos * vector[:, 0] + sin * vector[:, 1]
-    turned[:, 1] = cos * vector[:, 1] - sin * vector[:, 0]
+def _per_detection(values: Array, count: int) -> Array:
+    """(B, ...) as (B / S, S, ...)."""
+    return values.reshape(len(values) // max(count, 1), count, *values.shape[1:])
+
+
+def _repeated(values: Array, count: int) -> Array:
+    """(S, 2) of the detections as (count, 2)."""
+    shape = (count // max(len(values), 1), *values.shape)
+    return np.broadcast_to(values, shape).reshape(-1, *values.shape[1:])
+
+
+def _log_logistic(value: Array) -> Array:
+    return np.minimum(value, 0.0) - np.log1p(np.exp(-np.abs(value)))
+
+
+def _turned_back(sin: Array, cos: Array, x: Array, y: Array) -> Array:
+    turned = np.empty((*np.shape(x), 2))
+    turned[..., 0] = cos * x + sin * y
+    turned[..., 1] = cos * y - sin * x
     return turned
 
 
 def polar(point: Array) -> tuple[Array, Array]:
-    """Distance [m] and direction [rad] of (B, 2) points."""
-    return np.maximum(np.hypot(point[:, 0], point[:, 1]), LEAST_DISTANCE_M), np.arctan2(point[:, 1], point[:, 0])
+    """Distance [m] and direction [rad] of (..., 2) points."""
+    x, y = point[..., 0], point[..., 1]
+    return np.maximum(np.sqrt(x * x + y * y), LEAST_DISTANCE_M), np.arctan2(y, x)
 
 
 def polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
-    """(B, 2) derivatives of distance and of direction with respect to the point."""
-    radial = point / distance[:, None]
-    turn = np.empty_like(radial)
-    turn[:, 0] = -radial[:, 1] / distance
-    turn[:, 1] = radial[:, 0] / distance
+    """(..., 2) derivatives of distance and of direction with respect to the point."""
+    scale = 1.0 / distance
+    radial, turn = np.empty_like(point), np.empty_like(point)
+    radial[..., 0], radial[..., 1] = point[..., 0] * scale, point[..., 1] * scale
+    turn[..., 0], turn[..., 1] = -radial[..., 1] * scale, radial[..., 0] * scale
     return radial, turn
 
 
 def by_pose(by_point: Array, point: Array) -> Array:
-    """(B, m, 3) derivatives by the pose of the frame that ``point`` (B, 2) is given in: by_point [-I, -S point]."""
-    found = np.empty((*by_point.shape[:2], 3))
-    np.negative(by_point, out=found[:, :, :2])
-    found[:, :, 2] = by_point[:, :, 0] * point[:, 1:] - by_point[:, :, 1] * point[:, :1]
+    """(..., m, 3) derivatives by the pose of the frame that ``point`` (..., 2) is given in: by_point [-I, -S point]."""
+    found = np.empty((*by_point.shape[:-1], 3))
+    np.negative(by_point, out=found[..., :2])
+    found[..., 2] = by_point[..., 0] * point[..., None, 1] - by_point[..., 1] * point[..., None, 0]
     return found
 
 
-def by_position(by_point: Array, angle: Array) -> Array:
-    """(B, m, 3) derivatives by a pose of which only the position counts, turned by ``angle`` (B,) against the frame."""
-    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    found = np.zeros((*by_point.shape[:2], 3))
-    found[:, :, 0] = by_point[:, :, 0] * cos + by_point[:, :, 1] * sin
-    found[:, :, 1] = by_point[:, :, 1] * cos - by_point[:, :, 0] * sin
+def by_position(by_point: Array, sin: Array, cos: Array) -> Array:
+    """(..., m, 3) derivatives by a pose of which only the position counts, turned against the frame."""
+    sin, cos = sin[..., None], cos[..., None]
+    found = np.empty((*by_point.shape[:-1], 3))
+    found[..., 0] = by_point[..., 0] * cos + by_point[..., 1] * sin
+    found[..., 1] = by_point[..., 1] * cos - by_point[..., 0] * sin
+    found[..., 2] = 0.0
     return found
 
 
 def by_camera(by_point: Array, angle: Array, sensor: Array) -> Array:
     """(B, m, 3) derivatives by the robot's pose, its camera at ``sensor``: by_point R [I, S s]."""
-    found = by_position(by_point, angle)
-    found[:, :, 2] = found[:, :, 1] * sensor[..., :1] - found[:, :, 0] * sensor[..., 1:]
+    found = by_position(by_point, *sine_cosine(angle))
+    if sensor.any():
+        found[..., 2] = _about_camera(found, _repeated(sensor, len(found)))
     return found
+
+
+def _about_camera(by_camera: Array, sensor: Array) -> Array:
+    """(B, m) derivatives by the heading of a robot whose camera is at ``sensor``: by_point R S s."""
+    return np.asarray(by_camera[..., 1] * sensor[..., :1] - by_camera[..., 0] * sensor[..., 1:])

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.object_views import ObjectViews, class_posterior
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import viewpoints_in_plane
@@ -14,7 +15,12 @@ NUM_OFFSETS = 50
 
 
 def score_offsets(detection: PlanarDetection) -> Array:
-    """(M, F) draws of the features about their mean, the same wherever the detection is used: a fixed lattice."""
+    """(M, F) draws of the features about their mean, the same wherever the detection is used: a fixed lattice.
+
+    A single one where the network is certain.
+    """
+    if not detection.feature_covariance.any():
+        return np.zeros((1, detection.feature.size))
     normals = np.random.default_rng(NUM_OFFSETS).standard_normal((NUM_OFFSETS, detection.feature.size))
     values, vectors = np.linalg.eigh(detection.feature_covariance)
     return np.asarray(normals @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
@@ -68,10 +74,10 @@ class IndependentViews:
         count, num_classes = len(viewpoints.azimuth_rad), len(self._model.class_names)
         repeated = Viewpoints(*(np.repeat(value, num_classes) for value in vars(viewpoints).values()))
         prediction = self._model.predict(np.tile(np.arange(num_classes), count), repeated)
-        residual = detection.feature - prediction.mean
+        residual = detection.feature - prediction.mean  # (K C, F)
         together = log_density(residual, prediction.covariance + detection.feature_covariance)
-        root = np.linalg.cholesky(prediction.covariance)
-        moved = np.linalg.solve(root, np.swapaxes(residual[:, None] + score_offsets(detection), 1, 2))  # (K C, F, M)
+        root = cholesky(prediction.covariance)
+        moved = forward(root, np.swapaxes(residual[:, None] + score_offsets(detection), 1, 2))  # (K C, F, M)
         scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
         exact = (-0.5 * (moved**2).sum(axis=1) - scale[:, None]).reshape(count, num_classes, -1)
         return self._power * together.reshape(count, num_classes), self._power * np.swapaxes(exact, 1, 2)

@@ -1,6 +1,11 @@
-"""The modes of one continuation over its whole history, each with its evidence and its moments."""
+"""The modes of continuations over their whole history, each with its evidence and its moments.
 
-from dataclasses import dataclass, replace
+Continuations of one shape are searched and sampled together: what they need is many small numbers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +14,7 @@ from scipy.linalg import cho_solve
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.inference.chain import Chain
 from semantic_slam.inference.component import object_key, robot_key
-from semantic_slam.inference.history import History, Region
+from semantic_slam.inference.history import History, Region, chain_of
 from semantic_slam.inference.importance import (
     PRIOR_SHARE,
     Gaussians,
@@ -20,10 +25,11 @@ from semantic_slam.inference.importance import (
     normal_points,
     proposal,
 )
-from semantic_slam.inference.laplace import RANKING_ITERATIONS, Mode, find_modes
+from semantic_slam.inference.laplace import Mode, find_modes
 from semantic_slam.inference.object_views import Correction
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int_]
 
 NUM_STARTS = 8
 """Searches from the prior, besides those from where the hypothesis was."""
@@ -33,6 +39,14 @@ SEARCHED_LINKS = 2
 """Keyframes since the anchor up to which the prior is searched: later on, modes have been told apart."""
 START_SPREAD = 0.7
 """Standard deviations of the starts: modes far out have no weight."""
+ROUGH, NUDGED, EXACT = 0.01, 1e-3, 1e-6
+"""Nats that the last step of a search may have been expected to bring: from the prior, from beside the given start,
+and of the one that goes on in each valley."""
+ROUNDS = ((5, 6.0), (7, 2.0))
+"""Iterations of the rough searches after which those in one valley go on as one, and how far behind others are left:
+so many times what is negligible."""
+SAME_VALLEY = 0.5
+"""Posterior standard deviations between two rough modes that one exact search serves."""
 SAME_MODE = 0.05
 """Largest difference of whitened coordinates of one mode found twice."""
 MAX_MODES = 4
@@ -41,6 +55,12 @@ NEGLIGIBLE = 7.0
 POOR = 0.6
 """Effective share of samples below which the proposal is adapted to them."""
 MAX_ADAPTATIONS = 3
+FIRST_SHARE = 0.25
+"""Of the samples: so many are drawn at first, all of them where those do not suffice."""
+GOOD = 0.7
+"""Effective share of the first samples from which on they suffice: below, a tail may have been missed."""
+MOST_TOGETHER = 64
+"""Histories looked at together, for the memory that their samples take."""
 
 
 @dataclass(frozen=True)
@@ -50,19 +70,94 @@ class Refined:
     log_evidence: float  # of everything since the anchor, in this mode's region
     effective_share: float  # effective sample size over the number of samples
     smoothed: dict[int, Array]  # GTSAM key -> (d,) mode: robot since the anchor, objects seen since
-    corrections: dict[int, Correction]  # GTSAM key -> what the samples say of the Gaussian at the mode
     history: History | None  # None where the mode is Gaussian
+    moments: "Moments" = field(compare=False, repr=False)
+    num_samples: int = 0
+
+    @cached_property
+    def corrections(self) -> dict[int, Correction]:
+        """GTSAM key -> what the samples say of the Gaussian at the mode; only survivors are asked for it."""
+        return self.moments.corrections()
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Samples of a mode's region, and the Gaussian that they correct."""
+
+    chain: Chain  # of one history
+    y: Array  # (size,) mode
+    hessian: Array  # (size, size)
+    samples: Array  # (N, size)
+    weights: Array  # (N,) normalised
+    keys: Sequence[int]  # of the newest robot state and of the objects
+
+    def corrections(self) -> dict[int, Correction]:
+        """Weighted moments of the newest robot state and of the objects, against the Laplace Gaussian's."""
+        chain, count, dimension = self.chain, len(self.keys), self.chain.dimension
+        slopes = chain.newest_slopes(self.y[None])[0]
+        spread = cho_solve((np.linalg.cholesky(self.hessian), True), slopes.reshape(-1, chain.size).T)
+        robots, objects = chain.states(np.concatenate([self.y[None], self.samples]))
+        states = np.concatenate([robots[:, -1:], objects], axis=1)
+        found = {}
+        for row, key in enumerate(self.keys):
+            own = spread.reshape(chain.size, count, dimension)[:, row]
+            covariance = slopes[row] @ own
+            found[key] = Correction.towards(chain.manifold, states[0, row], covariance, states[1:, row], self.weights)
+        return found
+
+
+@dataclass(frozen=True)
+class Start:
+    """A history and where the first search for its modes starts: (1 + T, d) robot and (O, d) objects seen since."""
+
+    history: History
+    robots: Array
+    objects: Array
 
 
 def refine(history: History, robots: Array, objects: Array, settings: WeightsConfiguration) -> list[Refined]:
-    """Modes of ``history``, best first; empty where no sample is compatible with it.
+    """Modes of ``history``, best first; see :func:`refine_all`."""
+    return refine_all([Start(history, robots, objects)], settings)[0]
 
-    ``robots`` (1 + T, d) and ``objects`` (O, d), in the order of the history's objects, are where the first search
-    starts. A history of ``max_history`` keyframes is not kept. Raises LostComponentError.
+
+def refine_all(starts: Sequence[Start], settings: WeightsConfiguration) -> list[list[Refined]]:
+    """Modes of each history, best first; empty where no sample is compatible with it.
+
+    A history of ``max_history`` keyframes is not kept. Raises LostComponentError.
     """
-    chain = history.chain()
-    modes = _distinct(history, chain, _search(chain, chain.coordinates(robots, objects)))
-    mixture, samples = _sampled(history, chain, modes, settings.importance_samples)
+    groups: dict[object, list[int]] = {}
+    for row, start in enumerate(starts):
+        groups.setdefault(start.history.shape(), []).append(row)
+    found: list[list[Refined]] = [[] for _ in starts]
+    for rows in groups.values():
+        for at in range(0, len(rows), MOST_TOGETHER):
+            together = rows[at : at + MOST_TOGETHER]
+            for row, modes in zip(together, _refined([starts[row] for row in together], settings), strict=True):
+                found[row] = modes
+    return found
+
+
+def _refined(starts: Sequence[Start], settings: WeightsConfiguration) -> list[list[Refined]]:
+    """Of histories of one shape."""
+    histories = [start.history for start in starts]
+    chain = chain_of(histories)
+    y = chain.coordinates(np.array([s.robots for s in starts]), np.array([s.objects for s in starts]))
+    modes = _distinct(histories, chain, *_search(chain, y))
+    mixtures, samples = _sampled(histories, chain, modes, settings.importance_samples)
+    return [
+        _of_one(history, chain.select(np.array([row])), modes[row], mixtures[row], samples[row], settings)
+        for row, history in enumerate(histories)
+    ]
+
+
+def _of_one(
+    history: History,
+    chain: Chain,
+    modes: Mode,
+    mixture: Gaussians,
+    samples: Samples,
+    settings: WeightsConfiguration,
+) -> list[Refined]:
     shares = history.log_share(chain, samples.y)
     total = effective_share(samples.log_weights + shares)
     if total == 0.0:
@@ -74,50 +169,131 @@ def refine(history: History, robots: Array, objects: Array, settings: WeightsCon
     found = []
     for number, at in enumerate(kept):
         log_evidence = samples.log_evidence(parts[number])
-        weights = samples.normalised(parts[number])
-        mode = Mode(modes.y[at], modes.hessian[at], modes.log_evidence[at])
         own = history.regions
         if len(kept) > 1:
-            own = (*own, Region(region, number, len(chain.mean) - 1, len(chain.links)))
+            own = (*own, Region(region, number, chain.mean.shape[1] - 1, len(chain.links)))
         kept_history = None if ends else replace(history, regions=own, log_evidence=log_evidence)
-        found.append(_refined(history, chain, mode, samples, weights, log_evidence, kept_history))
+        weights = samples.normalised(parts[number])
+        found.append(_mode(history, chain, modes, at, samples, weights, log_evidence, kept_history))
     return found
 
 
-def _sampled(history: History, chain: Chain, modes: Mode, count: int) -> tuple[Gaussians, Samples]:
-    """Samples and the mixture they are from, adapted where the Laplace modes do not match the target."""
-    mixture = proposal(modes.y, modes.hessian, modes.log_evidence)
-    samples = draw(chain, mixture, count)
+def _mode(
+    history: History,
+    chain: Chain,
+    modes: Mode,
+    at: int,
+    samples: Samples,
+    weights: Array,
+    log_evidence: float,
+    kept_history: History | None,
+) -> Refined:
+    robots, objects = chain.states(modes.y[at : at + 1])
+    keyframe = history.anchor.keyframe + len(history.taken)
+    keys = [robot_key(keyframe), *(object_key(n) for n in history.object_ids())]
+    past = [robot_key(k) for k in range(history.anchor.keyframe, keyframe)]
+    return Refined(
+        log_evidence,
+        float(1.0 / (weights**2).sum() / len(weights)),
+        dict(zip([*past, *keys], [*robots[0], *objects[0]], strict=True)),
+        kept_history,
+        Moments(chain, modes.y[at], modes.hessian[at], samples.y, weights, keys),
+        len(weights),
+    )
+
+
+def _sampled(
+    histories: Sequence[History], chain: Chain, modes: Sequence[Mode], count: int
+) -> tuple[list[Gaussians], list[Samples]]:
+    """Samples and the mixtures they are from: a first part of ``count``, all where that shows not to suffice."""
+    mixtures = [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes]
+    first = int(np.ceil(FIRST_SHARE * count))
+    everything = np.arange(len(histories))
+    samples = _adapting(histories, chain, mixtures, everything, first)
+    shares = np.array([_share(*pair, chain) for pair in zip(histories, samples, strict=True)])
+    coarse = np.flatnonzero((shares < GOOD) & (first < count))
+    if len(coarse):
+        for row, better in zip(coarse, _adapting(histories, chain, mixtures, coarse, count), strict=True):
+            samples[row] = better
+    return mixtures, samples
+
+
+def _adapting(
+    histories: Sequence[History], chain: Chain, mixtures: list[Gaussians], rows: Index, count: int
+) -> list[Samples]:
+    """Samples of ``rows``; their mixtures are adapted in place where modes do not match the target."""
+    samples = dict(zip(rows.tolist(), draw(chain.select(rows), [mixtures[r] for r in rows], count), strict=True))
+    pending = list(samples)
     for _ in range(MAX_ADAPTATIONS):
-        shares = history.log_share(chain, samples.y)
-        if not 0.0 < effective_share(samples.log_weights + shares) < POOR:
+        pending = [row for row in pending if 0.0 < _share(histories[row], samples[row], chain) < POOR]
+        if not pending:
             break
-        mixture = adapted(mixture, samples, shares)
-        samples = draw(chain, mixture, count)
-    return mixture, samples
+        for row in pending:
+            mixtures[row] = adapted(mixtures[row], samples[row], histories[row].log_share(chain, samples[row].y))
+        drawn = draw(chain.select(np.array(pending)), [mixtures[row] for row in pending], count)
+        samples |= dict(zip(pending, drawn, strict=True))
+    return list(samples.values())
 
 
-def _search(chain: Chain, start: Array) -> Mode:
-    """Modes from ``start`` and, while the history is short, from the prior; what is far behind is not followed."""
+def _share(history: History, samples: Samples, chain: Chain) -> float:
+    """Effective share of samples in the history's region."""
+    return effective_share(samples.log_weights + history.log_share(chain, samples.y))
+
+
+def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
+    """Modes from ``start`` (K, size) and, while histories are short, from the prior; and whose each is.
+
+    What is far behind is not followed, and searches that end in one valley go on as one.
+    """
     aside = NUDGE * normal_points(1, chain.size)
     starts = [start + aside, start - aside]
     if len(chain.links) <= SEARCHED_LINKS:
-        starts.append(START_SPREAD * normal_points(NUM_STARTS, chain.size))
-    rough = find_modes(chain, np.concatenate(starts), RANKING_ITERATIONS)
-    near = rough.log_evidence >= rough.log_evidence.max() - 2.0 * NEGLIGIBLE
-    return find_modes(chain, rough.y[near])
+        starts += [np.broadcast_to(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
+    owners = np.repeat(np.arange(len(chain)), len(starts))
+    enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
+    y = np.stack(starts, axis=1).reshape(-1, chain.size)
+    for iterations, patience in ROUNDS:
+        rough = find_modes(chain.select(owners), y, iterations, enough)
+        groups = [np.flatnonzero(owners == number) for number in range(len(chain))]
+        rows = np.concatenate([_valleys(rough, group, patience * NEGLIGIBLE) for group in groups])
+        y, owners, enough = rough.y[rows], owners[rows], enough[rows]
+    return find_modes(chain.select(owners), y, tolerance=EXACT), owners
 
 
-def _distinct(history: History, chain: Chain, modes: Mode) -> Mode:
-    """Modes that differ and have weight in the history's region, heaviest first."""
-    scores = modes.log_evidence + history.log_share(chain, modes.y) + chain.log_visibility(modes.y, soft=True)
+def _valleys(rough: Mode, rows: Index, gate: float) -> Index:
+    """The best of ``rows`` in each valley, those more than ``gate`` nats behind left out."""
+    order = rows[np.argsort(-rough.log_evidence[rows], kind="stable")]
+    order = order[rough.log_evidence[order] >= rough.log_evidence[order[0]] - gate]
     kept: list[int] = []
-    for row in np.argsort(-scores, kind="stable"):
-        if len(kept) == MAX_MODES or (kept and scores[row] < scores[kept[0]] - NEGLIGIBLE):
-            break
-        if all(np.abs(modes.y[row] - modes.y[other]).max() > SAME_MODE for other in kept):
+    for row in order:
+        if not _in_one_of(rough, kept, rough.y[row]):
             kept.append(int(row))
-    return Mode(modes.y[kept], modes.hessian[kept], modes.log_evidence[kept])
+    return np.array(kept)
+
+
+def _in_one_of(found: Mode, valleys: list[int], y: Array) -> bool:
+    """Whether y (size,) is close to one of some modes, in its own metric, which is never shorter than the prior's."""
+    away = found.y[valleys] - y
+    near = np.flatnonzero((away**2).sum(-1) <= SAME_VALLEY**2)
+    return any(away[i] @ found.hessian[valleys[i]] @ away[i] <= SAME_VALLEY**2 for i in near)
+
+
+def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: Index) -> list[Mode]:
+    """For each history the modes that differ and have weight in its region, heaviest first."""
+    scores = found.log_evidence + chain.select(owners).log_visibility(found.y, soft=True)
+    modes = []
+    for number, history in enumerate(histories):
+        rows = np.flatnonzero(owners == number)
+        own = scores[rows] + history.log_share(chain, found.y[rows])
+        kept: list[int] = []
+        for row, score in sorted(zip(rows.tolist(), own.tolist(), strict=True), key=lambda pair: -pair[1]):
+            if len(kept) == MAX_MODES or (kept and score < least):
+                break
+            least = score - NEGLIGIBLE if not kept else least
+            if all(np.abs(found.y[row] - found.y[other]).max() > SAME_MODE for other in kept):
+                kept.append(row)
+        modes.append(Mode(found.y[kept], found.hessian[kept], found.log_evidence[kept]))
+    return modes
 
 
 def _kept(mixture: Gaussians, samples: Samples, shares: Array) -> tuple[list[int], Gaussians]:
@@ -127,41 +303,3 @@ def _kept(mixture: Gaussians, samples: Samples, shares: Array) -> tuple[list[int
     evidence = np.array([samples.log_evidence(part) for part in parts])
     kept = [int(row) for row in np.argsort(-evidence, kind="stable") if evidence[row] >= evidence.max() - NEGLIGIBLE]
     return kept, Gaussians(alone.means[kept], alone.roots[kept], alone.log_shares[kept])
-
-
-def _refined(
-    history: History,
-    chain: Chain,
-    mode: Mode,
-    samples: Samples,
-    weights: Array,
-    log_evidence: float,
-    kept_history: History | None,
-) -> Refined:
-    robots, objects = chain.states(mode.y[None])
-    keyframe = history.anchor.keyframe + len(history.taken)
-    object_ids = history.object_ids()
-    keys = [robot_key(keyframe), *(object_key(n) for n in object_ids)]
-    past = [robot_key(k) for k in range(history.anchor.keyframe, keyframe)]
-    return Refined(
-        log_evidence,
-        float(1.0 / (weights**2).sum() / len(weights)),
-        dict(zip([*past, *keys], [*robots[0], *objects[0]], strict=True)),
-        _corrections(chain, mode, samples, weights, keys),
-        kept_history,
-    )
-
-
-def _corrections(chain: Chain, mode: Mode, samples: Samples, weights: Array, keys: list[int]) -> dict[int, Correction]:
-    """Weighted moments of the newest robot state and of the objects, against the Laplace Gaussian's."""
-    slopes = chain.newest_slopes(mode.y)
-    spread = cho_solve((np.linalg.cholesky(mode.hessian), True), slopes.reshape(-1, chain.size).T)
-    count, dimension = len(keys), chain.dimension
-    robots, objects = chain.states(np.concatenate([mode.y[None], samples.y]))
-    states = np.concatenate([robots[:, -1:], objects], axis=1)
-    found = {}
-    for row, key in enumerate(keys):
-        own = spread.reshape(chain.size, count, dimension)[:, row]
-        covariance = slopes[row] @ own
-        found[key] = Correction.towards(chain.manifold, states[0, row], covariance, states[1:, row], weights)
-    return found

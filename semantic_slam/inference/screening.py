@@ -5,16 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.laplace import search_start
-from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.stack import Predicted, Stack
+from semantic_slam.inference.laplace import Mode, search_start
+from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 Flags = NDArray[np.bool_]
 
-STEADY_RAD = 0.1
-"""Uncertainty of a direction of sight below which one linear step tells what is far off."""
+STEADY_RAD = 0.2
+"""Uncertainty of a direction of sight, given the other detections, below which one linear step tells what is far off."""
 LOST_RAD = 0.3
 """Uncertainty from which on the expected state may lead to another mode than the best."""
 SAFETY = 2.0
@@ -30,25 +29,15 @@ class Screened:
     log_left_out: Array  # (P,) of the others, relative to the parent's best that one linear step tells
 
 
-def sight_sigmas(model: ObservationModel, predicted: Predicted) -> Array:
-    """(P, O) radians by which each parent is uncertain where it would see each object."""
-    num_parents, columns, dimension = predicted.mean.shape
-    robots = np.repeat(predicted.mean[:, 0], columns - 1, axis=0)
-    states = predicted.mean[:, 1:].reshape(-1, dimension)
-    joint = predicted.pair_covariances().reshape(-1, 2 * dimension, 2 * dimension)
-    sigma = model.sight_sigma(robots, states, joint)
-    return sigma.reshape(num_parents, columns - 1)
+def screen(stack: Stack, previous: Mode, gate: float, num_parents: int) -> Screened:
+    """Drop candidates whose evidence one step from where they were puts far behind, where that step can be trusted.
 
-
-def screen(stack: Stack, carried: Array, sigma: Array, gate: float, num_parents: int) -> Screened:
-    """Drop candidates whose evidence one step from ``carried`` (B, n) puts far behind, where ``sigma`` (B,) is small.
-
-    Of the others, the steady ones start at that step, lost ones at what explains most, the rest at ``carried``.
+    ``previous`` are B modes of all detections but the newest. Of the others, the steady ones start at that step, lost
+    ones at what explains most, the rest where they were.
     """
-    linear = sigma < STEADY_RAD
-    energy, gradient, hessian = stack.normal_equations(carried)
-    step = -np.linalg.solve(hessian, gradient[..., None])[..., 0]
-    evidence = -energy - 0.5 * (gradient * step).sum(-1) - 0.5 * np.linalg.slogdet(hessian)[1]
+    added = _added(stack, previous)
+    linear = added.sigma < STEADY_RAD
+    evidence = previous.log_evidence + added.log_density
     best = np.full(num_parents, -np.inf)
     parents = stack.rows.parents
     np.maximum.at(best, parents[linear], evidence[linear])
@@ -57,11 +46,60 @@ def screen(stack: Stack, carried: Array, sigma: Array, gate: float, num_parents:
     left_out = np.full(num_parents, -np.inf)
     np.logaddexp.at(left_out, parents[dropped], behind[dropped])
     kept = np.flatnonzero(~dropped)
-    start, lost = carried[kept], np.flatnonzero(sigma[kept] > LOST_RAD)
-    start[linear[kept]] += step[kept[linear[kept]]]
+    start, lost = added.start[kept], np.flatnonzero(added.sigma[kept] > LOST_RAD)
+    start[linear[kept]] += added.step[kept[linear[kept]]]
     if len(lost):
-        start[lost] = _better_start(stack.select(kept[lost]), carried[kept[lost]])
+        start[lost] = _better_start(stack.select(kept[lost]), start[lost])
     return Screened(kept, start, left_out)
+
+
+@dataclass(frozen=True)
+class _Added:
+    """The newest detection of B candidates, linearised at the mode of the others."""
+
+    start: Array  # (B, n) that mode, a new object where it is expected from there
+    step: Array  # (B, n) from there to the mode of all
+    log_density: Array  # (B,) of the detection given the others
+    sigma: Array  # (B,) radians by which the direction of sight is uncertain, given the others
+
+
+def _added(stack: Stack, previous: Mode) -> _Added:
+    """One Kalman update for each candidate: the others' Hessian tells what they left uncertain."""
+    rows, number = np.arange(len(previous.y)), stack.rows.objects.shape[1] - 1
+    start = np.zeros((len(rows), stack.size))
+    start[:, : previous.y.shape[1]] = previous.y
+    both = np.stack([np.zeros(len(rows), dtype=int), 1 + stack.slots[:, number]], axis=1)
+    x, o, slopes = _newest(stack, start, both)
+    spread = _times_covariance(previous.hessian, slopes)  # (B, n, 2 d)
+    part = stack.model.geometry(stack.seen.take([number]), x, o)
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
+    covariance = slopes @ spread
+    innovation = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1])
+    root = np.linalg.cholesky(innovation)
+    whitened = np.linalg.solve(root, part.residual[..., None])
+    gain = np.linalg.solve(np.swapaxes(root, 1, 2), whitened)
+    log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
+    log_density = part.log_normaliser - 0.5 * (whitened[..., 0] ** 2).sum(-1) - log_determinant
+    step = -(spread @ (np.swapaxes(jacobian, 1, 2) @ gain))[..., 0]
+    return _Added(start, step, log_density, stack.model.sight_sigma(x, o, covariance))
+
+
+def _newest(stack: Stack, y: Array, blocks: Index) -> tuple[Array, Array, Array]:
+    """Robot (B, d) and object, and (B, 2 d, n) derivatives of both by y; ``blocks`` (B, 2) are theirs."""
+    rows = np.arange(len(y))[:, None]
+    root = stack.root.reshape(*stack.mean.shape, stack.size)[rows, blocks]  # (B, 2, d, n)
+    tangent = (root @ y[:, None, :, None])[..., 0]
+    states = stack.manifold.retract(stack.mean[rows, blocks], tangent)
+    slopes = stack.manifold.retract_jacobian(tangent) @ root
+    return states[:, 0], states[:, 1], slopes.reshape(len(y), -1, stack.size)
+
+
+def _times_covariance(hessian: Array, slopes: Array) -> Array:
+    """(B, n, 2 d) covariance of y times slopes: by ``hessian`` of its first coordinates, the others being free."""
+    known = hessian.shape[-1]
+    spread = np.ascontiguousarray(np.swapaxes(slopes, 1, 2))
+    spread[:, :known] = np.linalg.solve(hessian, spread[:, :known])
+    return spread
 
 
 def _better_start(stack: Stack, carried: Array) -> Array:

@@ -7,6 +7,7 @@ and, with a learned latent space, descriptors of L components.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -28,6 +29,8 @@ MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
 MAX_EXACT_ITERATIONS = 15
 """Of an optimisation with callbacks."""
+SYMBOL_BITS = 56
+"""Of a key, before its letter."""
 STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, change of a state from which on it
 takes part, and change below which back-substitution stops, metres or radians."""
@@ -244,7 +247,7 @@ class Smoother:
         graph = gtsam.NonlinearFactorGraph()
         for factor in factors:
             graph.add(factor)
-        result = self.isam.update(graph, gtsam.Values(), [self.made[row].index for row in rows])
+        result = self.isam.update(graph, gtsam.Values(), [self.made[row].index for row in rows], _joint_last(self.isam))
         made = list(self.made)
         for row, own, index, place in zip(rows, named, result.getNewFactorsIndices(), places, strict=True):
             made[row] = Made(own, index, place)
@@ -335,6 +338,21 @@ def _new_isam(manifold: Manifold, semantics: SemanticFactors) -> gtsam.ISAM2:
     solver.setWildfireThreshold(WILDFIRE_THRESHOLD)
     parameters.setOptimizationParams(solver)
     return gtsam.ISAM2(parameters)
+
+
+def _joint_last(isam: gtsam.ISAM2) -> Any:
+    """The order of elimination that keeps cheap what is read most, the joint covariance of newest robot and objects.
+
+    An update without new factors would order them like all others. None where objects are too many for one clique.
+    """
+    keys = isam.getLinearizationPoint().keys()
+    objects = [key for key in keys if key >> SYMBOL_BITS == ord("o")]
+    if len(objects) >= MOST_JOINT:
+        return None
+    groups = gtsam.KeyGroupMap()
+    for key in (*objects, max(key for key in keys if key >> SYMBOL_BITS == ord("x"))):
+        groups.insert2(key, 1)
+    return groups
 
 
 def _first_line(fault: BaseException) -> str:

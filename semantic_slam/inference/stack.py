@@ -66,6 +66,8 @@ class Stack:
         self.seen = model.collect(detections[: rows.objects.shape[1]])
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
+        self._full = bool(self.active.all())
+        self._distinct = bool((self.slots == np.arange(self.slots.shape[1])).all())
         self.mean, self.root = self._gather(predicted)
         self.size = self.mean.shape[1] * self.dimension
 
@@ -77,8 +79,9 @@ class Stack:
         mean = predicted.mean[self.rows.parents[:, None], blocks]
         columns = (blocks[..., None] * self.dimension + np.arange(self.dimension)).reshape(len(own), -1)
         covariance = predicted.covariance[self.rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
-        free = np.repeat(~used, self.dimension, axis=1)
-        covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
+        if not used.all():
+            free = np.repeat(~used, self.dimension, axis=1)
+            covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
         return mean, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
     def select(self, selection: Index) -> "Stack":
@@ -122,10 +125,10 @@ class Stack:
 
     def log_likelihood(self, y: Array) -> Array:
         """(B,) log P(Z | x, O, C), Eq. 4.10."""
-        total = np.zeros(len(y))
-        for part in self._parts(self.states(y)):
-            total += self._by_row(part.log_normaliser - 0.5 * (part.residual**2).sum(-1)).sum(-1)
-        return total
+        if not self.rows.objects.shape[1]:
+            return np.zeros(len(y))
+        x, o = self._pairs(self.states(y))
+        return np.asarray(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())).sum(-1))
 
     def energy(self, y: Array) -> Array:
         """(B,) -log P(Z | y) + |y|^2 / 2."""
@@ -135,20 +138,27 @@ class Stack:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
         energy = 0.5 * (y**2).sum(-1)
-        residuals, jacobians = [], []
-        for part in self._parts(self.manifold.retract(self.mean, tangent)):
-            energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
-            residuals.append(self._by_row(part.residual).reshape(len(y), -1))
-            jacobians.append(self._placed(part))
-        if not residuals:
+        parts = self._parts(self.manifold.retract(self.mean, tangent))
+        if not parts:
             return energy, y, np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size))
-        chart = self.manifold.retract_jacobian(tangent)  # (B, 1 + n, d, d)
-        blocks = np.concatenate(jacobians, axis=1)  # (B, m, 1 + n, d)
-        by_tangent = np.swapaxes(np.swapaxes(blocks, 1, 2) @ chart, 1, 2).reshape(len(y), -1, self.size)
-        jacobian = by_tangent @ self.root
+        for part in parts:
+            energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
+        residual = self._by_row(np.concatenate([part.residual for part in parts], axis=1)).reshape(len(y), -1)
+        jacobian = self._in_y(tangent, parts)
         transposed = np.swapaxes(jacobian, -1, -2)
-        gradient = y + (transposed @ np.concatenate(residuals, axis=1)[..., None])[..., 0]
-        return energy, gradient, np.eye(self.size) + transposed @ jacobian
+        gradient = y + (transposed @ residual[..., None])[..., 0]
+        hessian = transposed @ jacobian
+        hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
+        return energy, gradient, hessian
+
+    def _in_y(self, tangent: Array, parts: list[Linearisation]) -> Array:
+        """(B, n m, size) derivatives of all residuals."""
+        by_robot = self._by_row(np.concatenate([part.jacobian_robot for part in parts], axis=1))
+        by_object = self._by_row(np.concatenate([part.jacobian_object for part in parts], axis=1))
+        chart = self.manifold.retract_jacobian(tangent)  # (B, 1 + n, d, d)
+        slopes = chart @ self.root.reshape(*self.mean.shape, self.size)
+        own = slopes[:, 1:] if self._distinct else slopes[np.arange(len(slopes))[:, None], 1 + self.slots]
+        return (by_robot @ slopes[:, :1] + by_object @ own).reshape(len(tangent), -1, self.size)
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) over the associated objects."""
@@ -159,35 +169,30 @@ class Stack:
 
     def _pairs(self, states: Array) -> tuple[Array, Array]:
         """(B n, d) robot and object of every detection of every candidate."""
-        count = self.rows.objects.shape[1]
-        rows = np.arange(len(states))[:, None]
-        return np.repeat(states[:, 0], count, axis=0), states[rows, 1 + self.slots].reshape(-1, self.dimension)
+        own = states[:, 1:] if self._distinct else states[np.arange(len(states))[:, None], 1 + self.slots]
+        robots = np.broadcast_to(states[:, :1], own.shape)
+        return robots.reshape(-1, self.dimension), own.reshape(-1, self.dimension)
+
+    def _classes(self) -> Index | None:
+        if self.rows.classes is None or self.model.num_classes == 0:
+            return None
+        return np.maximum(self.rows.classes, 0).ravel()
 
     def _parts(self, states: Array) -> list[Linearisation]:
-        count = self.rows.objects.shape[1]
-        if not count:
+        if not self.rows.objects.shape[1]:
             return []
         x, o = self._pairs(states)
-        seen = self.seen.take(np.tile(np.arange(count), len(states)))
-        parts = [self.model.geometry(seen, x, o)]
-        if self.rows.classes is not None and self.model.num_classes > 0:
-            parts.append(self.model.semantics(seen, x, o, np.maximum(self.rows.classes, 0).ravel()))
+        parts, classes = [self.model.geometry(self.seen, x, o)], self._classes()
+        if classes is not None:
+            parts.append(self.model.semantics(self.seen, x, o, classes))
         return parts
 
     def _by_row(self, values: Array) -> Array:
         """(B n, ...) values of the detections to (B, n, ...), 0 for clutter."""
         shaped = values.reshape(*self.active.shape, *values.shape[1:])
+        if self._full:
+            return shaped
         return np.where(self.active.reshape(*self.active.shape, *(1,) * (values.ndim - 1)), shaped, 0.0)
-
-    def _placed(self, part: Linearisation) -> Array:
-        """(B, n m, 1 + n, d) Jacobians in the tangent spaces at the states."""
-        batch, count = self.active.shape
-        rows = part.residual.shape[1]
-        placed = np.zeros((batch, count, rows, 1 + count, self.dimension))
-        placed[:, :, :, 0] = self._by_row(part.jacobian_robot)
-        index = (np.arange(batch)[:, None], np.arange(count), slice(None), 1 + self.slots)
-        placed[index] = self._by_row(part.jacobian_object)
-        return placed.reshape(batch, count * rows, 1 + count, self.dimension)
 
 
 def _first_occurrence(objects: Index) -> Index:

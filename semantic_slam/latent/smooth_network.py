@@ -48,12 +48,17 @@ class SmoothNetwork:
 
     def value_and_tangents(self, inputs: Array, tangents: Array) -> tuple[Array, Array]:
         """(B, outputs) and its derivatives (B, outputs, T) along T directions (B, inputs, T) of the input."""
-        hidden, slope = inputs, tangents
+        count, _, directions = tangents.shape
+        # One large product per layer instead of B small ones: several times faster.
+        hidden, slope = inputs, tangents.transpose(0, 2, 1).reshape(count * directions, -1)
         for layer in self.layers[:-1]:
             hidden = np.tanh(hidden @ layer.weight.T + layer.bias)
-            slope = (1.0 - hidden**2)[:, :, None] * np.matmul(layer.weight, slope)
+            slope = (slope @ layer.weight.T).reshape(count, directions, -1)
+            slope *= (1.0 - hidden**2)[:, None, :]
+            slope = slope.reshape(count * directions, -1)
         last = self.layers[-1]
-        return np.asarray(hidden @ last.weight.T + last.bias), np.asarray(np.matmul(last.weight, slope))
+        slope = (slope @ last.weight.T).reshape(count, directions, -1)
+        return np.asarray(hidden @ last.weight.T + last.bias), slope.transpose(0, 2, 1)
 
     def projected(self, matrix: Array, offset: Array) -> "SmoothNetwork":
         """The network of matrix @ (y - offset)."""

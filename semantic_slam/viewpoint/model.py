@@ -6,6 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.small_matrices import cholesky, forward
+
 Array = NDArray[np.float64]
 
 
@@ -59,7 +61,8 @@ def log_likelihood(model: ViewpointModel, feature: Array, feature_covariance: Ar
 
 
 def log_density(residual: Array, covariance: Array) -> Array:
-    """(...,) log N(residual; 0, covariance) of (..., F) and (..., F, F), in nats."""
-    _, logdet = np.linalg.slogdet(covariance)
-    squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=-1)
+    """(B,) log N(residual; 0, covariance) of (B, F) and (B, F, F), in nats."""
+    root = cholesky(covariance)
+    squared = (forward(root, residual[..., None]) ** 2).sum(axis=(-2, -1))
+    logdet = 2.0 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
     return np.asarray(-0.5 * (squared + logdet + residual.shape[-1] * np.log(2.0 * np.pi)))

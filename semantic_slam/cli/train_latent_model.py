@@ -1,0 +1,118 @@
+"""``train_latent_model --turntables DIR... --out FILE``: a latent model of chapter 5 from turntable views."""
+
+import argparse
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.errors import InputError
+
+if TYPE_CHECKING:
+    from semantic_slam.latent.training import TrainingSettings
+    from semantic_slam.perception.views import ObjectView
+
+CLASSES_FILE = "classes.json"
+SHOWN = {
+    "peak_within_10deg": "likelihood peak within 10 deg",
+    "peak_within_5deg_local": "within 5 deg from starts within 30",
+    "improved_from_18deg": "improved from 18 deg",
+    "improved_from_25deg": "improved from 25 deg",
+    "median_from_25deg_deg": "median error from there [deg]",
+    "identification": "identified from one view",
+    "identification_5_views": "from 5 views, orientation uncertain",
+    "nees": "NEES",
+    "nees_untempered": "untempered",
+}
+
+
+def parse() -> argparse.Namespace:
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
+        prog="train_latent_model",
+        description="Learn a descriptor space and a viewpoint-dependent model over it from turntables (BigBIRD's"
+        " format), one folder per instance. No classes are needed; --tags grounds the space with some.",
+    )
+    parser.add_argument(
+        "--turntables", type=Path, required=True, nargs="+", metavar="DIR", help="folders with one folder per instance"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="model to write (.safetensors)")
+    parser.add_argument(
+        "--formulation",
+        choices=("map", "energy"),
+        default="map",
+        help="joint posterior maximisation or energy minimisation (default: %(default)s)",
+    )
+    parser.add_argument("--tags", type=Path, metavar="FILE", help="JSON {instance: class} of the instances with a tag")
+    parser.add_argument(
+        "--held-out", type=int, default=0, metavar="N", help="instances kept from training, to judge by (default: 0)"
+    )
+    parser.add_argument(
+        "--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--effort", type=float, default=1.0, help="factor of the passes over the data (default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
+    return parser.parse_args()
+
+
+def command() -> None:
+    """Parse, train, judge and save; the report goes into the model and in short to the terminal."""
+    arguments = parse()
+    if arguments.effort <= 0.0 or arguments.held_out < 0 or arguments.seed < 0:
+        raise InputError("train_latent_model: --effort must be positive, --held-out and --seed not negative")
+    views, classes = _views(arguments)
+    from semantic_slam.latent.store import save_latent_model
+    from semantic_slam.latent.training import TrainingSettings, train
+    from semantic_slam.latent.training_report import training_report
+    from semantic_slam.latent.turntable_split import choose_held_out, split
+    from semantic_slam.perception.turntables import class_names_of, read_classes
+
+    tags = read_classes(arguments.tags) if arguments.tags else None
+    held_out = choose_held_out(class_names_of(views), classes, arguments.held_out, arguments.seed)
+    parts = split(views, held_out)
+    settings = _with_effort(TrainingSettings(formulation=arguments.formulation, seed=arguments.seed), arguments.effort)
+    trained = train(parts, settings, tags)
+    report = training_report(trained, parts, arguments.seed)
+    provenance = {
+        "command": "train_latent_model",
+        "training": asdict(settings),
+        "held_out": list(held_out),
+        "report": report,
+    }
+    state = {name: value.numpy() for name, value in trained.extractor.state_dict().items()}
+    save_latent_model(replace(trained.model, provenance=provenance), state, arguments.out)
+    for place, groups in report.items():
+        for group, figures in groups.items():
+            told = ", ".join(f"{text} {figures[name]:.3f}" for name, text in SHOWN.items() if name in figures)
+            print(f"{place}, {group}: {told}")
+    print(f"{arguments.out}: {len(trained.model.instances.names)} instances, {len(held_out)} held out")
+
+
+def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, str]]":
+    """Views of all folders, and {instance: class} where a folder tells; raises InputError."""
+    from semantic_slam.latent.turntable_split import wanted_angle
+    from semantic_slam.perception.turntables import load_views, read_classes
+
+    views, classes = [], {}
+    for root in arguments.turntables:
+        views += load_views(root, tuple(arguments.cameras.split(",")), wanted_angle)
+        if (root / CLASSES_FILE).is_file():
+            classes.update(read_classes(root / CLASSES_FILE))
+    # An instance whose class nobody tells is one of its own.
+    return views, {**{view.class_name: view.class_name for view in views}, **classes} if classes else {}
+
+
+def _with_effort(settings: "TrainingSettings", effort: float) -> "TrainingSettings":
+    """Passes and steps multiplied, one at least."""
+    names = ("regression_epochs", "contrast_epochs", "energy_epochs", "decoder_steps", "encoder_steps")
+    return replace(settings, **{name: max(round(effort * getattr(settings, name)), 1) for name in names})
+
+
+def main() -> None:
+    run_main(command)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,30 @@
+"""Many matrices of two or three rows, entry by entry: far cheaper than a call of LAPACK for each."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def cholesky(matrices: Array) -> Array:
+    """(B, F, F) lower factors, entry by entry: for many small matrices far cheaper than one by one."""
+    size = matrices.shape[-1]
+    root = np.zeros(matrices.shape)
+    for i in range(size):
+        for j in range(i + 1):
+            entry = matrices[..., i, j]
+            for k in range(j):
+                entry = entry - root[..., i, k] * root[..., j, k]
+            root[..., i, j] = np.sqrt(entry) if i == j else entry / root[..., j, j]
+    return root
+
+
+def forward(root: Array, values: Array) -> Array:
+    """(B, F, K) L^-1 values."""
+    found = np.empty(values.shape)
+    for i in range(root.shape[-1]):
+        entry = values[..., i, :]
+        for j in range(i):
+            entry = entry - root[..., i, j, None] * found[..., j, :]
+        found[..., i, :] = entry / root[..., i, i, None]
+    return found

@@ -1,0 +1,171 @@
+"""A robot drives around an object with weak odometry and looks at it: its track with the learned factor alone."""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry import se2
+from semantic_slam.inference.latent_factor import exact_factor
+from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.latent.latent_model import LatentModel
+from semantic_slam.latent.model import DescriptorBelief
+from semantic_slam.simulation.catalogue import model_named
+from semantic_slam.simulation.orbit import orbit_views
+from semantic_slam.simulation.tour import CAMERA_HEIGHT_M
+from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, trained
+from semantic_slam.studies.ch5_views import measured
+from semantic_slam.studies.repetitions import keyed_generator
+from semantic_slam.viewpoint.model import Viewpoints
+
+Array = NDArray[np.float64]
+
+POSES = 24
+TURN_RAD = np.deg2rad(300.0)
+RADIUS_M, RADIUS_SPREAD_M = (1.8, 2.8), 0.25
+SIGMA_STEP = np.array([0.06, 0.06, 0.07])
+"""Odometry from pose to pose: metres ahead and aside, radians."""
+SIGMA_START = np.array([0.15, 0.15, 0.1])
+SIGMA_OBJECT = np.array([0.05, 0.05, 0.03])
+KNOWN_DESCRIPTOR_SIGMA = 1e-3
+"""In units of the prior's: a descriptor that counts as known."""
+
+
+@dataclass(frozen=True)
+class Located:
+    """A track around one object and what was made of it; (K, 3) poses x, y, yaw in the object's true frame."""
+
+    name: str
+    number: int
+    truth: Array
+    dead_reckoning: Array
+    estimates: dict[str, Array]
+
+    @property
+    def error_m(self) -> dict[str, Array]:
+        """(K,) position errors by name; ``dead_reckoning`` among them."""
+        tracks = {"dead_reckoning": self.dead_reckoning, **self.estimates}
+        return {name: np.linalg.norm(track[:, :2] - self.truth[:, :2], axis=1) for name, track in tracks.items()}
+
+    def ratio(self, name: str) -> float:
+        """Mean error of an estimate over that of dead reckoning."""
+        errors = self.error_m
+        return float(errors[name].mean() / errors["dead_reckoning"].mean())
+
+
+def located(name: str, number: int, seed: int) -> Located:
+    """One track: drawn, rendered, smoothed with every model with the descriptor unknown, and known if learned."""
+    generator = keyed_generator("ch5_localization", name, number, seed)
+    truth = _track(generator)
+    steps = se2.compose(se2.inverse(truth[:-1]), truth[1:])
+    odometry = se2.compose(steps, generator.normal(size=(POSES - 1, 3)) * SIGMA_STEP)
+    start = se2.compose(truth[0], generator.normal(size=3) * SIGMA_START)
+    target = generator.normal(size=3) * SIGMA_OBJECT
+    reckoned = [start]
+    for step in odometry:
+        reckoned.append(se2.compose(reckoned[-1], step))
+    views = list(orbit_views(name, _viewpoints(truth, name)))
+    estimates = {}
+    for formulation in (*FORMULATIONS, DEFAULT):
+        model = trained(formulation)
+        seen = measured(model, views, model.crops, number)
+        drive = _Drive(model.model, seen.features, seen.viewpoints.elevation_rad, start, odometry, target)
+        estimates[formulation] = drive.smoothed(model.model.prior)
+        known = _known(model.model, name)
+        if known is not None:
+            estimates[f"{formulation}_descriptor_known"] = drive.smoothed(known)
+    return Located(name, number, truth, np.array(reckoned), estimates)
+
+
+def _track(generator: np.random.Generator) -> Array:
+    """(K, 3) around the origin at a distance that changes slowly, heading along the way."""
+    turns = generator.uniform(-np.pi, np.pi) + generator.choice([-1.0, 1.0]) * np.linspace(0.0, TURN_RAD, POSES)
+    wave = np.sin(2.0 * turns + generator.uniform(-np.pi, np.pi))
+    radius = generator.uniform(*RADIUS_M) + RADIUS_SPREAD_M * wave
+    places = np.stack([radius * np.cos(turns), radius * np.sin(turns)], axis=1)
+    ahead = np.gradient(places, axis=0)
+    return np.column_stack([places, np.arctan2(ahead[:, 1], ahead[:, 0])])
+
+
+def _viewpoints(track: Array, name: str) -> Viewpoints:
+    """From where the robot's camera, turned to the object's middle, sees it."""
+    flat = np.hypot(track[:, 0], track[:, 1])
+    above = CAMERA_HEIGHT_M - 0.5 * model_named(name).size[2]
+    azimuth = np.arctan2(track[:, 1], track[:, 0])
+    return Viewpoints(azimuth, np.arctan2(above, flat), np.hypot(flat, above))
+
+
+def _known(model: LatentModel, name: str) -> DescriptorBelief | None:
+    if name not in model.instances.names:
+        return None
+    row = model.instances.descriptors[model.instances.names.index(name)]
+    return DescriptorBelief(row[None], KNOWN_DESCRIPTOR_SIGMA * model.prior.sigma)
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """What the robot knows."""
+
+    model: LatentModel
+    features: Array  # (K, F)
+    elevation_rad: Array  # (K,) as it follows from the box's range and the camera's tilt
+    start: Array  # (3,)
+    odometry: Array  # (K - 1, 3)
+    target: Array  # (3,) prior mean of the object
+
+    def smoothed(self, descriptor: DescriptorBelief) -> Array:
+        """(K, 3) poses: the whole problem optimised again after every view, so that each starts near the truth."""
+        graph, values = self._priors(descriptor)
+        for number, feature in enumerate(self.features):
+            if number:
+                before = _planar(values.atPose2(_x(number - 1)))
+                values.insert(_x(number), gtsam.Pose2(*se2.compose(before, self.odometry[number - 1])))
+                noise = gtsam.noiseModel.Diagonal.Sigmas(SIGMA_STEP)
+                step = gtsam.Pose2(*self.odometry[number - 1])
+                graph.add(gtsam.BetweenFactorPose2(_x(number - 1), _x(number), step, noise))
+            graph.add(self._factor(number, feature))
+            values = self._optimised(graph, values, descriptor, first=number == 0)
+        return np.array([_planar(values.atPose2(_x(number))) for number in range(len(self.features))])
+
+    def _priors(self, descriptor: DescriptorBelief) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        for key, pose, sigma in ((_x(0), self.start, SIGMA_START), (_O, self.target, SIGMA_OBJECT)):
+            graph.add(gtsam.PriorFactorPose2(key, gtsam.Pose2(*pose), gtsam.noiseModel.Diagonal.Sigmas(sigma)))
+            values.insert(key, gtsam.Pose2(*pose))
+        noise = gtsam.noiseModel.Diagonal.Sigmas(descriptor.sigma[0])
+        graph.add(gtsam.PriorFactorVector(_E, descriptor.mean[0], noise))
+        values.insert(_E, descriptor.mean[0])
+        return graph, values
+
+    def _factor(self, number: int, feature: Array) -> gtsam.NonlinearFactor:
+        """Neither range nor bearing: the feature and the elevation of its view."""
+        size = len(feature)
+        detection = PlanarDetection(
+            np.nan, np.nan, np.eye(2), np.zeros(2), feature, np.zeros((size, size)), float(self.elevation_rad[number])
+        )
+        return exact_factor(LatentObservation(self.model), detection, (_x(number), _O, _E))
+
+    def _optimised(
+        self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, prior: DescriptorBelief, *, first: bool
+    ) -> gtsam.Values:
+        """The best optimum from here; after the first view also from the encoder's guess of the descriptor."""
+        starts = [values]
+        if first and prior.sigma.mean() > KNOWN_DESCRIPTOR_SIGMA * self.model.prior.sigma.mean():
+            encoded = gtsam.Values(values)
+            encoded.update(_E, self.model.encode(self.features[:1]).mean[0])
+            starts.append(encoded)
+        ends = [gtsam.LevenbergMarquardtOptimizer(graph, start).optimize() for start in starts]
+        return min(ends, key=graph.error)
+
+
+_O, _E = gtsam.symbol("o", 0), gtsam.symbol("e", 0)
+
+
+def _x(number: int) -> int:
+    return int(gtsam.symbol("x", number))
+
+
+def _planar(pose: gtsam.Pose2) -> Array:
+    return np.array([pose.x(), pose.y(), pose.theta()])
