@@ -5,6 +5,7 @@ azimuth is that of the camera in the object's frame, so that it depends on the p
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,14 @@ class LatentObservation:
         """L."""
         return self.model.num_dimensions
 
+    @cached_property
+    def prior(self) -> DescriptorBelief:
+        """Of an object that no map knows, B = 1."""
+        return self.model.prior
+
     def prior_of(self, object_id: int) -> DescriptorBelief:
         """What is known of an object's descriptor before its first view, B = 1."""
-        return self.known.get(object_id, self.model.prior)
+        return self.known.get(object_id, self.prior)
 
     def linearise(self, seen: PlanarDetections, x: Array, o: Array, e: Array) -> LatentLinearisation:
         """Of (B,) collected detections at (B, 3) robots and objects and (B, L) descriptors."""
@@ -59,11 +65,11 @@ class LatentObservation:
         distance, azimuth = polar(v)
         part = self.by_azimuth(seen, azimuth, e)
         _, turn = polar_jacobian(v, distance)
-        by_view = part.by_azimuth[:, :, None] * turn[:, None]
+        by_robot, by_object = by_camera(turn[:, None], x[:, 2] - o[:, 2], seen.sensor), by_pose(turn[:, None], v)
         return LatentLinearisation(
             part.residual,
-            by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor),
-            by_pose(by_view, v),
+            part.by_azimuth[:, :, None] * by_robot,
+            part.by_azimuth[:, :, None] * by_object,
             part.by_descriptor,
             part.by_azimuth,
             part.log_normaliser,

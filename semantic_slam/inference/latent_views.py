@@ -155,7 +155,7 @@ def started(problem: LatentProblem, v: Array) -> Array:
     own = problem.gain[:, size:, size:]
     variance = (own.reshape(batch, count, -1, own.shape[2]) ** 2).sum(axis=-1)  # (B, n, L)
     open_slots = problem.active & (problem.slots == np.arange(count))
-    open_slots &= (variance > (UNKNOWN_SHARE * problem.observation.model.prior.sigma) ** 2).any(axis=-1)
+    open_slots &= (variance > (UNKNOWN_SHARE * problem.observation.prior.sigma) ** 2).any(axis=-1)
     if not open_slots.any():
         return v
     guess = problem.observation.model.encode(problem.seen.feature)

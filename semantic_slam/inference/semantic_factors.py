@@ -89,7 +89,7 @@ class SemanticFactors:
 
     @cached_property
     def _prior_sigma(self) -> Array:
-        return self.latent.model.prior.sigma[0] if self.latent is not None else np.zeros(0)
+        return self.latent.prior.sigma[0] if self.latent is not None else np.zeros(0)
 
     def descriptor_prior(self, object_id: int) -> DescriptorBelief:
         """Of one object, B = 1."""
@@ -109,24 +109,23 @@ class SemanticFactors:
                 factors[row] = factor
         return factors, self._places(named, states)
 
-    def moved(self, made: Sequence[Made], states: States) -> NDArray[np.bool_]:
-        """(n,) whether linear factors have to be made anew at ``states``."""
+    def moved(self, made: Sequence[Made], states: States) -> tuple[NDArray[np.bool_], bool]:
+        """(n,) whether linear factors have to be made anew at ``states``, and whether the map floats there."""
         now = self._places([item.named for item in made], states)
         before = [item.place for item in made]
         relative = (np.array([place.relative for place in places]) for places in (before, now))
-        moved = self.model.view_change(*relative) > MOVED_RAD
-        learned = np.array([len(place.descriptor) > 0 for place in before])
-        if not learned.any():
-            return np.asarray(moved)
-        rows = np.flatnonzero(learned)
+        moved = np.asarray(self.model.view_change(*relative) > MOVED_RAD)
+        rows = [row for row, place in enumerate(before) if len(place.descriptor)]
+        if not rows:
+            return moved, False
         poses, descriptors = (
             [np.array([getattr(places[row], name) for row in rows]) for places in (before, now)]
             for name in ("poses", "descriptor")
         )
-        shift = np.abs(self.manifold.local(*poses)).max(axis=(1, 2))
+        floats = np.abs(self.manifold.local(*poses)).max(axis=(1, 2)) > MOVED_POSE
         change = np.abs(descriptors[1] - descriptors[0]) / self._prior_sigma
-        moved[rows] |= (shift > MOVED_POSE) | (change.max(axis=1) > MOVED_DESCRIPTOR)
-        return np.asarray(moved)
+        moved[rows] |= floats | (change.max(axis=1) > MOVED_DESCRIPTOR)
+        return moved, bool(floats.any())
 
     def _places(self, named: Sequence[Named], states: States) -> list[Place]:
         x, o = _poses(named, states)

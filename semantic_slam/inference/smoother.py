@@ -218,19 +218,17 @@ class Smoother:
         ]
 
     def _stale(self, objects: Collection[int]) -> list[int]:
-        """Which linear factors are no longer where they were made: of these objects, and if any is, of descriptors."""
-        stale = self._stale_of(objects)
-        if not stale or not self.num_descriptors:
-            return stale
-        return self._stale_of({made.named.object_key for made in self.made})
+        """Which linear factors of these objects are no longer where they were made; of all where the map floats."""
+        stale, floats = self._stale_of(objects)
+        return self._stale_of({made.named.object_key for made in self.made})[0] if floats else stale
 
-    def _stale_of(self, objects: Collection[int]) -> list[int]:
+    def _stale_of(self, objects: Collection[int]) -> tuple[list[int], bool]:
         rows = [row for row, made in enumerate(self.made) if made.named.object_key in objects and not made.named.exact]
         if not rows:
-            return []
+            return [], False
         made = [self.made[row] for row in rows]
-        moved = self.semantics.moved(made, self._states_of([item.named for item in made]))
-        return [row for row, stale in zip(rows, moved, strict=True) if stale]
+        moved, floats = self.semantics.moved(made, self._states_of([item.named for item in made]))
+        return [row for row, stale in zip(rows, moved, strict=True) if stale], floats
 
     def _states_of(self, named: Sequence[Named]) -> dict[int, Array]:
         """Estimates of all variables of some semantic measurements."""
