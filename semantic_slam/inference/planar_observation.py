@@ -215,7 +215,7 @@ class PlanarObservation:
         position = position_sigmas(covariance)[:, None, None] + sigmas + offset * heading  # (P, D, O)
         shape = (len(x), len(seen.range_m), o.shape[1], 3)
         body = object_in_body(np.broadcast_to(x[:, None, None], shape), np.broadcast_to(o[:, None], shape))
-        distance, bearing = _polar(body - seen.origin[:, None])
+        distance, bearing = polar(body - seen.origin[:, None])
         noise = np.linalg.inv(seen.whiten + (1.0 - seen.has_range)[:, None, None] * np.diag([1.0, 0.0]))
         variance = (noise @ np.swapaxes(noise, 1, 2)).diagonal(axis1=1, axis2=2)  # (D, 2)
         off = np.where(seen.has_range[:, None], distance - seen.range_m[:, None], 0.0)
