@@ -1,5 +1,7 @@
 """A latent world without pictures: features that truly follow a smooth network of direction and descriptor."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from semantic_slam.latent.direction import NUM_INPUTS
@@ -30,16 +32,14 @@ def random_network(generator: np.random.Generator, sizes: tuple[int, ...]) -> Sm
     return SmoothNetwork(
         [
             Layer(generator.normal(size=(outputs, inputs)) / np.sqrt(inputs), 0.1 * generator.normal(size=outputs))
-            for inputs, outputs in zip(sizes[:-1], sizes[1:], strict=True)
+            for inputs, outputs in pairwise(sizes)
         ]
     )
 
 
 def toy_directions(count: int, seed: int = 1) -> Viewpoints:
     generator = np.random.default_rng(seed)
-    return Viewpoints(
-        generator.uniform(-np.pi, np.pi, count), generator.uniform(0.1, 0.4, count), np.full(count, 2.0)
-    )
+    return Viewpoints(generator.uniform(-np.pi, np.pi, count), generator.uniform(0.1, 0.4, count), np.full(count, 2.0))
 
 
 def toy_views(model: LatentModel, per_instance: int = 40, sigma: float = SIGMA, seed: int = 2) -> FeatureViews:
