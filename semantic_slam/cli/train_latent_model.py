@@ -47,9 +47,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "--held-out", type=int, default=0, metavar="N", help="instances kept from training, to judge by (default: 0)"
     )
-    parser.add_argument(
-        "--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)"
-    )
+    parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
     parser.add_argument(
         "--effort", type=float, default=1.0, help="factor of the passes over the data (default: %(default)s)"
     )

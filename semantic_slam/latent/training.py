@@ -108,9 +108,7 @@ def seen_plain(views: Sequence[ObjectView], names: tuple[str, ...], extractor: F
     return feature_views(views, names, extractor.features(plain_crops(views, extractor.input_size)))
 
 
-def _features_by_contrast(
-    views: Sequence[ObjectView], crop_views: CropViews, settings: TrainingSettings
-) -> JointModel:
+def _features_by_contrast(views: Sequence[ObjectView], crop_views: CropViews, settings: TrainingSettings) -> JointModel:
     """Features of principal components first, whatever the room, then those that tell directions and instances."""
     plain = crop_views.crops[-len(views) :]
     components = principal_components(plain, min(64, len(plain) - 1), settings.seed)
