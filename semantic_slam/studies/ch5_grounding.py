@@ -14,8 +14,8 @@ from semantic_slam.latent.feature_views import FeatureViews, taken
 from semantic_slam.latent.grounding import ground, nearest_class
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
-from semantic_slam.simulation.goods import goods_class, goods_names
-from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, NUM_GOODS, WORDS, trained
+from semantic_slam.simulation.goods import goods_class
+from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, trained
 from semantic_slam.studies.ch5_views import measured, validation_views
 from semantic_slam.studies.repetitions import keyed_generator
 from semantic_slam.studies.result import Claim, Table, write_result
@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 
 NAME = "ch5_grounding"
 TAGGED = 2
-DRAWS, QUICK_DRAWS = 20, 5
+DRAWS, QUICK_DRAWS = 20, 2
+QUICK_INSTANCES = 24
 VIEWS = 3
 """Of known direction, that a descriptor is inferred from where several are used."""
 METHODS = {
@@ -43,7 +44,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, tag by lot, classify what is not tagged; returns the files written."""
     from semantic_slam.pipeline.provenance import revision
 
-    names = goods_names(NUM_GOODS)
+    names = chosen_goods(QUICK_INSTANCES if quick else None)
     views = validation_views(names, jobs)
     draws = QUICK_DRAWS if quick else DRAWS
     numbers = {}

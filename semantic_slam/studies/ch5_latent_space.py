@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 NAME = "ch5_latent_space"
-QUICK_INSTANCES = 16
+QUICK_INSTANCES = 8
 SIZE = 32
 """Pixels of the pictures that predicted features are shown as."""
 GRID_DEG = np.arange(0.0, 360.0, 30.0)
