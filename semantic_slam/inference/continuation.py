@@ -101,7 +101,7 @@ class Expander:
         used = self._used(step, given)
         known, unknown = self._objects(components[0], used, given)
         new = [self._new_objects(component, step, used, given, unknown) for component in components]
-        if path is not None:
+        if path is not None and len(known) > FEW_OBJECTS:
             known = [n for n in known if n in path.association]
         reach = self._reach(step, components, used, known) if given is None and path is None else None
         while True:
