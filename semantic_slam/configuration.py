@@ -59,7 +59,9 @@ class WeightsConfiguration:
     )
     num_samples: int = parameter(1000, "sampled: prior samples per candidate (the thesis's 1000)", minimum=1)
     importance_samples: int = parameter(
-        1024, "importance: samples of a candidate whose history is not Gaussian", minimum=16
+        1024,
+        "importance: samples of a candidate whose history is not Gaussian; a quarter where those suffice",
+        minimum=16,
     )
     screening_samples: int = parameter(64, "importance: samples that tell whether a candidate is Gaussian", minimum=16)
     importance_gate: float = parameter(

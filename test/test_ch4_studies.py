@@ -174,7 +174,7 @@ def test_claims_are_measured() -> None:
 
 def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario, given_paths = given_scenario()
-    monkeypatch.setattr(ch4_statistics, "QUICK_RUNS", {"given": 2, "exact_map": 1, "random": 1})
+    monkeypatch.setattr(ch4_statistics, "QUICK_RUNS", {"given": 1, "exact_map": 1, "random": 1})
     monkeypatch.setattr(ch4_statistics, "given_scenario", lambda: (scenario, given_paths[:3, :2]))
     monkeypatch.setattr(ch4_scenarios, "RANDOM_STEPS", 2)
     paths = ch4_statistics.run(tmp_path, quick=True, jobs=1, seed=1)
@@ -191,14 +191,14 @@ def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_example_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ch4_example, "QUICK_REPETITIONS", 1)
-    monkeypatch.setattr(ch4_example, "SHOWN", (1, 2, 4, 5))
-    monkeypatch.setattr(ch4_example, "long_path", lambda scenario: long_path(scenario)[:5])
+    monkeypatch.setattr(ch4_example, "SHOWN", (1, 2, 3, 4))
+    monkeypatch.setattr(ch4_example, "long_path", lambda scenario: long_path(scenario)[:4])
     ch4_example.run(tmp_path, quick=True, jobs=1, seed=0)
     result = json.loads((tmp_path / "result.json").read_text())
     for name in ("ours", "no_semantics"):
         assert result["methods"][name]["runs_lost"] == 0
         rows = result["shown"][name]
-        assert [row["k"] for row in rows] == list(range(1, 6))
+        assert [row["k"] for row in rows] == list(range(1, 5))
         np.testing.assert_allclose([sum(row["weights"]) for row in rows], 1.0)
     assert (tmp_path / "result.html").read_text().count("data:image/png;base64,") == 4
 

@@ -86,8 +86,8 @@ def test_first_keyframes_are_associated_as_in_the_file(drive: Drive) -> None:
 
 
 def test_the_study_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(victoria_park, "QUICK_KEYFRAMES", 30)
-    paths = victoria_park.run(tmp_path, quick=True, jobs=2, seed=0)
+    monkeypatch.setattr(victoria_park, "QUICK_KEYFRAMES", 12)
+    paths = victoria_park.run(tmp_path, quick=True, jobs=1, seed=0)
     result = json.loads((tmp_path / "result.json").read_text())
     assert [path.name for path in paths] == ["result.json", "result.html"]
     fields = {"association_f1", "association_f1_merged", "n_landmarks", "rms_to_known_association_m"}

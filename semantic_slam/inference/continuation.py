@@ -18,6 +18,7 @@ from semantic_slam.inference.enumeration import (
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.history import History
 from semantic_slam.inference.identity import generator, hypothesis_id
+from semantic_slam.inference.importance import normal_points
 from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, Mode, find_modes
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.modes import Expanded, Split, split
@@ -91,6 +92,8 @@ class Expander:
 
     def __init__(self, problem: Problem, registry: ObjectRegistry):
         self.problem, self.registry = problem, registry
+        if problem.association != "open" and problem.weights.method == "importance":
+            normal_points(1, 1)  # what it imports takes longer than a keyframe may
 
     def expand(
         self, step: Step, parent_ids: Sequence[int], held: Sequence[Held], path: LineageStep | None = None
@@ -101,7 +104,7 @@ class Expander:
         used = self._used(step, given)
         known, unknown = self._objects(components[0], used, given)
         new = [self._new_objects(component, step, used, given, unknown) for component in components]
-        if path is not None:
+        if path is not None and len(known) > FEW_OBJECTS:
             known = [n for n in known if n in path.association]
         reach = self._reach(step, components, used, known) if given is None and path is None else None
         while True:

@@ -72,11 +72,19 @@ class Chosen:
     log_left_out: float  # mass of all others, relative to the best
 
 
-def best_assignments(log_known: Array, admitted: NDArray[np.bool_], log_new: Array, limit: int, gate: float) -> Chosen:
+def best_assignments(
+    log_known: Array,
+    admitted: NDArray[np.bool_],
+    log_new: Array,
+    limit: int,
+    gate: float,
+    log_beyond: Array | None = None,
+) -> Chosen:
     """The best assignments of distinct objects, at most ``limit``, none more than ``gate`` nats behind the best.
 
     ``log_known`` (D, M) weighs a detection as one of each object, against a miss of it; ``admitted`` (D, M) says which
-    pairs are looked at; ``log_new`` (D,) weighs it as one of no known object.
+    pairs are looked at; ``log_new`` (D,) weighs it as one of no known object. ``log_beyond`` (D,) weighs what is
+    not among these options at all: left out.
     """
     count, known = log_known.shape
     cost = np.full((count, known + count), np.inf)
@@ -86,7 +94,8 @@ def best_assignments(log_known: Array, admitted: NDArray[np.bool_], log_new: Arr
     scores = -total
     kept = scores >= scores[0] - gate
     columns, scores = columns[kept], scores[kept]
-    return Chosen(columns, scores, _log_rest(log_sum_of_all(log_known, log_new), scores) - float(scores[0]))
+    others = log_new if log_beyond is None else np.logaddexp(log_new, log_beyond)
+    return Chosen(columns, scores, _log_rest(log_sum_of_all(log_known, others), scores) - float(scores[0]))
 
 
 def log_sum_of_all(log_known: Array, log_new: Array) -> float:

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.stats import norm, qmc
+from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
@@ -165,8 +165,10 @@ def log_sum(logs: Array) -> Array:
 @lru_cache(maxsize=256)
 def normal_points(count: int, size: int) -> Array:
     """(count, size) standard normal points of low discrepancy, always the same."""
+    from scipy.stats import qmc  # takes two seconds to import, and many processes draw nothing
+
     exponent = int(np.ceil(np.log2(max(count, 2))))
     uniform = qmc.Sobol(size, scramble=True, seed=size).random_base2(exponent)[:count]
-    points: Array = norm.ppf(np.clip(uniform, 1e-10, 1.0 - 1e-10))
+    points: Array = ndtri(np.clip(uniform, 1e-10, 1.0 - 1e-10))
     points.setflags(write=False)
     return points

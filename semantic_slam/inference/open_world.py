@@ -155,6 +155,7 @@ class OpenExpander:
             log_new,
             self.problem.weights.max_candidates,
             self.problem.weights.gate,
+            outlook.log_beyond,
         )
 
     def _columns(self, step: Step, outlook: Outlook, path: LineageStep) -> Index:

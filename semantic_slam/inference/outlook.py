@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se2
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, Motion, object_key, robot_key
-from semantic_slam.inference.existence import SensorRegion, birth
+from semantic_slam.inference.existence import SensorRegion, birth, missed
 from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.open_component import OpenComponent
+from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, object_in_body
 from semantic_slam.inference.population import Population, position_sigmas
 from semantic_slam.inference.sightlines import Prediction, predicted_detection_probabilities, undetected_share
 from semantic_slam.inference.stack import Predicted
@@ -39,6 +41,7 @@ class Outlook:
     births: list[Birth]  # D
     log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, in the region
     birth_existence: Array  # (D,)
+    log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
     in_reach: Index  # (N,) rows of the population that may be in the region
     prediction: Prediction  # of those
     detected: Array  # (O,) detection probabilities at the prediction, nothing being hidden
@@ -77,41 +80,42 @@ class Lookout:
         spread = transition @ population.robot_covariance @ transition.T + motion.covariance
         births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
         sigma = float(position_sigmas(spread[None])[0])
-        reach = np.flatnonzero(
-            _distances(population.states, robot) < self.region.max_range_m + self.settings.gate_sigma * sigma
-        )
-        near = self._near(population, robot, spread, births, detections, reach)
+        errors = self.settings.gate_sigma * np.hypot(sigma, population.sigmas)
+        reach = np.flatnonzero(_distances(population.states, robot) < self.region.max_range_m + errors)
+        near, beyond = self._near(population, robot, spread, births, detections, reach)
         local = _local(component, robot, near).moved(transition, motion.covariance)
         predicted = _predicted(population, robot, near, local)
         prediction = _prediction(population, reach, near, predicted)
         intensity, existence = self._births(population, births, detections)
         detected = np.zeros(len(population.ids))
         detected[reach] = predicted_detection_probabilities(self.region, prediction)
-        return Outlook(component, near, predicted, local, births, intensity, existence, reach, prediction, detected)
+        return Outlook(
+            component, near, predicted, local, births, intensity, existence, beyond, reach, prediction, detected
+        )
 
     def _near(
         self, population: Population, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any],
         reach: Index,
-    ) -> Index:  # fmt: skip
+    ) -> tuple[Index, Array]:  # fmt: skip
         """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
 
-        The bound takes the errors of robot and object as independent: what they share brings them closer.
+        Those that fit best where they are too many, and (D,) a bound on what the others would weigh. Errors of robot
+        and object are taken as independent: what they share brings them closer.
         """
-        limit = self.settings.max_joint_objects
+        limit, gate = self.settings.max_joint_objects, self.settings.gate_sigma
         if len(population.ids) <= limit:
-            return reach
-        excess = np.full(len(population.ids), np.inf)
-        sigma = float(position_sigmas(spread[None])[0])
-        for born, detection in zip(births, detections, strict=True):
-            if not detection.has_range:
-                excess[reach] = np.minimum(excess[reach], 0.0)
-                continue
-            swing = spread[2, 2] * detection.range_m**2
-            noise = float(position_sigmas(born.noise[None])[0])
-            bound = self.settings.gate_sigma * np.sqrt(sigma**2 + swing + population.sigmas**2 + noise**2)
-            excess = np.minimum(excess, _distances(population.states, born.prior.mean) / bound)
-        order = np.argsort(excess, kind="stable")[:limit]
-        return np.asarray(np.sort(order[excess[order] < 1.0]))
+            return reach, np.full(len(births), -np.inf)
+        away = np.full((len(births), len(population.ids)), np.inf)
+        for own, born, detection in zip(away, births, detections, strict=True):
+            own[reach] = _sigmas_away(population, robot, spread, born, detection)[reach]
+        excess = away.min(axis=0, initial=np.inf)
+        order = np.argsort(excess, kind="stable")
+        order = order[excess[order] < gate]
+        peaks = np.array([-0.5 * np.linalg.slogdet(2.0 * np.pi * _noise(d))[1] for d in detections])
+        detected = population.existence[order[limit:]] * self.region.detection_probability
+        weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
+        beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
+        return np.sort(order[:limit]), np.asarray(beyond)
 
     def _births(self, population: Population, births: list[Birth], detections: Sequence[Any]) -> tuple[Array, Array]:
         """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
@@ -174,6 +178,25 @@ def _prediction(population: Population, reach: Index, near: Index, predicted: Pr
         gain[known[inside]] = own
         remainder[known[inside]] = blocks[numbers, :, numbers] - own @ np.swapaxes(cross, 1, 2)
     return Prediction(robot, spread, states, gain, remainder)
+
+
+def _sigmas_away(population: Population, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
+    """(O,) standard deviations between a detection and where each object is predicted; of direction without a range."""
+    sigma = float(position_sigmas(spread[None])[0])
+    if detection.has_range:
+        swing, noise = spread[2, 2] * detection.range_m**2, float(position_sigmas(born.noise[None])[0])
+        errors = np.sqrt(sigma**2 + swing + population.sigmas**2 + noise**2)
+        return np.asarray(_distances(population.states, born.prior.mean) / errors)
+    body = object_in_body(np.broadcast_to(robot, population.states.shape), population.states) - detection.origin
+    distance, bearing = np.hypot(*body.T), np.arctan2(body[:, 1], body[:, 0])
+    across = (sigma**2 + population.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
+    turn = np.abs(wrap_angle(bearing - detection.bearing_rad))
+    return np.asarray(turn / np.sqrt(detection.covariance[1, 1] + spread[2, 2] + across))
+
+
+def _noise(detection: Any) -> Array:
+    """Covariance of what a detection measures."""
+    return np.asarray(detection.covariance if detection.has_range else detection.covariance[1:, 1:])
 
 
 def _distances(states: Array, point: Array) -> Array:
