@@ -37,9 +37,7 @@ def random_network(generator: np.random.Generator, sizes: tuple[int, ...]) -> Sm
 
 def toy_directions(count: int, seed: int = 1) -> Viewpoints:
     generator = np.random.default_rng(seed)
-    return Viewpoints(
-        generator.uniform(-np.pi, np.pi, count), generator.uniform(0.1, 0.4, count), np.full(count, 2.0)
-    )
+    return Viewpoints(generator.uniform(-np.pi, np.pi, count), generator.uniform(0.1, 0.4, count), np.full(count, 2.0))
 
 
 def toy_views(model: LatentModel, per_instance: int = 40, sigma: float = SIGMA, seed: int = 2) -> FeatureViews:

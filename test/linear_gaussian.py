@@ -82,6 +82,9 @@ class LinearModel:
         part = self.semantics(self.collect(detections), x, o, classes)
         return [_linear_factor(part, row, pair, x[row], o[row]) for row, pair in enumerate(keys)]
 
+    def least_cost(self, seen, x, covariance, o, sigmas):
+        return np.zeros((len(x), len(seen.geo), o.shape[1])), 0.0
+
     def linearise_ahead(self, detections, classes, x, o):
         pass
 

@@ -22,7 +22,6 @@ from semantic_slam.latent.evaluation import (
 )
 from semantic_slam.latent.feature_views import turned
 from semantic_slam.latent.grounding import ground, nearest_class
-from semantic_slam.latent.informative_axes import informative_axes
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.latent.torch_network import exported, imported, tanh_network
@@ -170,17 +169,6 @@ def test_calibration_finds_sigma_and_tempers_until_nees_is_one(model: LatentMode
     np.testing.assert_allclose(noise.sigma, 0.07, rtol=0.15)
     tempered = nees(replace(model, noise=noise), views, own_descriptors(model, views))
     assert tempered.nees == pytest.approx(1.0, abs=1e-6)
-
-
-def test_axes_make_noise_white_and_put_the_strongest_first() -> None:
-    # Three independent components of spread 2, 1, 5 under noise 1, 1, 10: signal to noise 2, 1, 0.5.
-    generator = np.random.default_rng(0)
-    means = generator.normal(size=(4000, 3)) * [2.0, 1.0, 5.0]
-    residuals = generator.normal(size=(4000, 3)) * [1.0, 1.0, 10.0]
-    axes = informative_axes(means, residuals, 2)
-    np.testing.assert_allclose(np.cov((residuals @ axes.matrix.T).T), np.eye(2), atol=0.05)
-    np.testing.assert_allclose(np.abs(axes.matrix), np.eye(3)[:2], atol=0.08)
-    np.testing.assert_allclose(np.std(means @ axes.matrix.T, axis=0), [2.0, 1.0], rtol=0.1)
 
 
 def test_grounded_classes_of_untagged_instances() -> None:

@@ -201,16 +201,17 @@ class Backend:
                 lost.append(number)
                 del self.held[number]
         count, objects = len(rows), len(registry.ids)
+        poses, covariances = self._in_map(rows, objects)
         return Components(
             run_id=self.run_id,
             keyframe=keyframe,
             backend_id=self.backend_id,
             ids=np.array([row[0] for row in rows], dtype=np.uint64),
-            poses=np.array([row[1][0] for row in rows]).reshape(count, 7),
-            pose_covariances=np.array([row[2][0] for row in rows]).reshape(count, 6, 6),
+            poses=poses[:, 0],
+            pose_covariances=covariances[:, 0],
             object_ids=np.array(registry.ids, dtype=np.uint32),
-            object_poses=np.array([row[1][1:] for row in rows]).reshape(count, objects, 7),
-            object_covariances=np.array([row[2][1:] for row in rows]).reshape(count, objects, 6, 6),
+            object_poses=poses[:, 1:],
+            object_covariances=covariances[:, 1:],
             class_probabilities=np.array([row[3].probabilities for row in rows]).reshape(
                 count, objects, len(self.problem.class_names)
             ),
@@ -233,21 +234,32 @@ class Backend:
     def _component_row(
         self, component: Component, registry: ObjectRegistry
     ) -> tuple[Array, Array, ClassKnowledge, Array]:
-        """Poses (1 + O, 7), covariances (1 + O, 6, 6), the robot first, NaN for what is absent; classes; existence."""
+        """States (1 + O, d) and covariances, the robot's first, NaN for what is absent; classes; existence."""
         present = [i for i, n in enumerate(registry.ids) if n in component.object_ids]
         keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
         states, covariances = component.corrected(keys)
-        poses = np.full((1 + len(registry.ids), 7), np.nan)
-        spread = np.full((1 + len(registry.ids), 6, 6), np.nan)
-        rows = [0, *(1 + i for i in present)]
-        poses[rows] = self.problem.reader.poses(states)
-        spread[rows] = self.problem.reader.covariances(states, covariances)
+        rows, size = [0, *(1 + i for i in present)], states.shape[1]
+        every = np.full((1 + len(registry.ids), size), np.nan)
+        spread = np.full((1 + len(registry.ids), size, size), np.nan)
+        every[rows], spread[rows] = states, covariances
         existence = np.full(len(registry.ids), np.nan)
         if isinstance(component, OpenComponent):
             existence[present] = component.objects.existence
         else:
             existence[present] = registry.existence()[present]
-        return poses, spread, class_knowledge(component, registry), existence
+        return every, spread, class_knowledge(component, registry), existence
+
+    def _in_map(
+        self, rows: Sequence[tuple[int, Array, Array, ClassKnowledge, Array]], objects: int
+    ) -> tuple[Array, Array]:
+        """(S, 1 + O, 7) poses and (S, 1 + O, 6, 6) covariances as messages have them, NaN for what is absent."""
+        if not rows:
+            return np.zeros((0, 1 + objects, 7)), np.zeros((0, 1 + objects, 6, 6))
+        states, covariances = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+        poses, spread = self.problem.reader.poses(states), self.problem.reader.covariances(states, covariances)
+        absent = np.isnan(states).any(axis=-1)
+        poses[absent], spread[absent] = np.nan, np.nan
+        return poses, spread
 
 
 def _extended(component: Component, step: Step, found: Continuations, at: int) -> Component:

@@ -50,7 +50,7 @@ class Chain:
         self.manifold, self.model, self.links = manifold, model, tuple(links)
         self.mean, self.dimension = anchored.mean, manifold.dimension
         self.places, self.classes = anchored.places, anchored.classes
-        self.root: Array = np.linalg.cholesky(anchored.covariance)
+        self.root = np.asarray(np.linalg.cholesky(anchored.covariance), dtype=np.float64)
         self.width = self.root.shape[-1]
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
         self.size = self.width + len(links) * self.dimension

@@ -32,7 +32,8 @@ def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnow
     for row, number in enumerate(registry.ids if known else ()):
         views = component.views.get(number)
         if number in component.classes:
-            probabilities[row] = np.eye(probabilities.shape[1])[component.classes[number]]
+            probabilities[row] = 0.0
+            probabilities[row, component.classes[number]] = 1.0
         elif views is not None and probabilities.shape[1]:
             probabilities[row] = class_posterior(log_prior[row], views.log_likelihood)
         if views is not None:

@@ -26,6 +26,7 @@ from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
+from semantic_slam.inference.reach import FEW_OBJECTS, Reach, reach_of
 from semantic_slam.inference.refinement import Refined
 from semantic_slam.inference.sampled import sample_evidence
 from semantic_slam.inference.semantics import Moment, Weighed
@@ -100,10 +101,22 @@ class Expander:
         used = self._used(step, given)
         known, unknown = self._objects(components[0], used, given)
         new = [self._new_objects(component, step, used, given, unknown) for component in components]
-        predicted = _predicted(self.problem.manifold, components, step, known, new)
-        object_ids = [*known, *unknown]
-        setting = self._setting(step, used, object_ids, components, path)
-        enumerated, mode = self._enumerate(setting, predicted, used, given, object_ids)
+        if path is not None:
+            known = [n for n in known if n in path.association]
+        reach = self._reach(step, components, used, known) if given is None and path is None else None
+        while True:
+            near = known if reach is None else [known[i] for i in reach.columns()]
+            object_ids = [*near, *unknown]
+            setting = self._setting(step, used, object_ids, components, path, reach)
+            predicted = _predicted(self.problem.manifold, components, step, near, new)
+            enumerated, mode = self._enumerate(setting, predicted, used, given, object_ids)
+            wider = reach.widened(enumerated.log_best, setting.gate) if reach is not None else None
+            if wider is None:
+                break
+            reach = wider
+        if reach is not None:
+            outside = reach.log_left_out(enumerated.log_best)
+            enumerated = replace(enumerated, log_left_out=np.logaddexp(enumerated.log_left_out, outside))
         stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
         if setting.model.num_classes > 0 and len(used):
             mode = find_modes(stack, enumerated.start, tolerance=WEIGHING_TOLERANCE)
@@ -149,8 +162,24 @@ class Expander:
         first = {n: next(step.detections[i] for i in used if given[i] == n) for n in unknown}
         return {n: self.problem.model.object_prior(detection, robot) for n, detection in first.items()}
 
+    def _reach(self, step: Step, components: Sequence[Component], used: Index, known: list[int]) -> Reach | None:
+        """What of a large map is looked at; None: all of it."""
+        gate = self.problem.weights.gate
+        if len(known) <= FEW_OBJECTS or not len(used) or not np.isfinite(gate):
+            return None
+        prior = {entry.object_id: entry.prior.covariance for entry in self.problem.objects}
+        objects = [(number, prior[number]) for number in known]
+        detections = [step.detections[i] for i in used]
+        return reach_of(self.problem.manifold, self.problem.model, step, detections, components, objects, gate)
+
     def _setting(
-        self, step: Step, used: Index, object_ids: list[int], components: Sequence[Component], path: LineageStep | None
+        self,
+        step: Step,
+        used: Index,
+        object_ids: list[int],
+        components: Sequence[Component],
+        path: LineageStep | None,
+        reach: Reach | None,
     ) -> Setting:
         known = [[component.classes.get(n, -1) for n in object_ids] for component in components]
         selected = [self.registry.index(n) for n in object_ids]
@@ -165,6 +194,7 @@ class Expander:
             np.inf if exact else self.problem.weights.gate,
             self.problem.weights.max_candidates,
             _path(path, used, object_ids) if path is not None else None,
+            reach.admitted[:, :, reach.columns()] if reach is not None else None,
         )
 
     def _enumerate(

@@ -7,7 +7,7 @@ not grown further; the mass left out is estimated by assuming that it would have
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ class Setting:
     gate: float  # nats; inf enumerates everything
     max_candidates: int  # per parent
     path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
+    admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Enumerated:
     score: Array  # (B,) log of an estimate of psi, the class prior included
     log_class_prior: Array  # (B,) of the classes first enumerated here
     log_left_out: Array  # (P,) left-out mass relative to the best score of the parent
+    log_best: Array = field(default_factory=lambda: np.zeros(0))  # (P,) geometric evidence of the best association
 
 
 def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enumerated, Mode]:
@@ -64,8 +66,7 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
     stack = _stack(setting, predicted, rows)
     mode = find_modes(stack, np.zeros((len(parents), stack.size)))
     for number in range(len(setting.detections)):
-        allowed = None if setting.path is None else int(setting.path[0][number])
-        rows, origin = _with_next_object(rows, predicted.mean.shape[1] - 1, setting.distinct, allowed)
+        rows, origin = _with_next_object(setting, rows, predicted.mean.shape[1] - 1)
         stack = _stack(setting, predicted, rows)
         screened = screen(stack, mode.take(origin), setting.gate, len(parents))
         rows, stack = rows.take(screened.kept), stack.select(screened.kept)
@@ -77,7 +78,9 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
         keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents), setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
         rows, mode = rows.take(keep), mode.take(keep)
-    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out), mode
+    best = np.full(len(parents), -np.inf)
+    np.maximum.at(best, rows.parents, mode.log_evidence)
+    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out, best), mode
 
 
 def fixed_association(setting: Setting, predicted: Predicted, objects: Index) -> tuple[Enumerated, Mode]:
@@ -86,7 +89,8 @@ def fixed_association(setting: Setting, predicted: Predicted, objects: Index) ->
     rows = Rows(parents, np.broadcast_to(objects, (len(parents), len(objects))))
     stack = _stack(setting, predicted, rows)
     mode = find_modes(stack, search_start(stack))
-    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(parents)), np.full(len(parents), -np.inf)), mode
+    nothing = np.full(len(parents), -np.inf)
+    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(parents)), nothing, mode.log_evidence), mode
 
 
 def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enumerated) -> Enumerated:
@@ -116,19 +120,22 @@ def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enum
     detections = np.arange(classes.shape[1])
     chosen_turns = turns[index[:, None], detections, np.maximum(classes, 0)]
     start = _turned(stack.select(index), associations.start[index], chosen_turns)
-    return Enumerated(rows, start, score, prior, left_out)
+    return Enumerated(rows, start, score, prior, left_out, associations.log_best)
 
 
 def _stack(setting: Setting, predicted: Predicted, rows: Rows) -> Stack:
     return Stack(setting.manifold, setting.model, predicted, setting.detections, rows)
 
 
-def _with_next_object(rows: Rows, num_objects: int, distinct: bool, only: int | None) -> tuple[Rows, Index]:
-    """Every row with every object (or ``only`` this one) for its next detection, and the row each one came from."""
+def _with_next_object(setting: Setting, rows: Rows, num_objects: int) -> tuple[Rows, Index]:
+    """Every row with every object that its next detection may be of, and the row each one came from."""
+    number = rows.objects.shape[1]
     allowed = np.ones((len(rows.parents), num_objects), dtype=bool)
-    if only is not None:
-        allowed[:, np.arange(num_objects) != only] = False
-    if distinct and rows.objects.shape[1]:
+    if setting.admitted is not None:
+        allowed = setting.admitted[rows.parents, number]
+    if setting.path is not None:
+        allowed[:, np.arange(num_objects) != setting.path[0][number]] = False
+    if setting.distinct and number:
         np.put_along_axis(allowed, rows.objects, False, axis=1)
     origin, added = np.nonzero(allowed)
     return Rows(rows.parents[origin], np.concatenate([rows.objects[origin], added[:, None]], axis=1)), origin

@@ -25,6 +25,8 @@ STEP_TOLERANCE = 1e-5
 """Whitened step at which a mode counts as found: log evidence is then exact to about 1e-5."""
 INITIAL_DAMPING = 1e-4
 LARGEST_DAMPING = 1e12
+LAST_DAMPING = 0.1
+"""Damping up to which a step that is expected to bring next to nothing ends at the mode."""
 
 
 class LeastSquares(Protocol):
@@ -67,6 +69,13 @@ def find_modes(
         if len(running) == 0:
             break
         step, expected = _damped_step(hessian[running], gradient[running], damping[running])
+        last = (expected < enough[running]) & (damping[running] < LAST_DAMPING)
+        if last.any():  # what the quadratic model says is as good as looking
+            y[running[last]] += step[last]
+            energy[running[last]] -= expected[last]
+            running, step, expected = running[~last], step[~last], expected[~last]
+            if len(running) == 0:
+                break
         trial = y[running] + step
         new_energy, new_gradient, new_hessian = stack.select(running).normal_equations(trial)
         gain = (energy[running] - new_energy) / np.maximum(expected, 1e-300)
@@ -112,5 +121,5 @@ def _damped_step(hessian: Array, gradient: Array, damping: Array) -> tuple[Array
     added = damping[:, None] * np.einsum("bii->bi", hessian)
     damped = hessian.copy()
     np.einsum("bii->bi", damped)[...] += added
-    step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+    step = np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0], dtype=np.float64)
     return step, 0.5 * (step * (added * step - gradient)).sum(-1)

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
+from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
-from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.planar_factors import bearing_factor, linear_factor, range_factor
+from semantic_slam.inference.population import position_sigmas
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
 Array = NDArray[np.float64]
@@ -200,6 +201,29 @@ class PlanarObservation:
         jacobian[:, 0, 4] = -jacobian[:, 1, 3]
         spread = np.einsum("bij,bjk,bik->b", jacobian, covariance, jacobian)
         return np.asarray(np.sqrt(spread) / polar(d)[0])
+
+    def least_cost(
+        self, seen: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
+    ) -> tuple[Array, float]:
+        """Range and bearing each on its own, at the deviation that makes it cheapest.
+
+        A position that is off by r changes a distance d by at most r and, while r < d, a direction by asin(r / d) <=
+        pi r / 2 d. Deviations of robot and object may go together: their standard deviations add up.
+        """
+        heading = np.sqrt(covariance[:, 2, 2])[:, None, None]  # (P, 1, 1)
+        offset = np.hypot(*seen.origin.T)[:, None]  # (D, 1): a camera off the centre moves with the heading
+        position = position_sigmas(covariance)[:, None, None] + sigmas + offset * heading  # (P, D, O)
+        shape = (len(x), len(seen.range_m), o.shape[1], 3)
+        body = object_in_body(np.broadcast_to(x[:, None, None], shape), np.broadcast_to(o[:, None], shape))
+        distance, bearing = polar(body - seen.origin[:, None])
+        noise = np.linalg.inv(seen.whiten + (1.0 - seen.has_range)[:, None, None] * np.diag([1.0, 0.0]))
+        variance = (noise @ np.swapaxes(noise, 1, 2)).diagonal(axis1=1, axis2=2)  # (D, 2)
+        off = np.where(seen.has_range[:, None], distance - seen.range_m[:, None], 0.0)
+        by_range = off**2 / (position**2 + variance[:, :1])
+        turn = wrap_angle(bearing - seen.bearing_rad[:, None])
+        by_bearing = turn**2 / ((heading + 0.5 * np.pi * position / distance) ** 2 + variance[:, 1:])
+        by_bearing = np.minimum(by_bearing, (distance / position) ** 2)  # or the robot is anywhere around the object
+        return 0.5 * np.maximum(by_range, by_bearing), float(seen.log_normaliser.sum())
 
     def view_change(self, before: Array, now: Array) -> Array:
         """Of direction or heading, from poses of objects in the robot's frame."""

@@ -54,7 +54,8 @@ NEGLIGIBLE = 7.0
 """Nats below the best at which a mode is left out; its region goes to the others."""
 POOR = 0.6
 """Effective share of samples below which the proposal is adapted to them."""
-MAX_ADAPTATIONS = 3
+MAX_ADAPTATIONS, MORE_ADAPTATIONS = 3, 1
+"""Of the first samples, and of all."""
 FIRST_SHARE = 0.25
 """Of the samples: so many are drawn at first, all of them where those do not suffice."""
 GOOD = 0.7
@@ -209,22 +210,23 @@ def _sampled(
     mixtures = [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes]
     first = int(np.ceil(FIRST_SHARE * count))
     everything = np.arange(len(histories))
-    samples = _adapting(histories, chain, mixtures, everything, first)
+    samples = _adapting(histories, chain, mixtures, everything, first, MAX_ADAPTATIONS)
     shares = np.array([_share(*pair, chain) for pair in zip(histories, samples, strict=True)])
     coarse = np.flatnonzero((shares < GOOD) & (first < count))
     if len(coarse):
-        for row, better in zip(coarse, _adapting(histories, chain, mixtures, coarse, count), strict=True):
+        more = _adapting(histories, chain, mixtures, coarse, count, MORE_ADAPTATIONS)
+        for row, better in zip(coarse, more, strict=True):
             samples[row] = better
     return mixtures, samples
 
 
 def _adapting(
-    histories: Sequence[History], chain: Chain, mixtures: list[Gaussians], rows: Index, count: int
+    histories: Sequence[History], chain: Chain, mixtures: list[Gaussians], rows: Index, count: int, times: int
 ) -> list[Samples]:
     """Samples of ``rows``; their mixtures are adapted in place where modes do not match the target."""
     samples = dict(zip(rows.tolist(), draw(chain.select(rows), [mixtures[r] for r in rows], count), strict=True))
     pending = list(samples)
-    for _ in range(MAX_ADAPTATIONS):
+    for _ in range(times):
         pending = [row for row in pending if 0.0 < _share(histories[row], samples[row], chain) < POOR]
         if not pending:
             break
@@ -285,13 +287,12 @@ def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: I
     for number, history in enumerate(histories):
         rows = np.flatnonzero(owners == number)
         own = scores[rows] + history.log_share(chain, found.y[rows])
+        order = rows[np.argsort(-own, kind="stable")]
         kept: list[int] = []
-        for row, score in sorted(zip(rows.tolist(), own.tolist(), strict=True), key=lambda pair: -pair[1]):
-            if len(kept) == MAX_MODES or (kept and score < least):
-                break
-            least = score - NEGLIGIBLE if not kept else least
+        for row in order[np.sort(-own) <= NEGLIGIBLE - own.max()]:
             if all(np.abs(found.y[row] - found.y[other]).max() > SAME_MODE for other in kept):
-                kept.append(row)
+                kept.append(int(row))
+        kept = kept[:MAX_MODES]
         modes.append(Mode(found.y[kept], found.hessian[kept], found.log_evidence[kept]))
     return modes
 

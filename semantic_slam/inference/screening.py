@@ -13,7 +13,7 @@ Index = NDArray[np.int_]
 Flags = NDArray[np.bool_]
 
 STEADY_RAD = 0.2
-"""Uncertainty of a direction of sight, given the other detections, below which one linear step tells what is far off."""
+"""Uncertainty of a direction of sight, given other detections, below which one linear step tells what is far off."""
 LOST_RAD = 0.3
 """Uncertainty from which on the expected state may lead to another mode than the best."""
 SAFETY = 2.0

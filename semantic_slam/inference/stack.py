@@ -77,7 +77,9 @@ class Stack:
         blocks = np.concatenate([np.zeros((len(own), 1), int), np.where(own, 1 + self.rows.objects, 0)], axis=1)
         used = np.concatenate([np.ones((len(own), 1), bool), own], axis=1)
         mean = predicted.mean[self.rows.parents[:, None], blocks]
-        columns = (blocks[..., None] * self.dimension + np.arange(self.dimension)).reshape(len(own), -1)
+        columns = (blocks[..., None] * self.dimension + np.arange(self.dimension)).reshape(
+            len(own), blocks.shape[1] * self.dimension
+        )
         covariance = predicted.covariance[self.rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
         if not used.all():
             free = np.repeat(~used, self.dimension, axis=1)

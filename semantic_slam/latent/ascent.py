@@ -70,7 +70,7 @@ def infer_descriptors(
     starts = [*guesses.transpose(1, 0, 2), guesses.mean(axis=1), np.repeat(model.prior.mean, count, axis=0)]
     best: tuple[Array, Array, Array] | None = None
     for start in starts:
-        end, cost, information = _ascend_descriptors(model, viewpoints, features, start, iterations)
+        end, cost, information = _ascend(model, viewpoints, features, start, iterations)
         if best is None:
             best = end, cost, information
             continue
@@ -81,11 +81,23 @@ def infer_descriptors(
             np.where(better[:, None, None], information, best[2]),
         )
     assert best is not None
-    variance = np.diagonal(np.linalg.inv(best[2]), axis1=1, axis2=2)
-    return DescriptorBelief(best[0], np.sqrt(variance))
+    return DescriptorBelief(best[0], _sigma(best[2]))
 
 
-def _ascend_descriptors(
+def ascend_descriptors(
+    model: LatentModel, viewpoints: Viewpoints, features: Array, start: Array, iterations: int = ITERATIONS
+) -> DescriptorBelief:
+    """As ``infer_descriptors``, from one (B, L) start alone."""
+    end, _, information = _ascend(model, viewpoints, features, start, iterations)
+    return DescriptorBelief(end, _sigma(information))
+
+
+def _sigma(information: Array) -> Array:
+    """(B, L) of (B, L, L)."""
+    return np.sqrt(np.diagonal(np.linalg.inv(information), axis1=1, axis2=2))
+
+
+def _ascend(
     model: LatentModel, viewpoints: Viewpoints, features: Array, start: Array, iterations: int
 ) -> tuple[Array, Array, Array]:
     """(B, L) ends, (B,) costs and (B, L, L) information there."""

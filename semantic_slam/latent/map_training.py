@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from torch import nn
 from tqdm import tqdm
 
-from semantic_slam.latent.direction import NUM_INPUTS, encoded
+from semantic_slam.latent.direction import encoded
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.grounding import tagged_rows
 from semantic_slam.latent.latent_prior import PRIORS
 from semantic_slam.latent.smooth_network import SmoothNetwork
-from semantic_slam.latent.torch_network import exported, tanh_network
+from semantic_slam.latent.torch_network import exported, imported, tanh_network
 
 Array = NDArray[np.float64]
 
@@ -23,14 +23,12 @@ Array = NDArray[np.float64]
 class MapSettings:
     """How decoder and descriptors are fitted."""
 
-    dimensions: int = 12
-    hidden: tuple[int, ...] = (96, 96)
     prior: str = "n_pairs"  # a name of PRIORS
     prior_weight: float = 1.0
     descriptor_noise: float = 0.05  # of each descriptor while it trains, so that mu stays smooth in e
-    steps: int = 6000
+    steps: int = 4000
     batch_size: int = 512
-    learning_rate: float = 4e-3
+    learning_rate: float = 1e-3
     seed: int = 0
 
 
@@ -45,15 +43,15 @@ class Fitted:
 class _Instances(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
     """Descriptors and, where instances carry tags, the Gaussians of their classes (Eq. 5.19), all learned."""
 
-    def __init__(self, names: tuple[str, ...], dimensions: int, tags: Mapping[str, str]) -> None:
+    def __init__(self, names: tuple[str, ...], descriptors: Array, tags: Mapping[str, str]) -> None:
         super().__init__()
-        self.descriptors = nn.Parameter(0.3 * torch.randn(len(names), dimensions))
+        self.descriptors = nn.Parameter(torch.from_numpy(descriptors).float())
         tagged = tagged_rows(names, tags) if tags else []
         classes = sorted({name for _, name in tagged})
         self.rows = torch.tensor([row for row, _ in tagged], dtype=torch.long)
         self.class_index = torch.tensor([classes.index(name) for _, name in tagged], dtype=torch.long)
-        self.means = nn.Parameter(torch.zeros(len(classes), dimensions))
-        self.log_sigma = nn.Parameter(torch.zeros(dimensions))
+        self.means = nn.Parameter(torch.zeros(len(classes), descriptors.shape[1]))
+        self.log_sigma = nn.Parameter(torch.zeros(descriptors.shape[1]))
 
     def class_term(self) -> torch.Tensor:
         """-log prod_i P(e_i | c_i), with one spread for all classes that cannot shrink away."""
@@ -64,12 +62,14 @@ class _Instances(nn.Module):  # type: ignore[misc]  # torch is not followed by m
         return (0.5 * offset.square() + log_sigma).sum() / len(self.descriptors)
 
 
-def fit_map(views: FeatureViews, settings: MapSettings, tags: Mapping[str, str] | None = None) -> Fitted:
-    """Maximise P(features, descriptors | directions, instances[, tags]); the noise is learned per component too."""
+def fit_map(
+    views: FeatureViews, start: Fitted, settings: MapSettings, tags: Mapping[str, str] | None = None
+) -> Fitted:
+    """Maximise P(features, descriptors | directions, instances[, tags]) from a start; the noise is learned too."""
     torch.set_num_threads(1)
     torch.manual_seed(settings.seed)
-    decoder = tanh_network((NUM_INPUTS + settings.dimensions, *settings.hidden, views.features.shape[1]))
-    instances = _Instances(views.names, settings.dimensions, tags or {})
+    decoder = imported(start.decoder)
+    instances = _Instances(views.names, start.descriptors, tags or {})
     spread = views.features.std(axis=0)
     log_sigma = nn.Parameter(torch.from_numpy(np.log(0.5 * spread)).float())
     parameters = [*decoder.parameters(), *instances.parameters(), log_sigma]

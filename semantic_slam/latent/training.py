@@ -1,7 +1,7 @@
 """From turntable views to a latent model: features, decoder and descriptors, encoder, noise, classes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from semantic_slam.errors import InputError
 from semantic_slam.latent.calibration import calibrated
 from semantic_slam.latent.contrast_training import contrast
-from semantic_slam.latent.direction import encoded
 from semantic_slam.latent.energy_training import energy
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.grounding import ground
-from semantic_slam.latent.informative_axes import informative_axes
 from semantic_slam.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
@@ -43,7 +41,7 @@ class TrainingSettings:
     regression_epochs: int = 6
     contrast_epochs: int = 9
     energy_epochs: int = 6
-    decoder_steps: int = 6000
+    decoder_steps: int = 4000
     encoder_steps: int = 2000
     seed: int = 0
 
@@ -68,17 +66,27 @@ def train(split: TurntableSplit, settings: TrainingSettings, tags: Mapping[str, 
     views = feature_views(split.train, names, np.zeros((len(crops), 0)))
     crop_views = CropViews(crops, views.instance, views.viewpoints, len(names))
     joint = _features_by_contrast(split.train, crop_views, settings)
-    seen = views.with_features(joint.extractor.features(crops))
+    return finished(joint, crop_views, views, split, settings, tags)
+
+
+def finished(
+    joint: JointModel,
+    crop_views: CropViews,
+    views: FeatureViews,
+    split: TurntableSplit,
+    settings: TrainingSettings,
+    tags: Mapping[str, str] | None,
+) -> TrainedModel:
+    """What either formulation makes of features learned by contrast; ``views`` tell of ``crop_views`` what was seen."""
     if settings.formulation == "energy":
         train_jointly(joint, crop_views, energy, JointSettings(settings.energy_epochs, seed=settings.seed))
-        fitted = Fitted(exported(joint.decoder), joint.descriptors.detach().double().numpy().copy())
-        extractor = joint.extractor
-        seen = views.with_features(extractor.features(crops))
-    else:
-        known = {name: tag for name, tag in (tags or {}).items() if name in names}
-        fitted, extractor = _maximum_posterior(seen, joint.extractor, split, settings, known)
-        seen = views.with_features(extractor.features(crops))
-    return TrainedModel(_finished(fitted, extractor, seen, split, settings, tags), extractor)
+    extractor = joint.extractor
+    seen = views.with_features(extractor.features(crop_views.crops))
+    fitted = Fitted(exported(joint.decoder), joint.descriptors.detach().double().numpy().copy())
+    if settings.formulation == "map":
+        known = {name: tag for name, tag in (tags or {}).items() if name in views.names}
+        fitted = fit_map(seen, fitted, MapSettings(steps=settings.decoder_steps, seed=settings.seed), known)
+    return TrainedModel(_model(fitted, extractor, seen, split, settings, tags), extractor)
 
 
 def training_crops(views: Sequence[ObjectView], settings: TrainingSettings) -> Bytes:
@@ -115,26 +123,7 @@ def _features_by_contrast(
     return joint
 
 
-def _maximum_posterior(
-    seen: FeatureViews,
-    extractor: FeatureExtractor,
-    split: TurntableSplit,
-    settings: TrainingSettings,
-    tags: Mapping[str, str],
-) -> tuple[Fitted, FeatureExtractor]:
-    """Eq. 5.7 for fixed features, and these then turned so that their noise is white and the best come first."""
-    chosen = MapSettings(
-        dimensions=settings.dimensions, hidden=settings.hidden, steps=settings.decoder_steps, seed=settings.seed
-    )
-    fitted = fit_map(seen, chosen, tags)
-    check = seen_in_rooms(split.calibrate, seen.names, extractor, settings.seed + 1)
-    means = fitted.decoder.value(np.hstack([encoded(check.viewpoints), fitted.descriptors[check.instance]]))
-    axes = informative_axes(means, check.features - means, settings.num_features)
-    extractor.project(axes.matrix, axes.offset)
-    return replace(fitted, decoder=fitted.decoder.projected(axes.matrix, axes.offset)), extractor
-
-
-def _finished(
+def _model(
     fitted: Fitted,
     extractor: FeatureExtractor,
     seen: FeatureViews,

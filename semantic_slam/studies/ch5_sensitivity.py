@@ -7,7 +7,7 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 from semantic_slam.latent import evaluation
-from semantic_slam.latent.ascent import ITERATIONS, ascend_descriptors
+from semantic_slam.latent.ascent import ascend_descriptors
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, known, trained
@@ -78,7 +78,7 @@ def _descriptors_improved(model: LatentModel, views: FeatureViews, own: Array, s
     """Share of views from which alone, their direction known, the descriptor moves towards the learned one."""
     sigma = model.prior.sigma
     offsets = size * keyed_generator(NAME, "descriptor", seed, str(size)).standard_normal(own.shape)
-    ends = ascend_descriptors(model, views.viewpoints, views.features[:, None], own + offsets * sigma, ITERATIONS)
+    ends = ascend_descriptors(model, views.viewpoints, views.features[:, None], own + offsets * sigma)
     after = np.linalg.norm((ends.mean - own) / sigma, axis=1)
     return float((after < np.linalg.norm(offsets, axis=1)).mean())
 

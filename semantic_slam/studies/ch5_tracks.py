@@ -1,5 +1,6 @@
 """A robot drives around an object with weak odometry and looks at it: its track with the learned factor alone."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -22,13 +23,15 @@ from semantic_slam.viewpoint.model import Viewpoints
 
 Array = NDArray[np.float64]
 
-POSES = 24
+POSES = 18
 TURN_RAD = np.deg2rad(300.0)
 RADIUS_M, RADIUS_SPREAD_M = (1.8, 2.8), 0.25
-SIGMA_STEP = np.array([0.06, 0.06, 0.07])
+SIGMA_STEP = np.array([0.08, 0.08, 0.08])
 """Odometry from pose to pose: metres ahead and aside, radians."""
 SIGMA_START = np.array([0.15, 0.15, 0.1])
 SIGMA_OBJECT = np.array([0.05, 0.05, 0.03])
+ITERATIONS_ON_THE_WAY = 4
+"""Of an optimisation that later ones go on from."""
 KNOWN_DESCRIPTOR_SIGMA = 1e-3
 """In units of the prior's: a descriptor that counts as known."""
 
@@ -55,7 +58,7 @@ class Located:
         return float(errors[name].mean() / errors["dead_reckoning"].mean())
 
 
-def located(name: str, number: int, seed: int) -> Located:
+def located(name: str, number: int, seed: int, models: Sequence[str] = (*FORMULATIONS, DEFAULT)) -> Located:
     """One track: drawn, rendered, smoothed with every model with the descriptor unknown, and known if learned."""
     generator = keyed_generator("ch5_localization", name, number, seed)
     truth = _track(generator)
@@ -68,7 +71,7 @@ def located(name: str, number: int, seed: int) -> Located:
         reckoned.append(se2.compose(reckoned[-1], step))
     views = list(orbit_views(name, _viewpoints(truth, name)))
     estimates = {}
-    for formulation in (*FORMULATIONS, DEFAULT):
+    for formulation in models:
         model = trained(formulation)
         seen = measured(model, views, model.crops, number)
         drive = _Drive(model.model, seen.features, seen.viewpoints.elevation_rad, start, odometry, target)
@@ -126,7 +129,9 @@ class _Drive:
                 step = gtsam.Pose2(*self.odometry[number - 1])
                 graph.add(gtsam.BetweenFactorPose2(_x(number - 1), _x(number), step, noise))
             graph.add(self._factor(number, feature))
-            values = self._optimised(graph, values, descriptor, first=number == 0)
+            values = self._optimised(
+                graph, values, descriptor, first=number == 0, last=number == len(self.features) - 1
+            )
         return np.array([_planar(values.atPose2(_x(number))) for number in range(len(self.features))])
 
     def _priors(self, descriptor: DescriptorBelief) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -148,7 +153,13 @@ class _Drive:
         return exact_factor(LatentObservation(self.model), detection, (_x(number), _O, _E))
 
     def _optimised(
-        self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, prior: DescriptorBelief, *, first: bool
+        self,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        prior: DescriptorBelief,
+        *,
+        first: bool,
+        last: bool,
     ) -> gtsam.Values:
         """The best optimum from here; after the first view also from the encoder's guess of the descriptor."""
         starts = [values]
@@ -156,7 +167,10 @@ class _Drive:
             encoded = gtsam.Values(values)
             encoded.update(_E, self.model.encode(self.features[:1]).mean[0])
             starts.append(encoded)
-        ends = [gtsam.LevenbergMarquardtOptimizer(graph, start).optimize() for start in starts]
+        parameters = gtsam.LevenbergMarquardtParams()
+        if not (first or last):
+            parameters.setMaxIterations(ITERATIONS_ON_THE_WAY)
+        ends = [gtsam.LevenbergMarquardtOptimizer(graph, start, parameters).optimize() for start in starts]
         return min(ends, key=graph.error)
 
 

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.latent.feature_views import FeatureViews
-from semantic_slam.latent.store import TrainedModel
 from semantic_slam.latent.turntable_split import TEST_PERIOD_DEG, VALIDATE_DEG
 from semantic_slam.latent.view_crops import feature_views, plain_crops, room_crops
 from semantic_slam.perception.views import ObjectView
 from semantic_slam.simulation.orbit import orbit_views
 from semantic_slam.simulation.turntable import CAMERAS
+from semantic_slam.studies.ch5_models import Shipped
 from semantic_slam.studies.repetitions import repeat
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -36,7 +36,7 @@ def rendered(name: str, viewpoints: Viewpoints) -> list[ObjectView]:
     return list(orbit_views(name, viewpoints))
 
 
-def measured(trained: TrainedModel, views: Sequence[ObjectView], kind: str, seed: int) -> FeatureViews:
+def measured(trained: Shipped, views: Sequence[ObjectView], kind: str, seed: int) -> FeatureViews:
     """Features of the views under one of ``KINDS``; instances in the order of their first view."""
     size = trained.extractor.input_size
     crops = room_crops(views, size, 1, seed) if kind == "room" else plain_crops(views, size)
