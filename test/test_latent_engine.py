@@ -16,6 +16,7 @@ from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import ROOT_ID
 from semantic_slam.inference.laplace import find_modes, search_start
 from semantic_slam.inference.latent_factor import exact_factor
+from semantic_slam.inference.latent_joint import _root
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.latent_priors import prior_of_classes
 from semantic_slam.inference.latent_views import LatentViews
@@ -233,3 +234,15 @@ def test_measured_elevation_enters() -> None:
     states = np.zeros((1, 3)), np.array([[2.0, 0.0, 0.3]]), TRUE[None]
     low, high = (LatentObservation(MODEL).linearise(own, *states).residual[0] for own in seen)
     np.testing.assert_allclose((high - low) * MODEL.noise, 0.15)
+
+
+def test_rounded_covariances_still_have_roots() -> None:
+    """An eigenvalue of -1e-3 becomes a small positive one, the others stay; exact ones are left alone."""
+    vectors = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    covariance = np.stack([(vectors * [1.0, 0.5, last]) @ vectors.T for last in (-1e-3, 0.2)])
+    scale = np.einsum("bii->bi", np.abs(covariance))
+    roots = _root(covariance, scale)
+    rebuilt = roots @ np.swapaxes(roots, 1, 2)
+    assert np.linalg.eigvalsh(rebuilt).min() > 0.0
+    np.testing.assert_allclose(rebuilt, covariance, atol=5e-3)
+    np.testing.assert_allclose(_root(covariance[1:], scale[1:]) @ _root(covariance[1:], scale[1:])[0].T, covariance[1:])
