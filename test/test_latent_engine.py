@@ -217,6 +217,16 @@ def test_features_tell_hypotheses_apart() -> None:
     assert beliefs[0].association_entropy < plain[0].association_entropy
 
 
+@pytest.mark.parametrize("method", ["importance", "laplace"])
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_robot_that_jumps_takes_its_descriptors_along(method: str, seed: int) -> None:
+    """Lost by metres it is found with the first keyframe, and stays on the true association."""
+    world, _, _, beliefs = run_world(3, seed=seed, weights={"method": method})
+    for belief, seen in zip(beliefs, world.associations, strict=True):
+        right = [tuple(row) == seen for row in belief.associations]
+        assert np.exp(belief.log_weights)[right].sum() > 0.95
+
+
 def test_a_map_that_knows_the_class_narrows_the_descriptor() -> None:
     """P(e | second) is Gaussian about +1 in the first component; times N(0, 1) that is N(0.8, 0.2)."""
     told = prior_of_classes(MODEL, np.array([0.0, 1.0]))
