@@ -1,5 +1,7 @@
 """A latent world without pictures: features that truly follow a smooth network of direction and descriptor."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from semantic_slam.latent.direction import NUM_INPUTS
@@ -30,7 +32,7 @@ def random_network(generator: np.random.Generator, sizes: tuple[int, ...]) -> Sm
     return SmoothNetwork(
         [
             Layer(generator.normal(size=(outputs, inputs)) / np.sqrt(inputs), 0.1 * generator.normal(size=outputs))
-            for inputs, outputs in zip(sizes[:-1], sizes[1:], strict=True)
+            for inputs, outputs in pairwise(sizes)
         ]
     )
 

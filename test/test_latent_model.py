@@ -18,6 +18,7 @@ from semantic_slam.latent.evaluation import (
     identification_of_groups,
     local_ascent,
     nees,
+    one_of_each_direction,
     own_descriptors,
 )
 from semantic_slam.latent.feature_views import turned
@@ -161,6 +162,14 @@ def test_band_of_consistency() -> None:
     # Chi-square with one degree of freedom has variance 2: the average of 800 lies within 1.96 * sqrt(2 / 800) = 0.098.
     low, high = consistency(np.ones(800)).band
     assert (low, high) == pytest.approx((0.902, 1.098), abs=0.008)
+
+
+def test_one_view_is_left_of_each_direction(model: LatentModel) -> None:
+    views = toy_views(model, per_instance=4)
+    twice = views.chosen(np.repeat(np.arange(len(views)), 3))
+    left = one_of_each_direction(twice, np.random.default_rng(0))
+    assert len(left) == len(views)
+    assert set(left.viewpoints.azimuth_rad) == set(views.viewpoints.azimuth_rad)
 
 
 def test_calibration_finds_sigma_and_tempers_until_nees_is_one(model: LatentModel) -> None:

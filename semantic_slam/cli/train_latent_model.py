@@ -45,11 +45,14 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument("--tags", type=Path, metavar="FILE", help="JSON {instance: class} of the instances with a tag")
     parser.add_argument(
-        "--held-out", type=int, default=0, metavar="N", help="instances kept from training, to judge by (default: 0)"
+        "--shape-by-tags",
+        action="store_true",
+        help="let the tags take part in learning (map only); else they name regions of the finished space",
     )
     parser.add_argument(
-        "--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)"
+        "--held-out", type=int, default=0, metavar="N", help="instances kept from training, to judge by (default: 0)"
     )
+    parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
     parser.add_argument(
         "--effort", type=float, default=1.0, help="factor of the passes over the data (default: %(default)s)"
     )
@@ -72,7 +75,10 @@ def command() -> None:
     tags = read_classes(arguments.tags) if arguments.tags else None
     held_out = choose_held_out(class_names_of(views), classes, arguments.held_out, arguments.seed)
     parts = split(views, held_out)
-    settings = _with_effort(TrainingSettings(formulation=arguments.formulation, seed=arguments.seed), arguments.effort)
+    settings = TrainingSettings(
+        formulation=arguments.formulation, shaped_by_tags=arguments.shape_by_tags, seed=arguments.seed
+    )
+    settings = _with_effort(settings, arguments.effort)
     trained = train(parts, settings, tags)
     report = training_report(trained, parts, arguments.seed)
     provenance = {

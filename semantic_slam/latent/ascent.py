@@ -133,16 +133,16 @@ def _descriptor_terms(
     return cost, gradient, information
 
 
-def azimuth_raster(model: LatentModel, viewpoints: Viewpoints, descriptors: Array, features: Array, offsets: Array) -> Array:
+def azimuth_raster(
+    model: LatentModel, viewpoints: Viewpoints, descriptors: Array, features: Array, offsets: Array
+) -> Array:
     """(B, A) log-likelihoods up to a constant, with (A,) ``offsets`` [rad] added to each direction's azimuth."""
     raster = np.empty((len(features), len(offsets)))
     sigma = model.noise.tempered
     block = 64
     for start in range(0, len(features), block):
         rows = np.arange(start, min(start + block, len(features)))
-        looked = Viewpoints(
-            viewpoints.azimuth_rad[rows], viewpoints.elevation_rad[rows], viewpoints.range_m[rows]
-        )
+        looked = Viewpoints(viewpoints.azimuth_rad[rows], viewpoints.elevation_rad[rows], viewpoints.range_m[rows])
         directions = turned(repeated(looked, len(offsets)), np.tile(offsets, len(rows)))
         mean = model.mean(directions, np.repeat(descriptors[rows], len(offsets), axis=0))
         residual = (np.repeat(features[rows], len(offsets), axis=0) - mean) / sigma

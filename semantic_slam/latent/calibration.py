@@ -8,6 +8,7 @@ from semantic_slam.latent.evaluation import azimuth_nees, own_descriptors
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.latent_model import FeatureNoise, LatentModel
 
+
 def feature_noise(model: LatentModel, views: FeatureViews) -> FeatureNoise:
     """Sigma of the ``views``' residuals, tempered so that the azimuth inferred from them has NEES 1.
 
@@ -21,6 +22,4 @@ def feature_noise(model: LatentModel, views: FeatureViews) -> FeatureNoise:
 
 def calibrated(model: LatentModel, in_rooms: FeatureViews, on_turntable: FeatureViews) -> LatentModel:
     """The model with the noise of calibration views in rooms, and that of plain ones."""
-    return replace(
-        model, noise=feature_noise(model, in_rooms), turntable_noise=feature_noise(model, on_turntable)
-    )
+    return replace(model, noise=feature_noise(model, in_rooms), turntable_noise=feature_noise(model, on_turntable))

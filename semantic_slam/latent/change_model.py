@@ -31,7 +31,9 @@ class ChangePrediction:
     def log_likelihood(self, features: Array) -> Array:
         """(B,) of (B, F) features [nats]."""
         residual = (features - self.mean) / self.sigma
-        return np.asarray(-(0.5 * residual**2 + np.log(self.sigma)).sum(axis=1) - 0.5 * len(self.mean.T) * np.log(2 * np.pi))
+        return np.asarray(
+            -(0.5 * residual**2 + np.log(self.sigma)).sum(axis=1) - 0.5 * len(self.mean.T) * np.log(2 * np.pi)
+        )
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,7 @@ class ChangeModel:
         """From (B, F) features of first views and (B, 2) changes of azimuth and elevation."""
         outputs = self.network.value(np.hstack([features, _encoded_change(change_rad)]))
         step, log_sigma = np.split(outputs, 2, axis=1)
-        return ChangePrediction(
-            features + step, np.exp(np.clip(log_sigma, SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA))
-        )
+        return ChangePrediction(features + step, np.exp(np.clip(log_sigma, SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA)))
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,7 @@ def contrast(
     others = model.descriptors[torch.from_numpy(strangers.ravel())]
     strange = _score(features, model.mean(repeated(looked, STRANGERS), others))
     batch = -0.5 * torch.cdist(features, model.mean(looked, e)).square()
-    return nn.functional.cross_entropy(
-        torch.cat([batch, beside + alike, strange], dim=1), torch.arange(len(rows))
-    )
+    return nn.functional.cross_entropy(torch.cat([batch, beside + alike, strange], dim=1), torch.arange(len(rows)))
 
 
 def _score(features: torch.Tensor, means: torch.Tensor) -> torch.Tensor:

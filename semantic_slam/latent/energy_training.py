@@ -30,9 +30,7 @@ def energy(
     """Data term (Eq. 5.16) and the extractor's (Eq. 5.17)."""
     looked = taken(views.viewpoints, rows)
     e = model.descriptors[torch.from_numpy(views.instance[rows])]
-    terms = [
-        _bowl_term(model, features, looked, e, pose, latent, generator) for pose, latent in PERTURBED
-    ]
+    terms = [_bowl_term(model, features, looked, e, pose, latent, generator) for pose, latent in PERTURBED]
     return torch.stack(terms).mean() + ORDER_WEIGHT * _order_term(features, views.crops[rows])
 
 

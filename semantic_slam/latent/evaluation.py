@@ -109,6 +109,14 @@ def consistency(squared: Array) -> Consistency:
     return Consistency(float(squared.mean()), (float(low), float(high)), count, float((squared < 4.0).mean()))
 
 
+def one_of_each_direction(views: FeatureViews, generator: np.random.Generator) -> FeatureViews:
+    """One view, by lot, of those that look at an instance from one azimuth: cameras above each other err alike."""
+    order = generator.permutation(len(views))
+    keys = np.stack([views.instance, np.round(np.rad2deg(wrapped(views.viewpoints.azimuth_rad)), 1)], axis=1)[order]
+    _, first = np.unique(keys, axis=0, return_index=True)
+    return views.chosen(np.sort(order[first]))
+
+
 def identification(model: LatentModel, views: FeatureViews) -> Array:
     """(N,) whether the view's own instance explains it best, of all that the model knows, from its known direction."""
     scores = instance_scores(model, views.viewpoints, views.features)

@@ -45,8 +45,5 @@ def turned(viewpoints: Viewpoints, by_rad: Array | float) -> Viewpoints:
 def repeated(viewpoints: Viewpoints, count: int) -> Viewpoints:
     """Every direction ``count`` times, one after the other."""
     return Viewpoints(
-        *(
-            np.repeat(value, count)
-            for value in (viewpoints.azimuth_rad, viewpoints.elevation_rad, viewpoints.range_m)
-        )
+        *(np.repeat(value, count) for value in (viewpoints.azimuth_rad, viewpoints.elevation_rad, viewpoints.range_m))
     )

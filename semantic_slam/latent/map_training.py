@@ -62,9 +62,7 @@ class _Instances(nn.Module):  # type: ignore[misc]  # torch is not followed by m
         return (0.5 * offset.square() + log_sigma).sum() / len(self.descriptors)
 
 
-def fit_map(
-    views: FeatureViews, start: Fitted, settings: MapSettings, tags: Mapping[str, str] | None = None
-) -> Fitted:
+def fit_map(views: FeatureViews, start: Fitted, settings: MapSettings, tags: Mapping[str, str] | None = None) -> Fitted:
     """Maximise P(features, descriptors | directions, instances[, tags]) from a start; the noise is learned too."""
     torch.set_num_threads(1)
     torch.manual_seed(settings.seed)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,11 @@ class SmoothNetwork:
         """Raises ValueError when the layers do not fit each other."""
         if not layers:
             raise ValueError("a network needs a layer")
-        for before, after in zip(layers[:-1], layers[1:], strict=True):
+        for before, after in pairwise(layers):
             if after.weight.shape[1] != len(before.weight):
-                raise ValueError(f"a layer of {len(before.weight)} outputs is followed by {after.weight.shape[1]} inputs")
+                raise ValueError(
+                    f"a layer of {len(before.weight)} outputs is followed by {after.weight.shape[1]} inputs"
+                )
         if any(layer.bias.shape != (len(layer.weight),) for layer in layers):
             raise ValueError("a bias does not fit its weight")
         self.layers = tuple(layers)
@@ -50,7 +53,8 @@ class SmoothNetwork:
         """(B, outputs) and its derivatives (B, outputs, T) along T directions (B, inputs, T) of the input."""
         count, _, directions = tangents.shape
         # One large product per layer instead of B small ones: several times faster.
-        hidden, slope = inputs, tangents.transpose(0, 2, 1).reshape(count * directions, -1)
+        hidden = inputs
+        slope: Array = tangents.transpose(0, 2, 1).reshape(count * directions, -1)
         for layer in self.layers[:-1]:
             hidden = np.tanh(hidden @ layer.weight.T + layer.bias)
             slope = (slope @ layer.weight.T).reshape(count, directions, -1)

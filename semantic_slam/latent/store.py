@@ -1,4 +1,4 @@
-"""Latent model files: weights, descriptors and a JSON description in one safetensors file; nothing in it is executed."""
+"""Latent model files: weights, descriptors and a JSON description in one safetensors file; it is data alone."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,10 @@
 """The networks of the model while they are trained; afterwards they are plain numpy (smooth_network.py)."""
 
+from itertools import pairwise
+
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
@@ -10,7 +13,7 @@ from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
 def tanh_network(sizes: tuple[int, ...]) -> nn.Sequential:
     """Linear layers of the given sizes with tanh between them."""
     layers: list[nn.Module] = []
-    for inputs, outputs in zip(sizes[:-1], sizes[1:], strict=True):
+    for inputs, outputs in pairwise(sizes):
         layers += [nn.Linear(inputs, outputs), nn.Tanh()]
     return nn.Sequential(*layers[:-1])
 
@@ -33,5 +36,5 @@ def imported(network: SmoothNetwork) -> nn.Sequential:
     return result
 
 
-def _array(tensor: torch.Tensor) -> np.ndarray:
-    return tensor.detach().double().numpy().copy()
+def _array(tensor: torch.Tensor) -> NDArray[np.float64]:
+    return np.array(tensor.detach().double().numpy())

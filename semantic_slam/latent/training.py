@@ -43,6 +43,7 @@ class TrainingSettings:
     energy_epochs: int = 6
     decoder_steps: int = 4000
     encoder_steps: int = 2000
+    shaped_by_tags: bool = False  # whether tags take part in training (Eq. 5.18), or name regions of a finished space
     seed: int = 0
 
 
@@ -84,7 +85,7 @@ def finished(
     seen = views.with_features(extractor.features(crop_views.crops))
     fitted = Fitted(exported(joint.decoder), joint.descriptors.detach().double().numpy().copy())
     if settings.formulation == "map":
-        known = {name: tag for name, tag in (tags or {}).items() if name in views.names}
+        known = {name: tag for name, tag in (tags or {}).items() if name in views.names and settings.shaped_by_tags}
         fitted = fit_map(seen, fitted, MapSettings(steps=settings.decoder_steps, seed=settings.seed), known)
     return TrainedModel(_model(fitted, extractor, seen, split, settings, tags), extractor)
 
@@ -108,9 +109,7 @@ def seen_plain(views: Sequence[ObjectView], names: tuple[str, ...], extractor: F
     return feature_views(views, names, extractor.features(plain_crops(views, extractor.input_size)))
 
 
-def _features_by_contrast(
-    views: Sequence[ObjectView], crop_views: CropViews, settings: TrainingSettings
-) -> JointModel:
+def _features_by_contrast(views: Sequence[ObjectView], crop_views: CropViews, settings: TrainingSettings) -> JointModel:
     """Features of principal components first, whatever the room, then those that tell directions and instances."""
     plain = crop_views.crops[-len(views) :]
     components = principal_components(plain, min(64, len(plain) - 1), settings.seed)

@@ -11,6 +11,7 @@ from semantic_slam.latent.evaluation import (
     identification_of_groups,
     local_ascent,
     nees,
+    one_of_each_direction,
     own_descriptors,
 )
 from semantic_slam.latent.feature_views import FeatureViews
@@ -51,7 +52,9 @@ def of_known(model: LatentModel, views: FeatureViews, seed: int) -> dict[str, fl
     """Figures on new views of trained instances."""
     generator = np.random.default_rng((seed, 21))
     descriptors = own_descriptors(model, views)
-    tempered, plain = nees(model, views, descriptors), nees(model, views, descriptors, model.noise.sigma)
+    apart = one_of_each_direction(views, generator)
+    own = own_descriptors(model, apart)
+    tempered, plain = nees(model, apart, own), nees(model, apart, own, model.noise.sigma)
     return {
         **_of_directions(model, views, descriptors, generator),
         "nees": tempered.nees,

@@ -12,8 +12,8 @@ from semantic_slam.studies.repetitions import repeat
 from semantic_slam.studies.result import Claim, Figure, Table, write_result
 
 NAME = "ch5_localization"
-OBJECTS, NEW_OBJECTS, TRACKS = 12, 4, 4
-QUICK_OBJECTS, QUICK_NEW_OBJECTS, QUICK_TRACKS = 4, 1, 2
+OBJECTS, NEW_OBJECTS, TRACKS = 12, 4, 3
+QUICK_OBJECTS, QUICK_NEW_OBJECTS, QUICK_TRACKS = 3, 1, 1
 
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:

@@ -1,0 +1,97 @@
+"""train_latent_model: from turntables on disk to a file that inference reads; bad input in one line."""
+
+import json
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from semantic_slam.cli import train_latent_model
+from semantic_slam.datasets.bigbird import CAMERAS
+from semantic_slam.errors import InputError
+from semantic_slam.latent.extractor_store import read_extractor
+from semantic_slam.latent.store import read_latent_model
+from semantic_slam.viewpoint.model import Viewpoints
+
+NAMES = ("cup_01", "cup_02", "cup_03", "box_01")
+
+
+def write_turntable(folder: Path, shade: int, angles: range) -> None:
+    """Two bars that grow and shrink as the table turns, before one camera."""
+    for sub in ("masks", "poses"):
+        (folder / sub).mkdir(parents=True)
+    with h5py.File(folder / "calibration.h5", "w") as file:
+        for camera in CAMERAS:
+            for lens in ("rgb", "depth"):
+                file[f"{camera}_{lens}_K"] = np.eye(3)
+            file[f"{camera}_rgb_d"] = np.zeros(5)
+            file[f"{camera}_ir_depth_scale"] = 1.0
+            file[f"H_{camera}_from_NP5"] = np.eye(4)
+    mask = np.full((60, 60), 255, dtype=np.uint8)
+    mask[10:50, 10:50] = 0
+    for angle in angles:
+        turn = np.deg2rad(angle)
+        pose = np.eye(4)
+        pose[:3, 3] = 2.0 * np.cos(turn), 2.0 * np.sin(turn), 0.5
+        with h5py.File(folder / "poses" / f"NP5_{angle}_pose.h5", "w") as file:
+            file["H_table_from_reference_camera"] = pose
+        picture = np.full((60, 60, 3), shade, dtype=np.uint8)
+        picture[10 : round(30 + 19 * np.cos(turn)), :, 0] = 250
+        picture[:, 10 : round(30 + 19 * np.sin(turn)), 1] = 250
+        cv2.imwrite(str(folder / f"NP1_{angle}.jpg"), picture)
+        cv2.imwrite(str(folder / "masks" / f"NP1_{angle}_mask.pbm"), mask)
+
+
+@pytest.fixture(scope="module")
+def turntables(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("turntables")
+    for index, name in enumerate(NAMES):
+        write_turntable(root / name, 40 * index, range(0, 360, 6))
+    (root / "classes.json").write_text(json.dumps({name: name.split("_")[0] for name in NAMES}))
+    return root
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> None:
+    monkeypatch.setattr("sys.argv", ["train_latent_model", *map(str, arguments)])
+    train_latent_model.command()
+
+
+@pytest.mark.parametrize("formulation", ["map", "energy"])
+def test_command_learns_and_states_its_figures(
+    turntables: Path, tmp_path: Path, formulation: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    out = tmp_path / "deep" / "model.safetensors"
+    tags = turntables / "classes.json"
+    options = ("--formulation", formulation, "--held-out", "1", "--cameras", "NP1", "--effort", "0.04", "--tags", tags)
+    run(monkeypatch, "--turntables", turntables, "--out", out, *options)
+    model, extractor = read_latent_model(out), read_extractor(out)
+    assert model.formulation == formulation and model.num_features == extractor.num_features <= 32
+    assert len(model.instances.names) == 3 and model.class_names == ("box", "cup")
+    (held_out,) = model.provenance["held_out"]  # type: ignore[misc]
+    assert held_out.startswith("cup") and held_out not in model.instances.names
+    report = model.provenance["report"]
+    for place in ("turntable", "rooms"):
+        figures = report[place]["views"]  # type: ignore[index]
+        assert figures["views"] == 45 and 0.0 <= figures["peak_within_10deg"] <= 1.0
+        assert report[place]["held_out"]["objects"] == 1  # type: ignore[index]
+    assert "identified from one view" in capsys.readouterr().out
+    prediction = model.predict(Viewpoints(np.zeros(1), np.full(1, 0.2), np.ones(1)), model.prior.mean)
+    assert np.all(np.isfinite(prediction.mean)) and np.all(prediction.sigma > 0.0)
+
+
+def test_bad_input_is_told_in_one_line(turntables: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = ("--turntables", turntables, "--out", tmp_path / "x.safetensors", "--cameras", "NP1")
+    broken = tmp_path / "tags.json"
+    broken.write_text("[1]")
+    wrong = {
+        "calibration": ("--turntables", tmp_path / "nothing", "--out", tmp_path / "x.safetensors"),
+        "--effort": (*known, "--effort", "0"),
+        "tags.json": (*known, "--tags", broken),
+        "--held-out 3": (*known, "--held-out", "3"),
+    }
+    for expected, arguments in wrong.items():
+        with pytest.raises(InputError) as error:
+            run(monkeypatch, *arguments)
+        assert expected in str(error.value) and "\n" not in str(error.value)
