@@ -58,7 +58,9 @@ class HarmonicModel:
         return DescriptorBelief(np.array(found), np.full((len(features), self.num_dimensions), 0.5))
 
     def class_log_likelihood(self, belief: DescriptorBelief) -> np.ndarray:
-        """Two classes, about -1 and +1 in the first component."""
+        """Two classes, about -1 and +1 in the first component; none where the space is not grounded."""
+        if not self.class_names:
+            return np.zeros((len(belief.mean), 0))
         variance = 0.25 + belief.sigma[:, :1] ** 2
         return -0.5 * (belief.mean[:, :1] - np.array([-1.0, 1.0])) ** 2 / variance - 0.5 * np.log(variance)
 

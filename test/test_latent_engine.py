@@ -16,6 +16,7 @@ from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import ROOT_ID
 from semantic_slam.inference.laplace import find_modes, search_start
 from semantic_slam.inference.latent_factor import exact_factor
+from semantic_slam.inference.latent_joint import _root
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.latent_priors import prior_of_classes
 from semantic_slam.inference.latent_views import LatentViews
@@ -216,6 +217,16 @@ def test_features_tell_hypotheses_apart() -> None:
     assert beliefs[0].association_entropy < plain[0].association_entropy
 
 
+@pytest.mark.parametrize("method", ["importance", "laplace"])
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_robot_that_jumps_takes_its_descriptors_along(method: str, seed: int) -> None:
+    """Lost by metres it is found with the first keyframe, and stays on the true association."""
+    world, _, _, beliefs = run_world(3, seed=seed, weights={"method": method})
+    for belief, seen in zip(beliefs, world.associations, strict=True):
+        right = [tuple(row) == seen for row in belief.associations]
+        assert np.exp(belief.log_weights)[right].sum() > 0.95
+
+
 def test_a_map_that_knows_the_class_narrows_the_descriptor() -> None:
     """P(e | second) is Gaussian about +1 in the first component; times N(0, 1) that is N(0.8, 0.2)."""
     told = prior_of_classes(MODEL, np.array([0.0, 1.0]))
@@ -233,3 +244,15 @@ def test_measured_elevation_enters() -> None:
     states = np.zeros((1, 3)), np.array([[2.0, 0.0, 0.3]]), TRUE[None]
     low, high = (LatentObservation(MODEL).linearise(own, *states).residual[0] for own in seen)
     np.testing.assert_allclose((high - low) * MODEL.noise, 0.15)
+
+
+def test_rounded_covariances_still_have_roots() -> None:
+    """An eigenvalue of -1e-3 becomes a small positive one, the others stay; exact ones are left alone."""
+    vectors = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    covariance = np.stack([(vectors * [1.0, 0.5, last]) @ vectors.T for last in (-1e-3, 0.2)])
+    scale = np.einsum("bii->bi", np.abs(covariance))
+    roots = _root(covariance, scale)
+    rebuilt = roots @ np.swapaxes(roots, 1, 2)
+    assert np.linalg.eigvalsh(rebuilt).min() > 0.0
+    np.testing.assert_allclose(rebuilt, covariance, atol=5e-3)
+    np.testing.assert_allclose(_root(covariance[1:], scale[1:]) @ _root(covariance[1:], scale[1:])[0].T, covariance[1:])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from harmonic_model import HarmonicModel
 from latent_world import MODEL, ROOM, make_latent_room, make_latent_world
 from planar_world import OBJECTS
 
@@ -77,6 +78,15 @@ def test_given_identities_need_no_map() -> None:
     start = planar_from_pose_vector(world.run.initial_pose)
     drift = planar_from_pose_vector(final.poses[0])[:2] - world.truth[-1][:2] - (start - np.array([-0.5, 0.0, 0.0]))[:2]
     assert np.linalg.norm(drift) < 1.0
+
+
+@pytest.mark.parametrize("make", [make_latent_room, make_latent_world])
+def test_a_space_without_classes_does(make) -> None:
+    """Nothing is grounded: beliefs have descriptors and no classes."""
+    beliefs, _, _ = run(make(4, model=HarmonicModel(class_names=())))
+    final = beliefs[-1]
+    assert final.class_names == () and final.class_probabilities.shape == (len(final.object_ids), 0)
+    assert (final.descriptor_covariances < 0.5).any()
 
 
 def test_a_map_prior_with_known_headings_needs_no_modes() -> None:

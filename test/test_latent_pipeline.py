@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,9 +15,12 @@ from semantic_slam_msgs.srv import FindLookalike
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report, find_lookalike
-from semantic_slam.configuration import SemanticModelConfiguration, load_configuration
+from semantic_slam.configuration import SemanticModelConfiguration, from_dict, load_configuration
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.record import Record
+from semantic_slam.inference.map_prior import MapPrior, read_map_prior
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.run import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.messages import topics
 from semantic_slam.messages.images import decode_image
@@ -130,6 +134,29 @@ def test_beliefs_without_descriptors_are_refused(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(sys, "argv", ["find_lookalike", str(beliefs), str(tmp_path / "yes.png")])
     with pytest.raises(InputError, match="kind: latent"):
         find_lookalike.command()
+
+
+def _run_of(prior: MapPrior) -> RunConfiguration:
+    configuration = from_dict({"semantic_model": {"kind": "latent"}})
+    return make_run_configuration(configuration, prior, *initial_pose_of(configuration), stamp_ns=1)
+
+
+def test_a_map_tells_the_descriptors_of_its_objects(report: Path, record: Record) -> None:
+    """objects.json of one run is where the next one begins."""
+    latent = problem_of(_run_of(read_map_prior(report / "objects.json"))).latent
+    assert latent is not None
+    last = record.beliefs[-1]
+    for row, number in enumerate(last.object_ids):
+        told = latent.prior_of(int(number))
+        np.testing.assert_allclose(told.mean[0], last.descriptors[row])
+        np.testing.assert_allclose(told.sigma[0] ** 2, last.descriptor_covariances[row])
+
+
+def test_a_map_of_another_latent_space_is_refused(report: Path) -> None:
+    first = read_map_prior(report / "objects.json").objects[0]
+    short = replace(first, descriptor=first.descriptor[:2], descriptor_variance=first.descriptor_variance[:2])
+    with pytest.raises(InputError, match="descriptor of 2 components"):
+        problem_of(_run_of(MapPrior((short,))))
 
 
 def test_the_service_answers_from_the_newest_belief(record: Record, crop: tuple) -> None:

@@ -36,25 +36,30 @@ def exact_factor(observation: LatentObservation, detection: PlanarDetection, key
 
 
 def linear_factors(part: LatentLinearisation, keys: Sequence[Keys], x: Array, o: Array, e: Array) -> list[Any]:
-    """One factor for each row of a linearisation at (B, 3) robots and objects and (B, L) descriptors."""
-    noise = _unit(part.residual.shape[1])
-    return [_linear_factor(part, row, own, (x[row], o[row], e[row]), noise) for row, own in enumerate(keys)]
+    """One factor for each row of a linearisation at (B, 3) robots and objects and (B, L) descriptors.
+
+    A variable is at the same place in all of its rows.
+    """
+    noise, values = _unit(part.residual.shape[1]), _values(keys, x, o, e)
+    rows = zip(keys, part.by_robot, part.by_object, part.by_descriptor, -part.residual, strict=True)
+    return [
+        gtsam.LinearContainerFactor(gtsam.JacobianFactor(k[0], robot, k[1], target, k[2], own, right, noise), values)
+        for k, robot, target, own, right in rows
+    ]
 
 
-def _linear_factor(
-    part: LatentLinearisation, row: int, keys: Keys, states: tuple[Array, Array, Array], noise: Any
-) -> Any:
+def _values(keys: Sequence[Keys], x: Array, o: Array, e: Array) -> gtsam.Values:
+    """Every variable once; GTSAM takes plain floats several times faster."""
+    poses: dict[int, list[float]] = {}
+    descriptors: dict[int, Array] = {}
+    for (robot, target, own), a, b, row in zip(keys, x.tolist(), o.tolist(), e, strict=True):
+        poses[robot], poses[target], descriptors[own] = a, b, row
     values = gtsam.Values()
-    values.insert(keys[0], gtsam.Pose2(*states[0]))
-    values.insert(keys[1], gtsam.Pose2(*states[1]))
-    values.insert(keys[2], states[2])
-    by_robot, by_object, by_descriptor = (
-        np.asfortranarray(value[row]) for value in (part.by_robot, part.by_object, part.by_descriptor)
-    )
-    linear = gtsam.JacobianFactor(
-        keys[0], by_robot, keys[1], by_object, keys[2], by_descriptor, -part.residual[row], noise
-    )
-    return gtsam.LinearContainerFactor(linear, values)
+    for key, pose in poses.items():
+        values.insert(key, gtsam.Pose2(*pose))
+    for key, state in descriptors.items():
+        values.insert(key, state)
+    return values
 
 
 def _unit(size: int) -> Any:

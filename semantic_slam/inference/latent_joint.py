@@ -15,6 +15,8 @@ from semantic_slam.inference.semantics import Moment
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
+LEAST_SHARE = 1e-4
+"""Of its variance, that a descriptor keeps at least where rounding would leave less than nothing."""
 JITTER = 1e-9
 """Relative to the prior variances; keeps the conditional covariances of descriptors positive definite."""
 
@@ -72,9 +74,7 @@ def latent_problem(
     spread = np.linalg.inv(np.swapaxes(np.linalg.cholesky(hessian), 1, 2))  # y = y* + spread u
     by_y = np.swapaxes(np.linalg.solve(stack.root, np.swapaxes(cross, 1, 2)), 1, 2)
     rest = covariance - by_y @ np.swapaxes(by_y, 1, 2)
-    diagonal = np.arange(count * length)
-    rest[:, diagonal, diagonal] += JITTER * covariance[:, diagonal, diagonal]
-    own = np.linalg.cholesky(rest)
+    own = _root(rest, np.einsum("bii->bi", covariance))
     tangent_offset = (stack.root @ y[..., None])[..., 0]
     descriptor_offset = mean.reshape(batch, -1) + (by_y @ y[..., None])[..., 0]
     size = stack.size
@@ -92,6 +92,20 @@ def latent_problem(
         np.concatenate([tangent_offset, descriptor_offset], axis=1),
         gain,
     )
+
+
+def _root(covariance: Array, scale: Array) -> Array:
+    """(B, N, N) lower Cholesky factors; ``scale`` (B, N) variances before conditioning.
+
+    Marginals of a map that floats by metres are rounded to more than a descriptor's variance. What then comes out
+    negative is no knowledge, so that it is raised to a share of the variance before.
+    """
+    try:
+        return np.asarray(np.linalg.cholesky(covariance + JITTER * scale[..., None] * np.eye(scale.shape[1])))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariance / np.sqrt(scale[:, :, None] * scale[:, None]))
+        positive = (vectors * np.maximum(values, LEAST_SHARE)[:, None]) @ np.swapaxes(vectors, 1, 2)
+        return np.asarray(np.linalg.cholesky(positive * np.sqrt(scale[:, :, None] * scale[:, None])))
 
 
 def _gathered(moment: Moment, observation: LatentObservation, rows: Index) -> tuple[Array, Array, Array]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetections
-from semantic_slam.inference.planar_observation import by_camera, by_pose, camera_in_object, polar, polar_jacobian
+from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, camera_in_object
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -62,14 +62,13 @@ class LatentObservation:
     def linearise(self, seen: PlanarDetections, x: Array, o: Array, e: Array) -> LatentLinearisation:
         """Of (B,) collected detections at (B, 3) robots and objects and (B, L) descriptors."""
         v = camera_in_object(x, o, seen.sensor)
-        distance, azimuth = polar(v)
-        part = self.by_azimuth(seen, azimuth, e)
-        _, turn = polar_jacobian(v, distance)
-        by_robot, by_object = by_camera(turn[:, None], x[:, 2] - o[:, 2], seen.sensor), by_pose(turn[:, None], v)
+        part = self.by_azimuth(seen, np.arctan2(v[:, 1], v[:, 0]), e)
+        turn = azimuth_by_poses(v, x[:, 2] - o[:, 2], seen.sensor)
+        by_poses = part.by_azimuth[:, :, None] * turn[:, None]
         return LatentLinearisation(
             part.residual,
-            part.by_azimuth[:, :, None] * by_robot,
-            part.by_azimuth[:, :, None] * by_object,
+            by_poses[:, :, :3],
+            by_poses[:, :, 3:],
             part.by_descriptor,
             part.by_azimuth,
             part.log_normaliser,
@@ -77,9 +76,11 @@ class LatentObservation:
 
     def by_azimuth(self, seen: PlanarDetections, azimuth: Array, e: Array) -> LatentLinearisation:
         """The same with (B,) azimuths given; its Jacobians by poses are empty."""
-        elevation = np.broadcast_to(seen.elevation_rad, azimuth.shape)
-        prediction = self.model.predict(Viewpoints(azimuth, elevation, np.ones_like(azimuth)), e)
-        variance = prediction.sigma**2 + np.diagonal(seen.feature_covariance, axis1=1, axis2=2)
+        elevation = (
+            seen.elevation_rad if len(seen.elevation_rad) == len(azimuth) else seen.elevation_rad + 0.0 * azimuth
+        )
+        prediction = self.model.predict(Viewpoints(azimuth, elevation, azimuth), e)  # the range does not count
+        variance = prediction.sigma**2 + seen.feature_variance
         sigma = np.sqrt(self.correlated_views * variance)
         log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.correlated_views
         none = np.zeros((len(azimuth), variance.shape[1], 0))
@@ -91,3 +92,19 @@ class LatentObservation:
             prediction.by_direction[:, :, 0] / sigma,
             np.asarray(log_peak),
         )
+
+
+def azimuth_by_poses(v: Array, angle: Array, sensor: Array) -> Array:
+    """(B, 6) derivatives of the azimuth of v by the robot's pose and by the object's.
+
+    With the ``angle`` of the robot's heading in the object's frame and t = d azimuth / dv: t R [I, S s] and [-t, -1].
+    """
+    squared = np.maximum(v[:, 0] ** 2 + v[:, 1] ** 2, LEAST_DISTANCE_M**2)
+    across, along = -v[:, 1] / squared, v[:, 0] / squared
+    cos, sin = np.cos(angle), np.sin(angle)
+    found = np.empty((len(v), 6))
+    found[:, 0] = across * cos + along * sin
+    found[:, 1] = along * cos - across * sin
+    found[:, 2] = found[:, 1] * sensor[..., 0] - found[:, 0] * sensor[..., 1]
+    found[:, 3], found[:, 4], found[:, 5] = -across, -along, -1.0
+    return found

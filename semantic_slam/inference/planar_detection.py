@@ -75,6 +75,11 @@ class PlanarDetections:
     feature_covariance: Array  # (B, F, F)
     elevation_rad: Array  # (B,)
 
+    @cached_property
+    def feature_variance(self) -> Array:
+        """(B, F) diagonals of the features' covariances."""
+        return np.asarray(np.einsum("bii->bi", self.feature_covariance))
+
     @classmethod
     def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
         """All detections of a keyframe, or of a track."""

@@ -289,7 +289,7 @@ class Smoother:
         return changed
 
     def _exactly(self, kept: gtsam.NonlinearFactorGraph, starts: Sequence[gtsam.Values]) -> gtsam.Values:
-        """The optimum next to the best start with callbacks for all descriptors' factors, until it is nearly there."""
+        """The best of the optima next to some starts, with callbacks for all descriptors' factors, nearly reached."""
         named = [replace(made.named, exact=made.named.descriptor_key is not None) for made in self.made]
         states = {key: self._state(starts[0], key) for item in named for key in item.keys}
         graph = gtsam.NonlinearFactorGraph(kept)
@@ -297,8 +297,8 @@ class Smoother:
             graph.add(factor)
         parameters = gtsam.LevenbergMarquardtParams()
         parameters.setMaxIterations(MAX_EXACT_ITERATIONS)
-        best = min(starts, key=graph.error)
-        return gtsam.LevenbergMarquardtOptimizer(graph, best, parameters).optimize()
+        ends = [gtsam.LevenbergMarquardtOptimizer(graph, start, parameters).optimize() for start in starts]
+        return min(ends, key=graph.error)
 
     def _insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         if is_descriptor(key):
