@@ -18,6 +18,7 @@ from semantic_slam.latent.direction import NUM_INPUTS
 from semantic_slam.latent.energy_training import energy
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.extractor_store import read_extractor
+from semantic_slam.latent.feature_views import turned
 from semantic_slam.latent.grounding import ground
 from semantic_slam.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
 from semantic_slam.latent.latent_prior import contrastive, n_pairs
@@ -124,6 +125,7 @@ def test_contrast_is_least_for_the_true_means() -> None:
 def test_a_bowl_has_no_energy_and_a_flat_world_some(monkeypatch: pytest.MonkeyPatch) -> None:
     """With mu = (azimuth, elevation, e) / 0.25 both quadratic forms of Eq. 5.16 agree whatever the perturbation."""
     monkeypatch.setattr(energy_training, "ORDER_WEIGHT", 0.0)
+    monkeypatch.setattr(energy_training, "CONTRAST_WEIGHT", 0.0)
     views = crop_views(striped_views(24))
     rows = np.arange(len(views.crops))
 
@@ -145,6 +147,27 @@ def test_a_bowl_has_no_energy_and_a_flat_world_some(monkeypatch: pytest.MonkeyPa
     # Of four sets, three move two pose components and one two of the descriptor too: 1/2 (0 + 2 + 2 + 4) / 4 = 1.
     assert terms[0] < 1e-3
     assert terms[1] == pytest.approx(1.0, abs=0.25)
+
+
+def test_rescaling_to_the_bowl_keeps_what_views_are_told_apart_by() -> None:
+    views = crop_views(striped_views(24))
+    torch.manual_seed(0)
+    model = JointModel(FeatureExtractor(8), 3, 2, (16,))
+    rows = np.arange(len(views.crops))
+
+    def loss() -> float:
+        torch.manual_seed(1)
+        with torch.no_grad():
+            return float(contrast(model, model.features(views.crops), views, rows, np.random.default_rng(0)))
+
+    before = loss()
+    energy_training.rescale_to_bowl(model, views)
+    assert loss() == pytest.approx(before, rel=1e-3)
+    e = model.descriptors[torch.from_numpy(views.instance)]
+    with torch.no_grad():
+        step = model.mean(turned(views.viewpoints, 0.05), e) - model.mean(views.viewpoints, e)
+    # The bowl's slope is one sigma in a quarter of a radian.
+    assert float(step.norm(dim=1).median()) == pytest.approx(0.05 / 0.25, rel=1e-3)
 
 
 def test_the_ordering_term_wants_features_ordered_as_pictures() -> None:

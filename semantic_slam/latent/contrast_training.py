@@ -31,19 +31,20 @@ def contrast(
     model: JointModel, features: torch.Tensor, views: CropViews, rows: Indices, generator: np.random.Generator
 ) -> torch.Tensor:
     """Mean negative log posterior of the truth among the candidates [nats]."""
+    features, sharp = model.sharpness * features, model.sharpness
     looked = taken(views.viewpoints, rows)
     e = model.descriptors[torch.from_numpy(views.instance[rows])]
     e = e + DESCRIPTOR_NOISE * torch.randn_like(e)
     turns = generator.uniform(-np.pi, np.pi, (len(rows), DIRECTIONS))
     turns[:, ::2] *= NEAR_RAD / np.pi
     around = turned(repeated(looked, DIRECTIONS), turns.ravel())
-    beside = _score(features, model.mean(around, e.repeat_interleave(DIRECTIONS, dim=0)))
+    beside = _score(features, sharp * model.mean(around, e.repeat_interleave(DIRECTIONS, dim=0)))
     alike = torch.from_numpy(np.log(-np.expm1(-0.5 * (turns / ALIKE_RAD) ** 2) + 1e-6)).float()
     steps = generator.integers(1, max(views.num_instances, 2), (len(rows), STRANGERS))
     strangers = (views.instance[rows][:, None] + steps) % views.num_instances
     others = model.descriptors[torch.from_numpy(strangers.ravel())]
-    strange = _score(features, model.mean(repeated(looked, STRANGERS), others))
-    batch = -0.5 * torch.cdist(features, model.mean(looked, e)).square()
+    strange = _score(features, sharp * model.mean(repeated(looked, STRANGERS), others))
+    batch = -0.5 * torch.cdist(features, sharp * model.mean(looked, e)).square()
     return nn.functional.cross_entropy(torch.cat([batch, beside + alike, strange], dim=1), torch.arange(len(rows)))
 
 

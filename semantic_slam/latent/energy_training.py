@@ -1,14 +1,16 @@
 """Energy minimisation (Sec. 5.E, Eqs. 5.15-5.17): a log-likelihood that is a bowl around the truth.
 
 Only the quadratic forms are compared, with Sigma = I: constants of the two densities would pull all features together.
-It starts from a model learned by contrast, without which the pose is ignored.
+It starts from a model learned by contrast, without which the pose is ignored. The data term looks no further than the
+bowl: left alone it forgets what tells far directions and other instances apart, so that contrast stays beside it.
 """
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from semantic_slam.latent.feature_views import taken
+from semantic_slam.latent.contrast_training import contrast
+from semantic_slam.latent.feature_views import taken, turned
 from semantic_slam.latent.joint_training import CropViews, Indices, JointModel
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -22,16 +24,31 @@ PERTURBED = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 """How far pose and descriptor are perturbed in each of the sets that the data term averages over."""
 ORDER_WEIGHT = 0.1
 ORDER_MARGIN = 0.05
+CONTRAST_WEIGHT = 0.5
+NUDGE_RAD = 0.05
 
 
 def energy(
     model: JointModel, features: torch.Tensor, views: CropViews, rows: Indices, generator: np.random.Generator
 ) -> torch.Tensor:
-    """Data term (Eq. 5.16) and the extractor's (Eq. 5.17)."""
+    """Data term (Eq. 5.16), the extractor's (Eq. 5.17), and contrast."""
     looked = taken(views.viewpoints, rows)
     e = model.descriptors[torch.from_numpy(views.instance[rows])]
     terms = [_bowl_term(model, features, looked, e, pose, latent, generator) for pose, latent in PERTURBED]
-    return torch.stack(terms).mean() + ORDER_WEIGHT * _order_term(features, views.crops[rows])
+    ordered = ORDER_WEIGHT * _order_term(features, views.crops[rows])
+    return torch.stack(terms).mean() + ordered + CONTRAST_WEIGHT * contrast(model, features, views, rows, generator)
+
+
+def rescale_to_bowl(model: JointModel, views: CropViews) -> None:
+    """Shrink features and means until a turn moves the mean as the bowl wants; what they tell apart stays the same."""
+    with torch.no_grad():
+        e = model.descriptors[torch.from_numpy(views.instance)]
+        moved = model.mean(turned(views.viewpoints, NUDGE_RAD), e) - model.mean(views.viewpoints, e)
+        scale = float(moved.norm(dim=1).median()) / NUDGE_RAD * BOWL_RAD
+        for layer in (model.extractor.head, model.decoder[-1]):
+            layer.weight /= scale
+            layer.bias /= scale
+    model.sharpness *= scale
 
 
 def _bowl_term(

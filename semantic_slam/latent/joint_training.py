@@ -49,6 +49,7 @@ class JointModel(nn.Module):  # type: ignore[misc]  # torch is not followed by m
         self.extractor = extractor
         self.decoder = tanh_network((NUM_INPUTS + dimensions, *hidden, extractor.num_features))
         self.descriptors = nn.Parameter(0.3 * torch.randn(num_instances, dimensions))
+        self.sharpness = 1.0  # 1 / sigma of the likelihood that views are told apart with
 
     def features(self, crops: Bytes) -> torch.Tensor:
         """(B, F) with gradients."""

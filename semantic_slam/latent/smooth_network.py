@@ -63,8 +63,3 @@ class SmoothNetwork:
         last = self.layers[-1]
         slope = (slope @ last.weight.T).reshape(count, directions, -1)
         return np.asarray(hidden @ last.weight.T + last.bias), slope.transpose(0, 2, 1)
-
-    def projected(self, matrix: Array, offset: Array) -> "SmoothNetwork":
-        """The network of matrix @ (y - offset)."""
-        last = self.layers[-1]
-        return SmoothNetwork((*self.layers[:-1], Layer(matrix @ last.weight, matrix @ (last.bias - offset))))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from semantic_slam.errors import InputError
 from semantic_slam.latent.calibration import calibrated
 from semantic_slam.latent.contrast_training import contrast
-from semantic_slam.latent.energy_training import energy
+from semantic_slam.latent.energy_training import energy, rescale_to_bowl
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.grounding import ground
@@ -40,7 +40,7 @@ class TrainingSettings:
     hidden: tuple[int, ...] = (96, 96)
     regression_epochs: int = 6
     contrast_epochs: int = 9
-    energy_epochs: int = 6
+    energy_epochs: int = 2
     decoder_steps: int = 4000
     encoder_steps: int = 2000
     shaped_by_tags: bool = False  # whether tags take part in training (Eq. 5.18), or name regions of a finished space
@@ -80,6 +80,7 @@ def finished(
 ) -> TrainedModel:
     """What either formulation makes of features learned by contrast; ``views`` tell of ``crop_views`` what was seen."""
     if settings.formulation == "energy":
+        rescale_to_bowl(joint, crop_views)
         train_jointly(joint, crop_views, energy, JointSettings(settings.energy_epochs, seed=settings.seed))
     extractor = joint.extractor
     seen = views.with_features(extractor.features(crop_views.crops))

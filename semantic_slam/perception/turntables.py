@@ -26,9 +26,7 @@ def load_views(
             if wanted(view.angle_deg) and (mask := view.mask).any():
                 azimuth, elevation, range_m = view.viewpoint
                 cutout, alpha = cut_out(view.image, mask)
-                views.append(
-                    ObjectView(view.object_name, azimuth, elevation, range_m, cutout, alpha, view.angle_deg)
-                )
+                views.append(ObjectView(view.object_name, azimuth, elevation, range_m, cutout, alpha, view.angle_deg))
     if not views:
         raise InputError(f"{root}: every mask is empty; restore the masks of the data set")
     return views
