@@ -30,9 +30,9 @@ def test_both_sides_update_by_as_many_factors() -> None:
     circuit = Circuit(MODEL, 0)
     added = []
     for latent, plain in ((True, 1), (False, 2)):
-        (isam,) = circuit.clones(1, latent=latent)
+        isam = circuit.grown(POSES, latent=latent)
         before = size(isam)
-        circuit.update(isam, POSES, latent=latent, plain=plain)
+        isam.update(*circuit.keyframe(POSES, latent=latent, plain=plain))
         added.append(size(isam) - before)
     assert added == [7, 7]
     kinds = {type(factor) for factor in circuit.linear(POSES)}

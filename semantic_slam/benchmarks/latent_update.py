@@ -11,6 +11,7 @@ from semantic_slam.inference.latent_factor import linear_factors
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.planar_observation import viewpoints_in_plane
+from semantic_slam.inference.semantic_factors import DESCRIPTOR
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam.viewpoint.model import Array
@@ -18,6 +19,9 @@ from semantic_slam.viewpoint.model import Array
 OBJECTS, POSES, DETECTIONS = 20, 200, 3
 REPETITIONS, QUICK_REPETITIONS = 40, 10
 STEP = np.array([0.3, 0.0, 2.0 * np.pi / POSES])
+RELINEARISED_POSE = np.full(3, 0.1)
+"""GTSAM's default; descriptors enter by linear factors, which a relinearisation would leave as they are."""
+RELINEARISED_DESCRIPTOR = 1.0
 SIGMA_STEP, SIGMA_GEOMETRY = 0.02, np.array([0.03, 0.1])
 
 
@@ -32,18 +36,20 @@ def measured(model: DescriptorModel, repetitions: int, seed: int) -> list[Row]:
     """With any model."""
     world = Circuit(model, seed)
     frame = POSES
-    clones = {latent: world.clones(repetitions, latent=latent) for latent in (True, False)}
+    isams = {latent: world.grown(POSES - repetitions, latent=latent) for latent in (True, False)}
+    ours_next, peer_next = (
+        iter([world.keyframe(k, latent=latent, plain=plain) for k in range(POSES - repetitions, POSES)])
+        for latent, plain in ((True, 1), (False, 2))
+    )
     ours, peer = alternated(
-        lambda: world.update(clones[True].pop(), frame, latent=True, plain=1),
-        lambda: world.update(clones[False].pop(), frame, latent=False, plain=2),
-        repetitions,
+        lambda: isams[True].update(*next(ours_next)), lambda: isams[False].update(*next(peer_next)), repetitions
     )
     batch, _ = alternated(lambda: world.linear(frame), lambda: None, repetitions)
     update = (
-        f"{OBJECTS} objects, {POSES} poses, {DETECTIONS} detections: update an ISAM2 with odometry,"
+        f"{OBJECTS} objects, the last keyframes of {POSES}, {DETECTIONS} detections: update an ISAM2 with odometry,"
         f" {DETECTIONS} built-in bearing-range factors and {DETECTIONS} LinearContainerFactors over pose, object and a"
-        f" descriptor of {model.num_dimensions}, their batch linearisation included; the peer has {2 * DETECTIONS}"
-        " built-in factors in the same graph"
+        f" descriptor of {model.num_dimensions}, whose linearisation is a row of its own; the peer has {2 * DETECTIONS}"
+        " built-in factors instead, all along"
     )
     linear = (
         f"decoder, Jacobians and {DETECTIONS} LinearContainerFactors of a keyframe in one batch,"
@@ -68,15 +74,6 @@ class Circuit:
         self._motion = gtsam.noiseModel.Isotropic.Sigma(3, SIGMA_STEP)
         self._geometry = gtsam.noiseModel.Diagonal.Sigmas(SIGMA_GEOMETRY)
         self.seen = [self._frame(k) for k in range(POSES + 1)]
-        self._isams = {latent: self._grown(latent) for latent in (True, False)}
-
-    def clones(self, count: int, *, latent: bool) -> list[gtsam.ISAM2]:
-        """Of the graph before the last keyframe."""
-        return [gtsam.ISAM2(self._isams[latent]) for _ in range(count)]
-
-    def update(self, isam: gtsam.ISAM2, frame: int, *, latent: bool, plain: int) -> None:
-        """One keyframe with ``plain`` built-in factors per detection, and latent ones."""
-        isam.update(*self._keyframe(frame, latent=latent, plain=plain))
 
     def linear(self, frame: int) -> list[gtsam.LinearContainerFactor]:
         """The latent factors of one keyframe, made in one batch."""
@@ -112,20 +109,25 @@ class Circuit:
         rows = zip(distance[numbers], bearing, features, strict=True)
         return [PlanarDetection(float(r), float(b), covariance, np.zeros(2), f, none) for r, b, f in rows], numbers
 
-    def _grown(self, latent: bool) -> gtsam.ISAM2:
+    def grown(self, length: int, *, latent: bool) -> gtsam.ISAM2:
+        """The graph before keyframe ``length``; all objects enter with the first keyframe."""
         parameters = gtsam.ISAM2Params()
         parameters.relinearizeSkip = 1
+        thresholds = gtsam.ISAM2ThresholdMap()
+        for symbol in "xo":
+            thresholds.insert((symbol, RELINEARISED_POSE))
+        thresholds.insert((DESCRIPTOR, RELINEARISED_DESCRIPTOR * self.model.prior.sigma[0]))
+        parameters.setRelinearizeThreshold(thresholds)
         isam = gtsam.ISAM2(parameters)
-        known: set[int] = set()
-        for k in range(POSES):
-            graph, values = self._keyframe(k, latent=latent, plain=1 if latent else 2)
-            new = [int(n) for n in self.seen[k][1] if int(n) not in known]
-            known |= set(new)
-            self._start(graph, values, new, first=k == 0, latent=latent)
+        for k in range(length):
+            graph, values = self.keyframe(k, latent=latent, plain=1 if latent else 2)
+            if k == 0:
+                self._start(graph, values, latent=latent)
             isam.update(graph, values)
         return isam
 
-    def _keyframe(self, k: int, *, latent: bool, plain: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    def keyframe(self, k: int, *, latent: bool, plain: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """New factors, ``plain`` built-in ones per detection and latent ones, and the new pose."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         values.insert(robot_key(k), gtsam.Pose2(*self.poses[k]))
         if k:
@@ -138,13 +140,10 @@ class Circuit:
             graph.add(factor)
         return graph, values
 
-    def _start(
-        self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, new: list[int], *, first: bool, latent: bool
-    ) -> None:
+    def _start(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, latent: bool) -> None:
         wide = gtsam.noiseModel.Diagonal.Sigmas(np.array([1.0, 1.0, 0.3]))
-        if first:
-            graph.add(gtsam.PriorFactorPose2(robot_key(0), gtsam.Pose2(*self.poses[0]), self._motion))
-        for n in new:
+        graph.add(gtsam.PriorFactorPose2(robot_key(0), gtsam.Pose2(*self.poses[0]), self._motion))
+        for n in range(OBJECTS):
             graph.add(gtsam.PriorFactorPose2(object_key(n), gtsam.Pose2(*self.objects[n]), wide))
             values.insert(object_key(n), gtsam.Pose2(*self.objects[n]))
             if latent:
