@@ -20,7 +20,7 @@ from semantic_slam.studies.repetitions import repeat
 from semantic_slam.studies.result import Claim, Table, write_result
 
 NAME = "latent_slam"
-ROOMS, QUICK_ROOMS = 10, 1
+ROOMS, QUICK_ROOMS = 5, 1
 QUICK_KEYFRAMES = 12
 IMAGE_WIDTH = 720
 METRICS = (
