@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
+from semantic_slam.studies.ch5_models import WORDS
 from semantic_slam.studies.ch5_tracks import Located
 
 TRUTH, DEAD_RECKONING, ESTIMATE, NEW = "#222222", "#c0392b", "#1f5fae", "#d98a1f"
@@ -44,7 +45,7 @@ def errors_figure(file: Path, known: Sequence[Located], new: Sequence[Located], 
         ends = np.array([0.0, 1.05 * most])
         axis.plot(ends, ends, color="#bbbbbb", linewidth=1.0)
         axis.plot(ends, ends / 3.0, color="#2c8a3d", linewidth=1.2)
-        axis.set(title=name, xlabel="dead reckoning: mean error [m]", ylabel="with the learned factor [m]")
+        axis.set(title=WORDS[name], xlabel="dead reckoning: mean error [m]", ylabel="with the learned factor [m]")
         axis.legend(frameon=False, fontsize=9)
     canvas.savefig(file, dpi=110)
     return file
