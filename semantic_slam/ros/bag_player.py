@@ -32,6 +32,7 @@ from semantic_slam.ros.playlist import Playlist, parse_remaps
 from semantic_slam.ros.transport import Outlet, is_installed, private_name, receive, relative_name
 
 STALL_S = 30.0
+RECORDERS = ("bag_recorder",)
 SECOND = 1_000_000_000
 
 
@@ -92,7 +93,10 @@ class BagPlayer(PipelineNode):
     def _wait_for_listeners(self) -> None:
         give_up = time.monotonic() + self._wait_s
         inputs = [self._outlets[topic] for topic, item in self._playlist.items.items() if item.is_input]
-        while rclpy.ok() and (unheard := [outlet.name for outlet in inputs if not outlet.num_readers]):
+        # A recorder takes everything and works on nothing: it must not be all that has come up so far.
+        while rclpy.ok() and (
+            unheard := [outlet.name for outlet in inputs if not outlet.has_listener_besides(RECORDERS)]
+        ):
             if time.monotonic() > give_up:
                 names = ", ".join(unheard)
                 text = f"{self._bag}: nobody listens to {names} after {self._wait_s:.0f} s; start the other nodes"

@@ -1,6 +1,6 @@
 """Service ``~/find_lookalike`` of the hypothesis manager."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rclpy.node import Node
@@ -9,7 +9,9 @@ from semantic_slam_msgs.srv import FindLookalike
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.pipeline.lookalike_query import LookalikeQuery, picture
+
+if TYPE_CHECKING:
+    from semantic_slam.pipeline.lookalike_query import LookalikeQuery
 
 
 class LookalikeService:
@@ -17,8 +19,18 @@ class LookalikeService:
 
     def __init__(self, node: Node, settings: SemanticModelConfiguration) -> None:
         self.belief: HybridBelief | None = None
-        self._query = LookalikeQuery(settings)
+        self._settings = settings
+        self._query: LookalikeQuery | None = None
         self._service = node.create_service(FindLookalike, "~/find_lookalike", self._answer)
+
+    @property
+    def _questions(self) -> "LookalikeQuery":
+        """Made with the first question: a manager that is not asked does not load the network's library."""
+        from semantic_slam.pipeline.lookalike_query import LookalikeQuery
+
+        if self._query is None:
+            self._query = LookalikeQuery(self._settings)
+        return self._query
 
     def _answer(self, request: Any, response: Any) -> Any:
         try:
@@ -34,7 +46,9 @@ class LookalikeService:
         if len(request.box) not in (0, 4):
             raise InputError(f"box has {len(request.box)} numbers; give four, or none for the whole picture")
         box = np.array(request.box, dtype=np.float64) if len(request.box) else None
-        found = self._query.ask(belief, picture(bytes(request.image), "image"), box)
+        from semantic_slam.pipeline.lookalike_query import picture
+
+        found = self._questions.ask(belief, picture(bytes(request.image), "image"), box)
         rows = found.ranking()
         response.keyframe = belief.keyframe
         response.object_ids = belief.object_ids[rows].tolist()

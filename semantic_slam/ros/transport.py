@@ -2,7 +2,7 @@
 
 import importlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -14,6 +14,8 @@ from semantic_slam.messages.topics import TYPES
 
 PATIENCE_S = 60.0
 RETRY_S = 0.01
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
+"""What DDS discovery calls a node between its endpoint's arrival and its own."""
 
 
 def ros_type(type_name: str) -> Any:
@@ -48,12 +50,19 @@ class Outlet:
     """A publisher of serialised messages."""
 
     def __init__(self, node: Node, name: str, type_name: str, qos: QoSProfile) -> None:
+        self._node = node
         self._publisher = node.create_publisher(ros_type(type_name), name, qos)
         self.name: str = self._publisher.topic_name
 
     @property
     def num_readers(self) -> int:
         return int(self._publisher.get_subscription_count())
+
+    def has_listener_besides(self, silent: Collection[str]) -> bool:
+        """Whether a node not named in ``silent`` is matched; one whose name is not known yet does not count."""
+        names = [reader.node_name for reader in self._node.get_subscriptions_info_by_topic(self.name)]
+        others = [name for name in names if name not in (*silent, UNKNOWN_NODE)]
+        return bool(others) and self.num_readers > sum(name in silent for name in names)
 
     def send(self, data: bytes) -> None:
         """Publish CDR bytes; waits while the readers are behind. Raises SemanticSlamError after a minute of that."""

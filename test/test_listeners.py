@@ -1,0 +1,49 @@
+"""Who counts as a listener: a recorder that comes up before the node that works must not start a replay."""
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from semantic_slam.messages import topics
+from semantic_slam.ros import qos
+from semantic_slam.ros.bag_player import RECORDERS
+from semantic_slam.ros.transport import Outlet, ros_type
+
+TOPIC = topics.ODOMETRY
+
+
+@pytest.fixture
+def context() -> Iterator[rclpy.Context]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    yield context
+    context.try_shutdown()
+
+
+def listener(context: rclpy.Context, name: str) -> Node:
+    node = Node(name, context=context)
+    kind = ros_type(topics.TYPES[TOPIC])
+    node.create_subscription(kind, TOPIC, lambda message: None, qos.replayed(TOPIC))
+    return node
+
+
+def comes_true(condition: Callable[[], bool], timeout_s: float) -> bool:
+    give_up = time.monotonic() + timeout_s
+    while not condition() and time.monotonic() < give_up:
+        time.sleep(0.02)
+    return condition()
+
+
+def test_a_recorder_alone_is_no_listener(context: rclpy.Context) -> None:
+    player = Node("player", context=context)
+    outlet = Outlet(player, TOPIC, topics.TYPES[TOPIC], qos.replayed(TOPIC))
+    recorder = listener(context, RECORDERS[0])
+    assert outlet.wait_for_readers(1, 20.0)
+    assert not comes_true(lambda: outlet.has_listener_besides(RECORDERS), 0.5)
+    worker = listener(context, "worker")
+    assert comes_true(lambda: outlet.has_listener_besides(RECORDERS), 20.0)
+    for node in (worker, recorder, player):
+        node.destroy_node()
