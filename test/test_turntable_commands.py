@@ -131,13 +131,12 @@ def test_a_folder_without_turntables_is_bad_input(command: str, tmp_path: Path) 
     assert str(tmp_path) in result.stderr
 
 
-def test_instances_are_trained_under_their_class(turntables: Path, tmp_path: Path) -> None:
-    classes, weights = tmp_path / "classes.json", tmp_path / "network.safetensors"
+def test_instances_go_under_their_class(turntables: Path, tmp_path: Path) -> None:
+    classes = tmp_path / "classes.json"
     classes.write_text(json.dumps({"red_box": "box"}))
-    assert {view.class_name for view in with_classes(load_views(turntables, USED), classes)} == {"box"}
-    words = ("--turntables", str(turntables), "--cameras", "NP1", "--epochs", "1", "--crops-per-epoch", "8")
-    trained = call("train_classifier", *words, "--out", str(weights), "--classes", str(classes))
-    assert "classes box;" in trained.stdout, trained.stderr
+    views = load_views(turntables, USED)
+    assert {view.class_name for view in with_classes(views, classes)} == {"box"}
+    assert len(with_classes(views, classes)) == len(views) // 2
 
 
 @pytest.mark.parametrize("text", ["[1]", '{"red_box": 3}', '{"green_box": "box"}', "{", ""])
