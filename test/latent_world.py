@@ -61,7 +61,7 @@ def make_latent_room(num_keyframes: int = 30, seed: int = 0, model: HarmonicMode
         keyframes.append(_seen(frame, x, places, looks.reshape(-1, model.num_dimensions), model, random))
     run = replace(room.run, class_names=model.class_names)
     plain = latent_problem_of(run, model)
-    problem = replace(plain, semantics=CarriedDescriptors(plain.latent))
+    problem = replace(plain, semantics=None, carried=CarriedDescriptors(plain.latent))
     return LatentWorld(run, problem, keyframes, room.truth, room.associations, descriptors)
 
 

@@ -7,20 +7,17 @@ up to its grid, and the sum over it is the views' evidence for the association. 
 to the positions.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.component import Component
 from semantic_slam.inference.object_views import ObjectViews, class_posterior
-from semantic_slam.inference.planar_observation import camera_in_object
+from semantic_slam.inference.planar_observation import camera_bearing
 from semantic_slam.inference.planar_views import IndependentViews
 from semantic_slam.inference.population import Population
-from semantic_slam.inference.semantics import Weighed
+from semantic_slam.inference.semantics import Views, Weighed
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
@@ -29,23 +26,6 @@ Array = NDArray[np.float64]
 HEADINGS = 72
 """Cells of a table all around: 5 degrees each."""
 STEP_RAD = 2.0 * np.pi / HEADINGS
-
-
-@dataclass(frozen=True)
-class Views:
-    """K continuations at their modes; D detections."""
-
-    detections: Sequence[Any]  # D
-    in_coverage: NDArray[np.bool_]  # (D,)
-    components: Sequence[Component]  # P
-    populations: Sequence[Population]  # P
-    parents: NDArray[np.int_]  # (K,)
-    association: NDArray[np.int_]  # (K, D) object ids
-    robot: Array  # (K, 3)
-    objects: Array  # (K, D, 3)
-    log_class_prior: dict[int, Array]  # object id -> (C,)
-    keyframe: int
-    robot_covariance: Array  # (K, 3, 3)
 
 
 @dataclass(frozen=True)
@@ -72,7 +52,8 @@ class CarriedClasses(IndependentViews):
         for number, detection in enumerate(views.detections):
             log_likelihood, drawn = self._likelihoods(detection, self._around)
             seen = _Seen(log_likelihood.T, drawn)
-            camera = _bearing_of_camera(views.robot, views.objects[:, number], detection.sensor)
+            bearing = camera_bearing(views.robot, views.objects[:, number], detection.sensor)
+            camera = np.rint(bearing / STEP_RAD).astype(int) % HEADINGS
             for row in range(count):
                 object_id = int(views.association[row, number])
                 added, records[row][object_id] = self._added(
@@ -112,14 +93,6 @@ def _log_sum(values: Array) -> Array:
     """Log of the sum of exponentials over the last axis."""
     peak = values.max(axis=-1, keepdims=True)
     return np.asarray(np.log(np.exp(values - peak).sum(axis=-1)) + peak[..., 0])
-
-
-def _bearing_of_camera(robot: Array, objects: Array, sensor: Array) -> NDArray[np.int_]:
-    """(K,) cell of the direction, in map, from each object (K, 3) to the camera."""
-    upright = objects.copy()
-    upright[:, 2] = 0.0
-    camera = camera_in_object(robot, upright, sensor)
-    return np.asarray(np.rint(np.arctan2(camera[:, 1], camera[:, 0]) / STEP_RAD), dtype=int) % HEADINGS
 
 
 def _unseen(population: Population, object_id: int, num_classes: int) -> Array:

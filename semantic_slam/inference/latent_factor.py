@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.inference.latent_observation import LatentLinearisation, LatentObservation
 from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_factors import unit_noise
 
 Array = NDArray[np.float64]
 Keys = tuple[int, int, int]
@@ -32,7 +33,7 @@ def exact_factor(observation: LatentObservation, detection: PlanarDetection, key
                 jacobians[slot] = np.asfortranarray(jacobian[0])
         return np.asarray(part.residual[0])
 
-    return gtsam.CustomFactor(_unit(observation.model.num_features), list(keys), error)
+    return gtsam.CustomFactor(unit_noise(observation.model.num_features), list(keys), error)
 
 
 def linear_factors(part: LatentLinearisation, keys: Sequence[Keys], x: Array, o: Array, e: Array) -> list[Any]:
@@ -40,7 +41,7 @@ def linear_factors(part: LatentLinearisation, keys: Sequence[Keys], x: Array, o:
 
     A variable is at the same place in all of its rows.
     """
-    noise, values = _unit(part.residual.shape[1]), _values(keys, x, o, e)
+    noise, values = unit_noise(part.residual.shape[1]), _values(keys, x, o, e)
     rows = zip(keys, part.by_robot, part.by_object, part.by_descriptor, -part.residual, strict=True)
     return [
         gtsam.LinearContainerFactor(gtsam.JacobianFactor(k[0], robot, k[1], target, k[2], own, right, noise), values)
@@ -60,10 +61,6 @@ def _values(keys: Sequence[Keys], x: Array, o: Array, e: Array) -> gtsam.Values:
     for key, state in descriptors.items():
         values.insert(key, state)
     return values
-
-
-def _unit(size: int) -> Any:
-    return gtsam.noiseModel.Unit.Create(size)
 
 
 def _planar(pose: Any) -> Array:

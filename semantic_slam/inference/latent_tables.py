@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.carried_classes import Views
 from semantic_slam.inference.heading_modes import HeadingModes, Sighting, updated
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.object_views import DescriptorRecord, HeadingRecord, ObjectViews
 from semantic_slam.inference.planar_detection import PlanarDetections
-from semantic_slam.inference.planar_observation import camera_in_object
+from semantic_slam.inference.planar_observation import camera_bearing
 from semantic_slam.inference.population import Population
-from semantic_slam.inference.semantics import Weighed
+from semantic_slam.inference.semantics import Views, Weighed
 from semantic_slam.latent.model import DescriptorBelief
 
 Array = NDArray[np.float64]
@@ -112,24 +111,12 @@ def _record(heading: HeadingRecord, likelihood: Array, inside: bool, before: Obj
     )
 
 
-def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
-    """(K,) directions in map from (K, 3) objects to the cameras of (K, 3) robots."""
-    upright = objects.copy()
-    upright[:, 2] = 0.0
-    camera = camera_in_object(robot, upright, sensor)
-    return np.asarray(np.arctan2(camera[:, 1], camera[:, 0]))
-
-
 class CarriedDescriptors:
     """Evidence of views in an open world, where no map tells how objects are turned."""
 
     def __init__(self, observation: LatentObservation) -> None:
         self._observation = observation
         self._unseen: dict[tuple[float, ...], HeadingModes] = {}
-
-    def weigh(self, moment: Any) -> Weighed:
-        """Not asked for where classes are not enumerated."""
-        raise NotImplementedError("an open world asks for carried views")
 
     def carried(self, views: Views) -> Weighed:
         """Log evidence of the views of each continuation, and the objects' records after it."""

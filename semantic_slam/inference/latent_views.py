@@ -8,8 +8,9 @@ from semantic_slam.inference.laplace import Mode, find_modes
 from semantic_slam.inference.latent_joint import latent_problem
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.latent_problem import LatentProblem
-from semantic_slam.inference.latent_tables import Turned, camera_bearing, seen_turned
+from semantic_slam.inference.latent_tables import Turned, seen_turned
 from semantic_slam.inference.object_views import DescriptorRecord, ObjectViews, class_posterior
+from semantic_slam.inference.planar_observation import camera_bearing
 from semantic_slam.inference.semantics import Moment, Weighed
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.perception.uncertainty import mutual_information

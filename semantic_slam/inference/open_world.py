@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.carried_classes import CarriedClasses, Views
 from semantic_slam.inference.component import Component, Held, LostComponentError, Observed
 from semantic_slam.inference.continuation import Continuations
 from semantic_slam.inference.enumeration import Enumerated, Setting, enumerate_classes
@@ -20,7 +19,6 @@ from semantic_slam.inference.gating import Chosen, Pairs, best_assignments, pair
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import hypothesis_id
 from semantic_slam.inference.laplace import find_modes, search_start
-from semantic_slam.inference.latent_tables import CarriedDescriptors
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
 from semantic_slam.inference.local_map import LocalMap, Seen
 from semantic_slam.inference.objects import ObjectRegistry
@@ -29,7 +27,7 @@ from semantic_slam.inference.outlook import Lookout, Outlook
 from semantic_slam.inference.population import Account
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
-from semantic_slam.inference.semantics import Moment, Weighed
+from semantic_slam.inference.semantics import Moment, Views, Weighed
 from semantic_slam.inference.sightlines import Shown, detection_probabilities
 from semantic_slam.inference.small_problems import SmallProblems, evaluated
 from semantic_slam.inference.stack import Rows, Stack
@@ -202,8 +200,8 @@ class OpenExpander:
 
     def _carried(self, step: Step, outlooks: list[Outlook], parents: Index, ids: Index, result: Evaluated) -> Weighed:
         """What views say of associations (K, D) under carried classes; nothing where there are no class models."""
-        count, semantics = len(parents), self.problem.semantics
-        if not isinstance(semantics, (CarriedClasses, CarriedDescriptors)) or not len(step.detections):
+        count, semantics = len(parents), self.problem.carried
+        if semantics is None or not len(step.detections):
             return Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
         numbers = np.unique(ids).tolist()
         prior = dict(zip(numbers, self.registry.log_class_prior_of(numbers), strict=True))

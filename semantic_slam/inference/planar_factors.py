@@ -39,7 +39,7 @@ def bearing_factor(linearise: Callable[[Array, Array], Linearisation], keys: tup
 
 def linear_factor(keys: tuple[int, int], part: Linearisation, row: int, x: Array, o: Array) -> Any:
     """One row of a linearisation at (3,) robot ``x`` and object ``o``: no callback, but true near those states only."""
-    noise = _unit_noise(part.residual.shape[1])
+    noise = unit_noise(part.residual.shape[1])
     by_robot, by_object = np.asfortranarray(part.jacobian_robot[row]), np.asfortranarray(part.jacobian_object[row])
     values = gtsam.Values()
     values.insert(keys[0], gtsam.Pose2(*x))
@@ -49,7 +49,8 @@ def linear_factor(keys: tuple[int, int], part: Linearisation, row: int, x: Array
 
 
 @cache
-def _unit_noise(size: int) -> Any:
+def unit_noise(size: int) -> Any:
+    """GTSAM's model of whitened residuals."""
     return gtsam.noiseModel.Unit.Create(size)
 
 

@@ -308,6 +308,14 @@ def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
     return _turned_back(sin, cos, ahead, left)
 
 
+def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
+    """(K,) directions in map from (K, 3) objects to the cameras of (K, 3) robots."""
+    upright = objects.copy()
+    upright[:, 2] = 0.0
+    camera = camera_in_object(robot, upright, sensor)
+    return np.asarray(np.arctan2(camera[:, 1], camera[:, 0]))
+
+
 def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
     """From where the camera of (B, 3) robots sees (B, 3) objects."""
     distance, azimuth = polar(camera_in_object(x, o, sensor))

@@ -12,7 +12,7 @@ from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.semantics import Semantics
+from semantic_slam.inference.semantics import CarriedSemantics, Semantics
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
@@ -55,7 +55,8 @@ class Problem:
     seed: int
     association: str  # enumerated | given | open
     distinct: bool
-    semantics: Semantics | None = None  # records of the objects' views; None without class models
+    semantics: Semantics | None = None  # records of the objects' views; None without class models, or where carried
+    carried: CarriedSemantics | None = None  # open world: views that enter no graph before their heading is known
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)

@@ -24,7 +24,7 @@ from semantic_slam.inference.planar_tracks import CorrelatedTracks
 from semantic_slam.inference.planar_views import IndependentViews
 from semantic_slam.inference.problem import ObjectEntry, Problem
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.semantics import Semantics
+from semantic_slam.inference.semantics import CarriedSemantics, Semantics
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.correlated import CorrelatedModel
@@ -120,7 +120,8 @@ def problem_of(run: RunConfiguration) -> Problem:
         class_names=run.class_names,
         seed=configuration.seed,
         association=configuration.association,
-        semantics=_latent_semantics(configuration, latent) if latent is not None else _semantics(configuration, model),
+        semantics=_semantics(configuration, model, latent),
+        carried=_carried_semantics(configuration, model, latent),
         latent=latent,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
@@ -142,10 +143,6 @@ def _latent(
     return LatentObservation(model, _correlated_views(configuration.semantic_model), known)
 
 
-def _latent_semantics(configuration: Configuration, latent: LatentObservation) -> Semantics:
-    return CarriedDescriptors(latent) if configuration.association == "open" else LatentViews(latent)
-
-
 def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
     """Raises InputError for a descriptor of another latent space."""
     if len(item.descriptor) != model.num_dimensions:
@@ -156,18 +153,32 @@ def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
     return DescriptorBelief(item.descriptor[None], np.sqrt(item.descriptor_variance)[None])
 
 
-def _semantics(configuration: Configuration, model: ViewpointModel | None) -> Semantics | None:
+def _semantics(
+    configuration: Configuration, model: ViewpointModel | None, latent: LatentObservation | None
+) -> Semantics | None:
     settings = configuration.semantic_model
-    if model is None:
-        return None
+    if latent is not None:
+        return LatentViews(latent) if configuration.association != "open" else None
     if isinstance(model, GaussianProcessModel) and settings.kind == "gp_correlated":
         correlated = CorrelatedModel(model, settings.sigma_view)
         return CorrelatedTracks(
             correlated, settings.num_tracks, settings.window, settings.track_average, configuration.seed
         )
-    if not _in_graph(configuration):
-        return CarriedClasses(model, _correlated_views(settings))
+    if model is None or not _in_graph(configuration):
+        return None
     return IndependentViews(model, _correlated_views(settings))
+
+
+def _carried_semantics(
+    configuration: Configuration, model: ViewpointModel | None, latent: LatentObservation | None
+) -> CarriedSemantics | None:
+    if configuration.association != "open":
+        return None
+    if latent is not None:
+        return CarriedDescriptors(latent)
+    if model is None or _in_graph(configuration):
+        return None
+    return CarriedClasses(model, _correlated_views(configuration.semantic_model))
 
 
 def _in_graph(configuration: Configuration) -> bool:

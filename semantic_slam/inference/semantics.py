@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from semantic_slam.inference.component import Component
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.laplace import Mode
 from semantic_slam.inference.object_views import Correction, ObjectViews
+from semantic_slam.inference.population import Population
 from semantic_slam.inference.stack import Stack
 from semantic_slam.inference.step import Step
 
@@ -41,8 +42,32 @@ class Weighed:
     robot: list[Correction | None]  # K
 
 
+@dataclass(frozen=True)
+class Views:
+    """K continuations at their modes; D detections."""
+
+    detections: Sequence[Any]  # D
+    in_coverage: NDArray[np.bool_]  # (D,)
+    components: Sequence[Component]  # P
+    populations: Sequence[Population]  # P
+    parents: NDArray[np.int_]  # (K,)
+    association: NDArray[np.int_]  # (K, D) object ids
+    robot: Array  # (K, 3)
+    objects: Array  # (K, D, 3)
+    log_class_prior: dict[int, Array]  # object id -> (C,)
+    keyframe: int
+    robot_covariance: Array  # (K, 3, 3)
+
+
 class Semantics(Protocol):
     """Records the views of a keyframe."""
 
     def weigh(self, moment: Moment) -> Weighed:
         """A pure function of the continuations."""
+
+
+class CarriedSemantics(Protocol):
+    """Carries with each object what its views tell, class or descriptor and heading, instead of factors."""
+
+    def carried(self, views: Views) -> Weighed:
+        """Log evidence of the views of each continuation, and the objects' records after it."""

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.latent.direction import NUM_INPUTS, encoded
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.smooth_network import SmoothNetwork
@@ -101,7 +102,7 @@ def draw_pairs(
 def changes(views: FeatureViews, first: NDArray[np.int_], second: NDArray[np.int_]) -> Array:
     """(B, 2) change of azimuth, within half a turn, and of elevation from one view to another."""
     azimuth, elevation = views.viewpoints.azimuth_rad, views.viewpoints.elevation_rad
-    turn = (azimuth[second] - azimuth[first] + np.pi) % (2.0 * np.pi) - np.pi
+    turn = wrap_angle(azimuth[second] - azimuth[first])
     return np.stack([turn, elevation[second] - elevation[first]], axis=1)
 
 
@@ -113,8 +114,7 @@ def change_peaks(model: ChangeModel, views: FeatureViews, first: NDArray[np.int_
     for column, turn in enumerate(turns):
         tried = np.column_stack([np.full(len(first), turn), truth[:, 1]])
         score[:, column] = model.predict(views.features[first], tried).log_likelihood(views.features[second])
-    error = turns[score.argmax(axis=1)] - truth[:, 0]
-    return np.asarray((error + np.pi) % (2.0 * np.pi) - np.pi)
+    return wrap_angle(turns[score.argmax(axis=1)] - truth[:, 0])
 
 
 def _encoded_change(change_rad: Array) -> Array:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import logsumexp
 
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.latent.ascent import ascend_azimuth, azimuth_raster, infer_descriptors
 from semantic_slam.latent.feature_views import FeatureViews, repeated, turned
 from semantic_slam.latent.latent_model import LatentModel
@@ -16,11 +17,6 @@ from semantic_slam.viewpoint.model import Viewpoints
 Array = NDArray[np.float64]
 
 RASTER_RAD = np.deg2rad(np.arange(-180.0, 180.0, 2.0))
-
-
-def wrapped(angle_rad: Array) -> Array:
-    """To (-pi, pi]."""
-    return np.asarray(np.pi - (np.pi - angle_rad) % (2.0 * np.pi))
 
 
 def own_descriptors(model: LatentModel, views: FeatureViews) -> Array:
@@ -34,7 +30,7 @@ def azimuth_peaks(model: LatentModel, views: FeatureViews, descriptors: Array) -
     raster = azimuth_raster(model, views.viewpoints, descriptors, views.features, RASTER_RAD)
     start = turned(views.viewpoints, RASTER_RAD[raster.argmax(axis=1)])
     peak = ascend_azimuth(model, start, descriptors, views.features).azimuth_rad
-    return wrapped(peak - views.viewpoints.azimuth_rad)
+    return wrap_angle(peak - views.viewpoints.azimuth_rad)
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,7 @@ def gradient_ascent(
 def _ascents(model: LatentModel, views: FeatureViews, descriptors: Array, offsets: Array) -> Ascents:
     start = turned(views.viewpoints, offsets)
     end = ascend_azimuth(model, start, descriptors, views.features).azimuth_rad
-    return Ascents(offsets, wrapped(end - views.viewpoints.azimuth_rad))
+    return Ascents(offsets, wrap_angle(end - views.viewpoints.azimuth_rad))
 
 
 @dataclass(frozen=True)
@@ -99,7 +95,7 @@ def nees(model: LatentModel, views: FeatureViews, descriptors: Array, sigma: Arr
 def azimuth_nees(model: LatentModel, views: FeatureViews, descriptors: Array, sigma: Array | None = None) -> Array:
     """(N,) squared error of the inferred azimuth over its variance, view by view."""
     estimate = ascend_azimuth(model, views.viewpoints, descriptors, views.features, sigma)
-    return np.asarray(wrapped(estimate.azimuth_rad - views.viewpoints.azimuth_rad) ** 2 / estimate.variance)
+    return np.asarray(wrap_angle(estimate.azimuth_rad - views.viewpoints.azimuth_rad) ** 2 / estimate.variance)
 
 
 def consistency(squared: Array) -> Consistency:
@@ -112,7 +108,7 @@ def consistency(squared: Array) -> Consistency:
 def one_of_each_direction(views: FeatureViews, generator: np.random.Generator) -> FeatureViews:
     """One view, by lot, of those that look at an instance from one azimuth: cameras above each other err alike."""
     order = generator.permutation(len(views))
-    keys = np.stack([views.instance, np.round(np.rad2deg(wrapped(views.viewpoints.azimuth_rad)), 1)], axis=1)[order]
+    keys = np.stack([views.instance, np.round(np.rad2deg(wrap_angle(views.viewpoints.azimuth_rad)), 1)], axis=1)[order]
     _, first = np.unique(keys, axis=0, return_index=True)
     return views.chosen(np.sort(order[first]))
 
@@ -177,7 +173,7 @@ def descriptors_from_views(
         first = generator.uniform(0.0, 2.0 * np.pi)
         wanted = first + 2.0 * np.pi * np.arange(per_object) / per_object
         azimuth = views.viewpoints.azimuth_rad[rows]
-        used.append([rows[np.abs(wrapped(azimuth - angle)).argmin()] for angle in wanted])
+        used.append([rows[np.abs(wrap_angle(azimuth - angle)).argmin()] for angle in wanted])
     taken_rows = np.array(used)
     chosen = views.chosen(taken_rows.ravel())
     belief = infer_descriptors(model, chosen.viewpoints, chosen.features.reshape(len(used), per_object, -1))
