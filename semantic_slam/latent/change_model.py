@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.latent.descent import descend
 from semantic_slam.latent.direction import NUM_INPUTS, encoded
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.smooth_network import SmoothNetwork
@@ -68,21 +68,22 @@ def fit_change_model(views: FeatureViews, settings: ChangeSettings) -> ChangeMod
     torch.manual_seed(settings.seed)
     size = views.features.shape[1]
     network = tanh_network((size + NUM_INPUTS, *settings.hidden, 2 * size))
-    optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate, weight_decay=1e-2)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=settings.steps)
     generator = np.random.default_rng((settings.seed, 17))
-    for _ in tqdm(range(settings.steps), desc="changes", unit="step"):
-        first, second = draw_pairs(views, settings.batch_size, settings.largest_rad, generator)
+
+    def loss_of(pair: NDArray[np.int_]) -> torch.Tensor:
+        first, second = pair
         before, after = views.features[first], views.features[second]
         inputs = torch.from_numpy(np.hstack([before, _encoded_change(changes(views, first, second))])).float()
         step, log_sigma = network(inputs).split(size, dim=1)
         log_sigma = log_sigma.clamp(SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA)
         residual = (torch.from_numpy(after - before).float() - step) / log_sigma.exp()
-        loss = (0.5 * residual.square() + log_sigma).sum(dim=1).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        return (0.5 * residual.square() + log_sigma).sum(dim=1).mean()
+
+    pairs = (
+        np.stack(draw_pairs(views, settings.batch_size, settings.largest_rad, generator)) for _ in range(settings.steps)
+    )
+    groups = [{"params": network.parameters(), "lr": settings.learning_rate}]
+    descend(groups, loss_of, pairs, settings.steps, "changes", weight_decay=1e-2)
     return ChangeModel(exported(network))
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
-from tqdm import tqdm
 
+from semantic_slam.latent.descent import descend, num_batches, shuffled
 from semantic_slam.latent.direction import NUM_INPUTS, encoded
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.latent_prior import PRIORS
@@ -77,23 +77,13 @@ def train_jointly(model: JointModel, views: CropViews, loss_function: Loss, sett
         {"params": model.extractor.parameters(), "lr": settings.learning_rate},
         {"params": [*model.decoder.parameters(), model.descriptors], "lr": 2.0 * settings.learning_rate},
     ]
-    optimiser = torch.optim.AdamW(groups, weight_decay=1e-3)
-    steps = max(len(views.crops) // settings.batch_size, 1)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, [group["lr"] for group in groups], total_steps=settings.epochs * steps
-    )
     generator = np.random.default_rng((settings.seed, 5))
-    progress = tqdm(range(settings.epochs), desc=loss_function.__name__, unit="epoch")
-    for _ in progress:
-        order, total = generator.permutation(len(views.crops)), 0.0
-        for step in range(steps):
-            rows = order[step * settings.batch_size : (step + 1) * settings.batch_size]
-            data_term = loss_function(model, model.features(views.crops[rows]), views, rows, generator)
-            loss = data_term + settings.prior_weight * PRIORS[settings.prior](model.descriptors)
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            schedule.step()
-            total += data_term.item()
-        progress.set_postfix(loss=f"{total / steps:.4f}")
+
+    def loss_of(rows: Indices) -> torch.Tensor:
+        data_term = loss_function(model, model.features(views.crops[rows]), views, rows, generator)
+        return data_term + settings.prior_weight * PRIORS[settings.prior](model.descriptors)
+
+    batches = shuffled(len(views.crops), settings.batch_size, settings.epochs, generator)
+    total = settings.epochs * num_batches(len(views.crops), settings.batch_size)
+    descend(groups, loss_of, batches, total, loss_function.__name__, weight_decay=1e-3)
     model.requires_grad_(False).eval()

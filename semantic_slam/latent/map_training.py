@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
-from tqdm import tqdm
 
+from semantic_slam.latent.descent import descend, drawn
 from semantic_slam.latent.direction import encoded
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.grounding import tagged_rows
@@ -71,22 +71,20 @@ def fit_map(views: FeatureViews, start: Fitted, settings: MapSettings, tags: Map
     spread = views.features.std(axis=0)
     log_sigma = nn.Parameter(torch.from_numpy(np.log(0.5 * spread)).float())
     parameters = [*decoder.parameters(), *instances.parameters(), log_sigma]
-    optimiser = torch.optim.Adam(parameters, lr=settings.learning_rate)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=settings.steps)
     directions = torch.from_numpy(encoded(views.viewpoints)).float()
     targets, of_view = torch.from_numpy(views.features).float(), torch.from_numpy(views.instance)
     prior, generator = PRIORS[settings.prior], np.random.default_rng((settings.seed, 11))
-    for _ in tqdm(range(settings.steps), desc="decoder", unit="step"):
-        rows = torch.from_numpy(generator.integers(len(views), size=settings.batch_size))
+
+    def loss_of(chosen: NDArray[np.int_]) -> torch.Tensor:
+        rows = torch.from_numpy(chosen)
         e = instances.descriptors[of_view[rows]]
         mean = decoder(torch.cat([directions[rows], e + settings.descriptor_noise * torch.randn_like(e)], dim=1))
         residual = (targets[rows] - mean) / log_sigma.exp()
         data_term = (0.5 * residual.square() + log_sigma).sum(dim=1).mean()
-        loss = data_term + settings.prior_weight * (prior(instances.descriptors) + instances.class_term())
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        return data_term + settings.prior_weight * (prior(instances.descriptors) + instances.class_term())
+
+    batches = drawn(len(views), settings.batch_size, settings.steps, generator)
+    descend([{"params": parameters, "lr": settings.learning_rate}], loss_of, batches, settings.steps, "decoder")
     return Fitted(exported(decoder), instances.descriptors.detach().double().numpy().copy())
 
 
@@ -107,19 +105,18 @@ def fit_encoder(views: FeatureViews, descriptors: Array, settings: EncoderSettin
     torch.manual_seed(settings.seed)
     dimensions = descriptors.shape[1]
     network = tanh_network((views.features.shape[1], settings.hidden, settings.hidden, 2 * dimensions))
-    optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate, weight_decay=1e-2)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=settings.steps)
     features = torch.from_numpy(views.features).float()
     targets = torch.from_numpy(descriptors[views.instance]).float()
     scale = torch.from_numpy(np.maximum(descriptors.std(axis=0), 1e-3)).float()
     generator = np.random.default_rng((settings.seed, 13))
-    for _ in tqdm(range(settings.steps), desc="encoder", unit="step"):
-        rows = torch.from_numpy(generator.integers(len(views), size=settings.batch_size))
+
+    def loss_of(chosen: NDArray[np.int_]) -> torch.Tensor:
+        rows = torch.from_numpy(chosen)
         mean, log_sigma = network(features[rows]).split(dimensions, dim=1)
         residual = (targets[rows] - mean) / (scale * log_sigma.exp())
-        loss = (0.5 * residual.square() + log_sigma).sum(dim=1).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
+        return (0.5 * residual.square() + log_sigma).sum(dim=1).mean()
+
+    batches = drawn(len(views), settings.batch_size, settings.steps, generator)
+    groups = [{"params": network.parameters(), "lr": settings.learning_rate}]
+    descend(groups, loss_of, batches, settings.steps, "encoder", weight_decay=1e-2)
     return exported(network)

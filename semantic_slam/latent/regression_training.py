@@ -3,8 +3,8 @@
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from tqdm import tqdm
 
+from semantic_slam.latent.descent import descend, num_batches, shuffled
 from semantic_slam.latent.extractor import FeatureExtractor
 
 Array = NDArray[np.float64]
@@ -20,22 +20,14 @@ def fit_extractor(
     extractor = FeatureExtractor(targets.shape[1])
     extractor.to(memory_format=torch.channels_last)
     wanted = torch.from_numpy(targets.astype(np.float32))
-    optimiser = torch.optim.AdamW(extractor.parameters(), lr=learning_rate, weight_decay=1e-3)
-    steps = len(crops) // batch_size
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, learning_rate, total_steps=max(epochs * steps, 1))
     generator = np.random.default_rng((seed, 3))
-    progress = tqdm(range(epochs), desc="extractor", unit="epoch")
-    for _ in progress:
-        order, total = generator.permutation(len(crops)), 0.0
-        for step in range(steps):
-            rows = order[step * batch_size : (step + 1) * batch_size]
-            loss = ((extractor(extractor.normalise(crops[rows])) - wanted[rows]) ** 2).mean()
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            schedule.step()
-            total += loss.item()
-        progress.set_postfix(loss=f"{total / max(steps, 1):.4f}")
+
+    def loss_of(rows: NDArray[np.int_]) -> torch.Tensor:
+        return ((extractor(extractor.normalise(crops[rows])) - wanted[rows]) ** 2).mean()
+
+    batches, total = shuffled(len(crops), batch_size, epochs, generator), epochs * num_batches(len(crops), batch_size)
+    groups = [{"params": extractor.parameters(), "lr": learning_rate}]
+    descend(groups, loss_of, batches, total, "extractor", weight_decay=1e-3)
     extractor.eval()
     extractor.requires_grad_(False)
     return extractor
