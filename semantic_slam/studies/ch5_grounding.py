@@ -16,6 +16,7 @@ from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
 from semantic_slam.simulation.goods import goods_class
 from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, trained
+from semantic_slam.studies.ch5_pages import framed
 from semantic_slam.studies.ch5_views import measured, validation_views
 from semantic_slam.studies.repetitions import keyed_generator
 from semantic_slam.studies.result import Claim, Table, write_result
@@ -42,8 +43,6 @@ METHODS = {
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, tag by lot, classify what is not tagged; returns the files written."""
-    from semantic_slam.pipeline.provenance import revision
-
     names = chosen_goods(QUICK_INSTANCES if quick else None)
     views = validation_views(names, jobs)
     draws = QUICK_DRAWS if quick else DRAWS
@@ -53,15 +52,8 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
         seen = measured(model, views, model.crops, seed)
         drawn = [judged(model.model, seen, keyed_generator(NAME, "tags", seed, draw)) for draw in range(draws)]
         numbers[name] = {key: float(np.mean([accuracy[key] for accuracy in drawn])) for key in drawn[0]}
-    result = {
-        "study": NAME,
-        "seed": seed,
-        "config": {"instances": len(names), "tagged_per_class": TAGGED, "draws_of_tags": draws},
-        "revision": revision(),
-        "quick": quick,
-        "formulations": {name: numbers[name] for name in FORMULATIONS},
-        "summary": numbers[DEFAULT],
-    }
+    config = {"instances": len(names), "tagged_per_class": TAGGED, "draws_of_tags": draws}
+    result = framed(NAME, numbers, config, quick=quick, seed=seed)
     return write_result(out, result, claims(numbers[DEFAULT]), [_table(numbers)])
 
 

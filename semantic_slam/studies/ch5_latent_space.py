@@ -17,9 +17,10 @@ from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.view_crops import plain_crops
 from semantic_slam.simulation.goods import goods_class
 from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, known, trained
+from semantic_slam.studies.ch5_pages import framed, numbers_table
 from semantic_slam.studies.ch5_views import measured, validation_views
 from semantic_slam.studies.repetitions import keyed_generator
-from semantic_slam.studies.result import Claim, Figure, Table, write_result
+from semantic_slam.studies.result import Claim, Figure, write_result
 from semantic_slam.viewpoint.model import Viewpoints
 
 Array = NDArray[np.float64]
@@ -35,8 +36,6 @@ SHOWN_INSTANCES, RANDOM_DESCRIPTORS = 5, 5
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, encode, draw; returns the files written."""
-    from semantic_slam.pipeline.provenance import revision
-
     out.mkdir(parents=True, exist_ok=True)
     names = chosen_goods(QUICK_INSTANCES if quick else None)
     views = validation_views(names, jobs)
@@ -50,16 +49,9 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
         figures.append(_space(out / f"space_{name}.png", name, seen, encoded, pictures, seed))
         shown = known(model, names)
         figures.append(_predictions(out / f"predictions_{name}.png", name, model.model, seen, pictures, shown, seed))
-    result = {
-        "study": NAME,
-        "seed": seed,
-        "config": {"instances": len(names), "views": len(views)},
-        "revision": revision(),
-        "quick": quick,
-        "formulations": {name: numbers[name] for name in FORMULATIONS},
-        "summary": numbers[DEFAULT],
-    }
-    return write_result(out, result, claims(numbers), [_table(numbers)], figures)
+    config = {"instances": len(names), "views": len(views)}
+    result = framed(NAME, numbers, config, quick=quick, seed=seed)
+    return write_result(out, result, claims(numbers), [numbers_table("Encoded unseen views", numbers)], figures)
 
 
 def evaluated(model: LatentModel, views: FeatureViews, encoded: Array) -> dict[str, float]:
@@ -102,12 +94,6 @@ def claims(numbers: dict[str, dict[str, float]]) -> list[Claim]:
             min(row["nearest_view_same_class"] for row in numbers.values()) > 0.9,
         ),
     ]
-
-
-def _table(numbers: dict[str, dict[str, float]]) -> Table:
-    columns = tuple(numbers[DEFAULT])
-    rows = tuple((WORDS[name], *(f"{row[column]:.3g}" for column in columns)) for name, row in numbers.items())
-    return Table("Encoded unseen views", ("model", *(column.replace("_", " ") for column in columns)), rows)
 
 
 def _space(file: Path, formulation: str, views: FeatureViews, encoded: Array, pictures: Bytes, seed: int) -> Figure:

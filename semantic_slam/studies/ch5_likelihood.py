@@ -9,6 +9,7 @@ from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.perception.views import ObjectView
 from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, Shipped, chosen_goods, known, new, trained
+from semantic_slam.studies.ch5_pages import framed
 from semantic_slam.studies.ch5_rasters import raster_figure
 from semantic_slam.studies.ch5_views import measured, named, validation_views
 from semantic_slam.studies.repetitions import keyed_generator
@@ -24,22 +25,14 @@ SHOWN_VIEW = 4
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, measure, evaluate every model; returns the files written."""
-    from semantic_slam.pipeline.provenance import revision
-
     out.mkdir(parents=True, exist_ok=True)
     names = chosen_goods(QUICK_INSTANCES if quick else None)
     views = validation_views(names, jobs)
     models = {name: trained(name) for name in (*FORMULATIONS, DEFAULT)}
     numbers = {name: evaluated(model, views, model.crops, seed) for name, model in models.items()}
-    result = {
-        "study": NAME,
-        "seed": seed,
-        "config": {"instances": len(names), "views": len(views), "largest_start_deg": float(np.rad2deg(LOCAL_RAD))},
-        "revision": revision(),
-        "quick": quick,
-        "formulations": {name: numbers[name] for name in FORMULATIONS},
-        "summary": {**numbers[DEFAULT], "turntable": numbers["map"]},
-    }
+    config = {"instances": len(names), "views": len(views), "largest_start_deg": float(np.rad2deg(LOCAL_RAD))}
+    result = framed(NAME, numbers, config, quick=quick, seed=seed)
+    result["summary"] = {**numbers[DEFAULT], "turntable": numbers["map"]}
     rows = {f"{WORDS[name]} ({models[name].crops} crops)": row for name, row in numbers.items()}
     figures = [_rasters(out, name, model, views, seed) for name, model in models.items()]
     return write_result(out, result, claims(numbers), [_table(rows)], figures)

@@ -7,9 +7,10 @@ import numpy as np
 
 from semantic_slam.studies.ch5_localization_figures import errors_figure, example_figure
 from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, known, new, trained
+from semantic_slam.studies.ch5_pages import framed, numbers_table
 from semantic_slam.studies.ch5_tracks import Located, located
 from semantic_slam.studies.repetitions import repeat
-from semantic_slam.studies.result import Claim, Figure, Table, write_result
+from semantic_slam.studies.result import Claim, Figure, write_result
 
 NAME = "ch5_localization"
 OBJECTS, NEW_OBJECTS, TRACKS = 12, 4, 3
@@ -18,8 +19,6 @@ QUICK_OBJECTS, QUICK_NEW_OBJECTS, QUICK_TRACKS = 3, 1, 1
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, drive, smooth, draw; returns the files written."""
-    from semantic_slam.pipeline.provenance import revision
-
     out.mkdir(parents=True, exist_ok=True)
     names, models = chosen_goods(None), [trained(name) for name in (*FORMULATIONS, DEFAULT)]
     of_all = tuple(name for name in names if all(known(model, [name]) for model in models))
@@ -32,16 +31,9 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     of_known = [run for run in runs if run.name in old]
     of_new = [run for run in runs if run.name in unseen]
     numbers = {name: _numbers(of_known, of_new, name) for name in (*FORMULATIONS, DEFAULT)}
-    result = {
-        "study": NAME,
-        "seed": seed,
-        "config": {"objects": list(old), "new_objects": list(unseen), "tracks_per_object": tracks},
-        "revision": revision(),
-        "quick": quick,
-        "formulations": {name: numbers[name] for name in FORMULATIONS},
-        "summary": numbers[DEFAULT],
-        "tracks": [_told(run) for run in runs],
-    }
+    config = {"objects": list(old), "new_objects": list(unseen), "tracks_per_object": tracks}
+    result = framed(NAME, numbers, config, quick=quick, seed=seed)
+    result["tracks"] = [_told(run) for run in runs]
     median = float(np.median([run.ratio(DEFAULT) for run in of_known]))
     example = min(of_known, key=lambda run: abs(run.ratio(DEFAULT) - median))
     figures = [
@@ -57,7 +49,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
             errors_figure(out / "errors.png", of_known, of_new, tuple(numbers)),
         ),
     ]
-    return write_result(out, result, _claims(numbers), [_table(numbers)], figures)
+    return write_result(out, result, _claims(numbers), [numbers_table("Tracks", numbers)], figures)
 
 
 def _spread(names: tuple[str, ...], count: int) -> tuple[str, ...]:
@@ -105,9 +97,3 @@ def _claims(numbers: dict[str, dict[str, float]]) -> list[Claim]:
             own["median_error_vs_dead_reckoning"] <= 1.0 / 3.0,
         ),
     ]
-
-
-def _table(numbers: dict[str, dict[str, float]]) -> Table:
-    columns = tuple(numbers[DEFAULT])
-    rows = tuple((WORDS[name], *(f"{row[column]:.3g}" for column in columns)) for name, row in numbers.items())
-    return Table("Tracks", ("model", *(column.replace("_", " ") for column in columns)), rows)

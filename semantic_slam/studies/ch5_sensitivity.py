@@ -11,9 +11,10 @@ from semantic_slam.latent.ascent import ascend_descriptors
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, known, trained
+from semantic_slam.studies.ch5_pages import framed, numbers_table
 from semantic_slam.studies.ch5_views import measured, named, validation_views
 from semantic_slam.studies.repetitions import keyed_generator
-from semantic_slam.studies.result import Claim, Figure, Table, write_result
+from semantic_slam.studies.result import Claim, Figure, write_result
 
 Array = NDArray[np.float64]
 
@@ -28,8 +29,6 @@ DESCRIPTOR_OFFSETS = (0.5, 1.0, 2.0)
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, ascend, draw; returns the files written."""
-    from semantic_slam.pipeline.provenance import revision
-
     out.mkdir(parents=True, exist_ok=True)
     names = chosen_goods(QUICK_INSTANCES if quick else None)
     views = validation_views(names, jobs)
@@ -38,22 +37,15 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
         model = trained(name)
         seen = named(measured(model, views, model.crops, seed), known(model, names))
         numbers[name], scatters[name] = evaluated(model.model, seen, OFFSET_DEG[name], seed)
-    result = {
-        "study": NAME,
-        "seed": seed,
-        "config": {"instances": len(names), "views": len(views), "offset_deg": OFFSET_DEG},
-        "revision": revision(),
-        "quick": quick,
-        "formulations": {name: numbers[name] for name in FORMULATIONS},
-        "summary": numbers[DEFAULT],
-    }
+    config = {"instances": len(names), "views": len(views), "offset_deg": OFFSET_DEG}
+    result = framed(NAME, numbers, config, quick=quick, seed=seed)
     figure = Figure(
         "Ascent over the azimuth",
         "Error after the ascent against the error it started with, a point for each unseen view; below the diagonal the"
         " ascent helped. Bands along multiples of 90° are sides that look alike.",
         _scatter(out / "ascents.png", scatters),
     )
-    return write_result(out, result, claims(numbers), [_table(numbers)], [figure])
+    return write_result(out, result, claims(numbers), [numbers_table("Ascents", numbers)], [figure])
 
 
 def evaluated(
@@ -116,12 +108,6 @@ def claims(numbers: dict[str, dict[str, float]]) -> list[Claim]:
             True,
         ),
     ]
-
-
-def _table(numbers: dict[str, dict[str, float]]) -> Table:
-    columns = tuple(numbers[DEFAULT])
-    rows = tuple((WORDS[name], *(f"{row[column]:.3g}" for column in columns)) for name, row in numbers.items())
-    return Table("Ascents", ("model", *(column.replace("_", " ") for column in columns)), rows)
 
 
 def _scatter(file: Path, scatters: dict[str, evaluation.Ascents]) -> Path:
