@@ -153,9 +153,9 @@ def test_incremental_is_the_batch_optimum(drive) -> None:
     number = max(manager.live, key=lambda n: manager.live[n].log_weight)
     smoother = backend.held[number].component.smoother
     estimate = smoother.isam.calculateEstimate()
-    graph = gtsam.NonlinearFactorGraph(smoother._kept())
-    for made in smoother.made:
-        graph.add(exact_factor(backend.problem.latent, made.named.detection, made.named.keys))
+    graph = gtsam.NonlinearFactorGraph(smoother.kept())
+    for named in smoother.made.named:
+        graph.add(exact_factor(backend.problem.latent, named.detection, named.keys))
     batch = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
     poses = [key for key in estimate.keys() if key >= object_key(0)]  # noqa: SIM118
     for key in poses:
@@ -171,8 +171,8 @@ def test_every_view_has_one_factor_and_exact_ones_become_linear(drive) -> None:
     smoother = backend.held[number].component.smoother
     factors = gtsam.NonlinearFactorGraph(smoother.isam.getFactorsUnsafe())
     assert len(smoother.made) == sum(len(seen) for seen in world.associations)
-    assert len({made.index for made in smoother.made}) == len(smoother.made)
-    kinds = [type(factors.at(made.index)) for made in smoother.made]
+    assert len(set(smoother.made.indices)) == len(smoother.made)
+    kinds = [type(factors.at(index)) for index in smoother.made.indices]
     assert set(kinds) == {gtsam.LinearContainerFactor}
     poses = len(world.keyframes) + 1
     in_graph = sum(factors.exists(i) for i in range(factors.size()))

@@ -28,3 +28,14 @@ def forward(root: Array, values: Array) -> Array:
             entry = entry - root[..., i, j, None] * found[..., j, :]
         found[..., i, :] = entry / root[..., i, i, None]
     return found
+
+
+def backward(root: Array, values: Array) -> Array:
+    """(B, F, K) L^-T values."""
+    found = np.empty(values.shape)
+    for i in reversed(range(root.shape[-1])):
+        entry = values[..., i, :]
+        for j in range(i + 1, root.shape[-1]):
+            entry = entry - root[..., j, i, None] * found[..., j, :]
+        found[..., i, :] = entry / root[..., i, i, None]
+    return found

@@ -24,7 +24,6 @@ from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.modes import Expanded, Split, split
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.objects import ObjectRegistry
-from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.reach import FEW_OBJECTS, Reach, reach_of
@@ -73,18 +72,6 @@ class Continuations:
             refined.smoothed if refined is not None else {},
             refined.corrections if refined is not None else {},
         )
-
-    def linearise_ahead(self, step: Step, rows: Sequence[int], model: ObservationModel) -> None:
-        """Let the model linearise the semantics of continuations that will grow in one evaluation."""
-        seen = [
-            (step.detections[i], assigned, self.robot[row], self.objects[row, slot])
-            for row in rows
-            for slot, i in enumerate(self.used)
-            if (assigned := self.steps[row].class_assignment[i]) >= 0
-        ]
-        if seen:
-            detections, classes, robots, objects = zip(*seen, strict=True)
-            model.linearise_ahead(detections, np.array(classes), np.array(robots), np.array(objects))
 
 
 class Expander:

@@ -14,6 +14,7 @@ from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.semantic_factors import Named
+from semantic_slam.inference.settling import Extension, extend
 from semantic_slam.inference.smoother import Smoother
 from semantic_slam.inference.step import Step
 
@@ -130,7 +131,8 @@ class OpenComponent(Component):
             start |= self.with_descriptors(graph, values, added.views, entering, start)
             predicted = self.manifold.compose(self.objects.robot, motion.control)
             calm = {key: predicted} | self.calm(added.views)
-            return self.smoother.extended(graph, values, [*named, *entering], start, jumped or turned, calm)
+            extension = Extension(graph, values, [*named, *entering], start, jumped or turned, calm)
+            return extend(self.smoother, extension)
         return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:

@@ -88,10 +88,15 @@ class Stack:
 
     def select(self, selection: Index) -> "Stack":
         """Some of the candidates, without gathering their priors again."""
+        part = self._of(selection)
+        part.mean, part.root = self.mean[selection], self.root[selection]
+        return part
+
+    def _of(self, selection: Index) -> "Stack":
+        """The same with the priors of all."""
         part = copy.copy(self)
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
-        part.mean, part.root = self.mean[selection], self.root[selection]
         return part
 
     def tangent(self, y: Array) -> Array:
@@ -131,6 +136,15 @@ class Stack:
             return np.zeros(len(y))
         x, o = self._pairs(self.states(y))
         return np.asarray(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())).sum(-1))
+
+    def log_joint(self, y: Array) -> Array:
+        """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
+        tangent = (y @ np.swapaxes(self.root, 1, 2)).reshape(*y.shape[:2], *self.mean.shape[1:])
+        states = self.manifold.retract(self.mean[:, None], tangent).reshape(-1, *self.mean.shape[1:])
+        many = self._of(np.repeat(np.arange(len(y)), y.shape[1]))
+        x, o = many._pairs(states)
+        logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(self.seen, x, o, many._classes())
+        return np.asarray(many._by_row(logs).sum(-1).reshape(y.shape[:2]) - 0.5 * (y**2).sum(-1))
 
     def energy(self, y: Array) -> Array:
         """(B,) -log P(Z | y) + |y|^2 / 2."""
