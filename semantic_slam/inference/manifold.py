@@ -17,6 +17,9 @@ class Manifold(Protocol):
     dimension: int
     relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
 
+    def __hash__(self) -> int:
+        """What is made once for a manifold is kept."""
+
     def compose(self, state: Array, control: Array) -> Array:
         """The state after a control."""
 
@@ -25,6 +28,9 @@ class Manifold(Protocol):
 
     def local(self, state: Array, other: Array) -> Array:
         """Log(state^-1 other)."""
+
+    def log(self, states: Array) -> Array:
+        """(n, d) tangent vectors at the origin of (n, d) states."""
 
     def between(self, state: Array, other: Array) -> Array:
         """``other`` as seen from ``state``."""
@@ -68,6 +74,9 @@ class PlanarPoses:
 
     def local(self, state: Array, other: Array) -> Array:
         return se2.log(se2.between(state, other))
+
+    def log(self, states: Array) -> Array:
+        return se2.log(states)
 
     def between(self, state: Array, other: Array) -> Array:
         return se2.between(state, other)
@@ -114,6 +123,9 @@ class PlanarPositions:
 
     def local(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
+
+    def log(self, states: Array) -> Array:
+        return states
 
     def between(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)

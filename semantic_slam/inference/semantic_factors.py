@@ -67,6 +67,8 @@ class Places:
     def joined(cls, parts: Sequence["Places"]) -> "Places":
         """One after another; those of no measurement do not matter."""
         some = [part for part in parts if len(part.robots)]
+        if len(some) == 1:
+            return some[0]
         return cls(
             np.concatenate([part.robots for part in some]),
             np.concatenate([part.objects for part in some]),
