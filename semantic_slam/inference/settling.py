@@ -1,7 +1,7 @@
 """Smoothers that grow together: what Python has to evaluate for them is evaluated for all at once."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 Settled = Smoother | LostComponentError
 
 MAX_UPDATES = 8
+UNDAMPED = 2
+"""Updates after which descriptors go half-way only: Gauss-Newton through a decoder may swing about its optimum."""
 
 
 @dataclass(frozen=True)
@@ -93,16 +95,17 @@ def _settled(forks: list[Settled], extensions: Sequence[Extension]) -> list[Sett
         for row, fork in enumerate(forks)
         if isinstance(fork, Smoother)
     }
-    for _ in range(MAX_UPDATES):
-        restless = {row: fork for row in exact if isinstance(fork := forks[row], Smoother)}
-        restless = {row: fork for row, fork in restless.items() if exact[row] or not fork.rests()}
-        if not restless:
+    for number in range(MAX_UPDATES):
+        pending = {row: fork for row in exact if isinstance(fork := forks[row], Smoother)}
+        pending = {row: fork for row, fork in pending.items() if exact[row] or fork.is_latent or not fork.rests()}
+        stale = _stale(list(pending.values()), [extensions[row].start.keys() for row in pending])
+        rows = {row: [*own, *exact[row]] for row, own in zip(pending, stale, strict=True)}
+        pending = {row: fork for row, fork in pending.items() if rows[row] or not fork.rests()}
+        if not pending:
             return forks
-        stale = _stale(list(restless.values()), [extensions[row].start.keys() for row in restless])
-        rows = [[*own, *exact[row]] for row, own in zip(restless, stale, strict=True)]
-        renewed = _renewed(list(restless.values()), rows)
-        exact = {row: [] for row in restless}
-        for row, fork in zip(restless, renewed, strict=True):
+        renewed = _renewed(list(pending.values()), [rows[row] for row in pending], damped=number >= UNDAMPED)
+        exact = {row: [] for row in pending}
+        for row, fork in zip(pending, renewed, strict=True):
             forks[row] = fork
     for row in exact:
         fork = forks[row]
@@ -148,12 +151,18 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[list[int]]) -> tuple[li
     return stale, floats
 
 
-def _renewed(smoothers: Sequence[Smoother], rows: Sequence[list[int]]) -> list[Settled]:
-    """With these factors made anew, all linear, at the estimates."""
+def _renewed(smoothers: Sequence[Smoother], rows: Sequence[list[int]], *, damped: bool) -> list[Settled]:
+    """With these factors made anew, all linear, at the estimates; descriptors half-way there where ``damped``."""
     semantics = smoothers[0].semantics
     places = [one.places(own) for one, own in zip(smoothers, rows, strict=True)]
+    if damped:
+        places = [_halfway(one.made.places.take(own), at) for one, own, at in zip(smoothers, rows, places, strict=True)]
     made = semantics.make([one.linear(own) for one, own in zip(smoothers, rows, strict=True)], places)
     return [_attempt(one.renewed, *parts) for one, *parts in zip(smoothers, rows, made, places, strict=True)]
+
+
+def _halfway(before: Places, now: Places) -> Places:
+    return replace(now, descriptors=0.5 * (before.descriptors + now.descriptors))
 
 
 def _attempt(make: Callable[..., Smoother], *arguments: object) -> Settled:

@@ -75,7 +75,7 @@ class Smoother:
     isam: gtsam.ISAM2
     made: Made = Made()
     num_descriptors: int = 0  # variables E(n)
-    last: tuple[int, ...] = ()  # newest robot and all objects: eliminated last, for their joint covariance is read most
+    last: tuple[int, ...] = ()  # variables whose joint covariance is read most, and which are therefore eliminated last
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
@@ -85,7 +85,7 @@ class Smoother:
         """A new one."""
         isam = _new_isam(manifold, semantics)
         isam.update(graph, values)
-        return cls(manifold, semantics, isam, last=_newest(values.keys()))
+        return cls(manifold, semantics, isam, last=_last(values.keys()))
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, d) estimates of different keys."""
@@ -97,6 +97,11 @@ class Smoother:
     def descriptors(self, keys: Sequence[int]) -> Array:
         """(n, L) estimates of descriptors."""
         return np.array([self.isam.calculateEstimateVector(key) for key in keys])
+
+    @property
+    def is_latent(self) -> bool:
+        """Whether objects have descriptors."""
+        return self.semantics.latent is not None
 
     def has(self, key: int) -> bool:
         """Whether there is such a variable."""
@@ -182,16 +187,12 @@ class Smoother:
         """``isam``, a fork or this one's own, after one update with ``graph`` and ``factors`` made at ``places``."""
         for factor in factors:
             graph.add(factor)
-        last = self._last_with(values)
+        last = _last([*self.last, *values.keys()], named)
         result = isam.update(graph, values, [], _groups(last))
         indices = result.getNewFactorsIndices()[graph.size() - len(factors) :] if factors else ()
         made = self.made.added(named, indices, places)
         new_descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, made, self.num_descriptors + new_descriptors, last)
-
-    def _last_with(self, new: gtsam.Values) -> tuple[int, ...]:
-        """With the objects and the robot among new variables."""
-        return _newest((*self.last, *new.keys()))
 
     def renewed(self, rows: Sequence[int], factors: Sequence[Any], places: Places) -> "Smoother":
         """After an update that relinearises, in which some semantic factors are replaced by linear ones.
@@ -215,18 +216,25 @@ class Smoother:
         for factor in factors:
             graph.add(factor)
         isam = _new_isam(self.manifold, self.semantics)
-        last = _newest(values.keys())
+        last = _last(values.keys())
         indices = isam.update(graph, values, [], _groups(last)).getNewFactorsIndices()[kept.size() :]
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, replace(made, indices=tuple(indices)), descriptors, last)
 
     def rests(self) -> bool:
-        """Whether all variables are about where they were linearised; descriptors come first, with the lowest keys."""
+        """Whether all variables are about where they were linearised.
+
+        Descriptors, which come first by their keys, count while they have exact factors: linear ones in a vector space
+        say the same wherever they are linearised.
+        """
         deltas = np.abs(self.isam.getDelta().vector()) / AT_REST
         limit = self.semantics.descriptor_threshold
         split = self.num_descriptors * len(limit)
-        poses = deltas[split:].reshape(-1, self.manifold.dimension) < self.manifold.relinearize_threshold
-        return bool(poses.all() and (deltas[:split].reshape(-1, max(len(limit), 1)) < limit).all())
+        if (deltas[split:].reshape(-1, self.manifold.dimension) > self.manifold.relinearize_threshold).any():
+            return False
+        if not any(item.exact for item in self.made.named):
+            return True
+        return bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
         """Which semantic measurements of these descriptors have exact factors."""
@@ -288,16 +296,19 @@ def _new_isam(manifold: Manifold, semantics: SemanticFactors) -> gtsam.ISAM2:
     return gtsam.ISAM2(parameters)
 
 
-def _newest(keys: Sequence[int]) -> tuple[int, ...]:
-    """All objects among some keys, and the newest robot."""
+def _last(keys: Sequence[int], named: Sequence[Named] = ()) -> tuple[int, ...]:
+    """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
     objects = [key for key in keys if key >> SYMBOL_BITS == ord("o")]
-    return (*objects, max(key for key in keys if key >> SYMBOL_BITS == ord("x")))
+    robot = max(key for key in keys if key >> SYMBOL_BITS == ord("x"))
+    if len(objects) >= MOST_JOINT:
+        return (*objects, robot)
+    return (*objects, robot, *(item.descriptor_key for item in named if item.descriptor_key is not None))
 
 
 @lru_cache(maxsize=64)
 def _groups(last: tuple[int, ...]) -> Any:
     """GTSAM's order of elimination with these keys last; None where they are too many for one clique."""
-    if len(last) > MOST_JOINT:
+    if sum(not is_descriptor(key) for key in last) > MOST_JOINT:
         return None
     groups = gtsam.KeyGroupMap()
     for key in last:
