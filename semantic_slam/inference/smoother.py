@@ -115,12 +115,25 @@ class Smoother:
         """
         wanted = tuple(keys)
         if wanted not in self._known:
-            try:
-                covariance = self.isam.jointMarginalCovariance(list(keys)).fullMatrix()
-            except (RuntimeError, IndexError) as fault:
-                raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
-            self._known[wanted] = np.asarray(0.5 * (covariance + covariance.T))
+            self._known[wanted] = self._part_of_known(wanted)
         return self._known[wanted].copy()
+
+    def _part_of_known(self, wanted: tuple[int, ...]) -> Array:
+        """Of what was read before, where it holds all of it."""
+        for keys, covariance in self._known.items():
+            if set(wanted) <= set(keys):
+                ends = np.cumsum([self._size(key) for key in keys])
+                at = dict(zip(keys, ends, strict=True))
+                rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in wanted])
+                return np.asarray(covariance[np.ix_(rows, rows)])
+        try:
+            covariance = self.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
+        except (RuntimeError, IndexError) as fault:
+            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+        return np.asarray(0.5 * (covariance + covariance.T))
+
+    def _size(self, key: int) -> int:
+        return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.manifold.dimension
 
     def covariances(self, keys: Sequence[int]) -> Array:
         """(n, d, d) marginal covariances, in the tangent spaces at the estimate. Raises LostComponentError."""
