@@ -90,8 +90,8 @@ def _newest(stack: Stack, y: Array, blocks: Index) -> tuple[Array, Array, Array]
     rows = np.arange(len(y))[:, None]
     root = stack.root.reshape(*stack.mean.shape, stack.size)[rows, blocks]  # (B, 2, d, n)
     tangent = (root @ y[:, None, :, None])[..., 0]
-    states = stack.manifold.retract(stack.mean[rows, blocks], tangent)
-    slopes = stack.manifold.retract_jacobian(tangent) @ root
+    moved, chart = stack.manifold.exp_and_jacobian(tangent)
+    states, slopes = stack.manifold.compose(stack.mean[rows, blocks], moved), chart @ root
     return states[:, 0], states[:, 1], slopes.reshape(len(y), -1, stack.size)
 
 

@@ -113,8 +113,8 @@ class Stack:
         covariance = self.root @ np.linalg.solve(hessian, np.swapaxes(self.root, -1, -2))
         count, dimension = self.mean.shape[1], self.dimension
         diagonal = np.einsum("bnpnq->bnpq", covariance.reshape(len(y), count, dimension, count, dimension))
-        chart = self.manifold.retract_jacobian(tangent)
-        return self.manifold.retract(self.mean, tangent), chart @ diagonal @ np.swapaxes(chart, -1, -2)
+        moved, chart = self.manifold.exp_and_jacobian(tangent)
+        return self.manifold.compose(self.mean, moved), chart @ diagonal @ np.swapaxes(chart, -1, -2)
 
     def coordinates(self, states: Array) -> Array:
         """(B, n) whitened y of (B, 1 + n, d) states."""
@@ -154,27 +154,27 @@ class Stack:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
         energy = 0.5 * (y**2).sum(-1)
-        parts = self._parts(self.manifold.retract(self.mean, tangent))
+        moved, chart = self.manifold.exp_and_jacobian(tangent)
+        parts = self._parts(self.manifold.compose(self.mean, moved))
         if not parts:
             return energy, y, np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size))
         for part in parts:
             energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
         residual = self._by_row(np.concatenate([part.residual for part in parts], axis=1)).reshape(len(y), -1)
-        jacobian = self._in_y(tangent, parts)
+        jacobian = self._in_y(chart, parts)
         transposed = np.swapaxes(jacobian, -1, -2)
         gradient = y + (transposed @ residual[..., None])[..., 0]
         hessian = transposed @ jacobian
         hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
         return energy, gradient, hessian
 
-    def _in_y(self, tangent: Array, parts: list[Linearisation]) -> Array:
-        """(B, n m, size) derivatives of all residuals."""
+    def _in_y(self, chart: Array, parts: list[Linearisation]) -> Array:
+        """(B, n m, size) derivatives of all residuals, given those of the states (B, 1 + n, d, d)."""
         by_robot = self._by_row(np.concatenate([part.jacobian_robot for part in parts], axis=1))
         by_object = self._by_row(np.concatenate([part.jacobian_object for part in parts], axis=1))
-        chart = self.manifold.retract_jacobian(tangent)  # (B, 1 + n, d, d)
         slopes = chart @ self.root.reshape(*self.mean.shape, self.size)
         own = slopes[:, 1:] if self._distinct else slopes[np.arange(len(slopes))[:, None], 1 + self.slots]
-        return (by_robot @ slopes[:, :1] + by_object @ own).reshape(len(tangent), -1, self.size)
+        return (by_robot @ slopes[:, :1] + by_object @ own).reshape(len(chart), -1, self.size)
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) over the associated objects."""
