@@ -22,7 +22,7 @@ from semantic_slam.inference.planar_tracks import CorrelatedTracks
 from semantic_slam.inference.planar_views import IndependentViews
 from semantic_slam.inference.run import problem_of
 from semantic_slam.inference.semantics import Moment, Weighed
-from semantic_slam.inference.stack import Predicted, Rows, Stack
+from semantic_slam.inference.stack import Rows, Stack
 from semantic_slam.inference.step import Step
 from semantic_slam.inference.track_samples import StateSamples, sample_rows
 from semantic_slam.viewpoint.correlated import CorrelatedModel
@@ -72,7 +72,7 @@ class OneObject:
     def moment(self, step: Step) -> Moment:
         predicted = self.component.predict(step.motion, [0])
         rows = Rows(np.zeros(1, dtype=int), np.zeros((1, 1), dtype=int))
-        stack = Stack(MANIFOLD, GEOMETRY, Predicted(predicted.mean, predicted.covariance), step.detections, rows)
+        stack = Stack(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
         mode = find_modes(stack, np.zeros((1, stack.size)))
         return Moment(step, [self.component], stack, mode, np.zeros(1, dtype=int), [0], LOG_PRIOR[None], [{}])
 

@@ -56,7 +56,8 @@ def moment_of(robot_sigma_rad: float, seed: int) -> Moment:
     detection = PlanarDetection(float(np.hypot(*seen)), bearing, covariance, np.zeros(2), value, none)
     step = Step(0, 1, motion, [detection], np.zeros(1, np.uint32), np.ones(1), ("",), np.ones(1, dtype=bool))
     predicted = component.predict(motion, [0])
-    stack = Stack(MANIFOLD, GEOMETRY, predicted, [detection], Rows(np.zeros(1, int), np.zeros((1, 1), int)))
+    rows = Rows(np.zeros(1, int), np.zeros((1, 1), int))
+    stack = Stack(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
     mode = find_modes(stack, search_start(stack))
     return Moment(step, [component], stack, mode, np.array([0]), [0], np.log(np.full((1, 2), 0.5)), [{}])
 

@@ -107,7 +107,7 @@ class Expander:
         if reach is not None:
             outside = reach.log_left_out(enumerated.log_best)
             enumerated = replace(enumerated, log_left_out=np.logaddexp(enumerated.log_left_out, outside))
-        stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
+        stack = Stack(setting.manifold, setting.model, predicted, setting.seen, enumerated.rows)
         if setting.model.num_classes > 0 and len(used):
             mode = find_modes(stack, enumerated.start, tolerance=WEIGHING_TOLERANCE)
         steps = _lineage_steps(enumerated.rows, used, object_ids, len(step.names))

@@ -6,7 +6,6 @@ object) carries an independent standard normal that no measurement touches, so t
 """
 
 import copy
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,11 +58,12 @@ class Stack:
     """The likelihood of n detections over y (B, (1 + n) d), for the candidates of ``rows``."""
 
     def __init__(
-        self, manifold: Manifold, model: ObservationModel, predicted: Predicted, detections: Sequence[Any], rows: Rows
+        self, manifold: Manifold, model: ObservationModel, predicted: Predicted, seen: Any, rows: Rows
     ):
+        """``seen``: the n detections as ``model`` collects them."""
         self.manifold, self.model, self.rows = manifold, model, rows
         self.dimension = manifold.dimension
-        self.seen = model.collect(detections[: rows.objects.shape[1]])
+        self.seen = seen
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
         self._full = bool(self.active.all())
