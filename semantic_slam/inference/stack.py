@@ -57,9 +57,7 @@ class Rows:
 class Stack:
     """The likelihood of n detections over y (B, (1 + n) d), for the candidates of ``rows``."""
 
-    def __init__(
-        self, manifold: Manifold, model: ObservationModel, predicted: Predicted, seen: Any, rows: Rows
-    ):
+    def __init__(self, manifold: Manifold, model: ObservationModel, predicted: Predicted, seen: Any, rows: Rows):
         """``seen``: the n detections as ``model`` collects them."""
         self.manifold, self.model, self.rows = manifold, model, rows
         self.dimension = manifold.dimension
