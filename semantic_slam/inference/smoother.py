@@ -75,7 +75,7 @@ class Smoother:
     isam: gtsam.ISAM2
     made: Made = Made()
     num_descriptors: int = 0  # variables E(n)
-    last: tuple[int, ...] = ()  # variables whose joint covariance is read most, and which are therefore eliminated last
+    last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
@@ -200,7 +200,7 @@ class Smoother:
         """``isam``, a fork or this one's own, after one update with ``graph`` and ``factors`` made at ``places``."""
         for factor in factors:
             graph.add(factor)
-        last = _last([*self.last, *values.keys()], named)
+        last = _last([*self.last, *values.keys()], named) if self.last else ()
         result = isam.update(graph, values, [], _groups(last))
         indices = result.getNewFactorsIndices()[graph.size() - len(factors) :] if factors else ()
         made = self.made.added(named, indices, places)
@@ -314,14 +314,14 @@ def _last(keys: Sequence[int], named: Sequence[Named] = ()) -> tuple[int, ...]:
     objects = [key for key in keys if key >> SYMBOL_BITS == ord("o")]
     robot = max(key for key in keys if key >> SYMBOL_BITS == ord("x"))
     if len(objects) >= MOST_JOINT:
-        return (*objects, robot)
+        return ()
     return (*objects, robot, *(item.descriptor_key for item in named if item.descriptor_key is not None))
 
 
 @lru_cache(maxsize=64)
 def _groups(last: tuple[int, ...]) -> Any:
-    """GTSAM's order of elimination with these keys last; None where they are too many for one clique."""
-    if sum(not is_descriptor(key) for key in last) > MOST_JOINT:
+    """GTSAM's order of elimination with these keys last; None: its own."""
+    if not last:
         return None
     groups = gtsam.KeyGroupMap()
     for key in last:
