@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Settled = Smoother | LostComponentError
 
 MAX_UPDATES = 8
-UNDAMPED = 2
+UNDAMPED = 1
 """Updates after which descriptors go half-way only: Gauss-Newton through a decoder may swing about its optimum."""
 
 
