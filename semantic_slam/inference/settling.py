@@ -38,8 +38,8 @@ class Extension:
 def extend_all(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -> list[Settled]:
     """Forks with their extensions, updated until no state is so far from where it is linearised that it matters.
 
-    Where the estimate jumped, or does not settle, the whole is optimised. An error stands for a smoother whose system
-    is indeterminate.
+    Where the estimate jumped, does not settle, or is too poorly conditioned for an update, the whole is optimised. An
+    error stands for a smoother whose system is indeterminate.
     """
     if not smoothers:
         return []
@@ -51,7 +51,8 @@ def extend_all(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -
     forks = _forked([smoothers[row] for row in calm], [extensions[row] for row in calm])
     settled = _settled(forks, [extensions[row] for row in calm])
     for row, smoother in zip(calm, settled, strict=True):
-        grown[row] = smoother
+        lost = isinstance(smoother, LostComponentError)
+        grown[row] = _attempt(_jumped, smoothers[row], extensions[row]) if lost else smoother
     return grown
 
 

@@ -198,11 +198,12 @@ class Smoother:
         places: Places,
     ) -> "Smoother":
         """``isam``, a fork or this one's own, after one update with ``graph`` and ``factors`` made at ``places``."""
+        together = gtsam.NonlinearFactorGraph(graph)
         for factor in factors:
-            graph.add(factor)
+            together.add(factor)
         last = _last([*self.last, *values.keys()], named) if self.last else ()
-        result = isam.update(graph, values, [], _groups(last))
-        indices = result.getNewFactorsIndices()[graph.size() - len(factors) :] if factors else ()
+        result = isam.update(together, values, [], _groups(last))
+        indices = result.getNewFactorsIndices()[graph.size() :]
         made = self.made.added(named, indices, places)
         new_descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, made, self.num_descriptors + new_descriptors, last)
@@ -224,13 +225,22 @@ class Smoother:
     def restarted(
         self, kept: gtsam.NonlinearFactorGraph, values: gtsam.Values, factors: Sequence[Any], made: Made
     ) -> "Smoother":
-        """A new iSAM2 of the factors ``kept`` and the semantic ones, linearised at ``values``."""
+        """A new iSAM2 of the factors ``kept`` and the semantic ones, linearised at ``values``.
+
+        It factorises by QR where Cholesky finds the system too poorly conditioned: where the robot stands on an object,
+        a bearing tells thousands of times as much across it as the rest tells along.
+        """
         graph = gtsam.NonlinearFactorGraph(kept)
         for factor in factors:
             graph.add(factor)
-        isam = _new_isam(self.manifold, self.semantics)
         last = _last(values.keys())
-        indices = isam.update(graph, values, [], _groups(last)).getNewFactorsIndices()[kept.size() :]
+        isam = _new_isam(self.manifold, self.semantics)
+        try:
+            result = isam.update(graph, values, [], _groups(last))
+        except RuntimeError:
+            isam = _new_isam(self.manifold, self.semantics, "QR")
+            result = isam.update(graph, values, [], _groups(last))
+        indices = result.getNewFactorsIndices()[kept.size() :]
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, replace(made, indices=tuple(indices)), descriptors, last)
 
@@ -294,8 +304,9 @@ def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
     return np.argsort(np.argsort(keys))
 
 
-def _new_isam(manifold: Manifold, semantics: SemanticFactors) -> gtsam.ISAM2:
+def _new_isam(manifold: Manifold, semantics: SemanticFactors, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
     parameters = gtsam.ISAM2Params()
+    parameters.setFactorization(factorization)
     parameters.relinearizeSkip = 1
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol in "xo":
