@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor
+from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor, letter_of
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places, SemanticFactors
 
@@ -25,11 +25,9 @@ WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
-SYMBOL_BITS = 56
-"""Of a key, before its letter."""
 AT_REST = 1.5
-"""Thresholds of relinearisation that a state may be off: the next keyframe's update relinearises what is over one, but
-one more update now, for a state hardly over it, costs as much as the keyframe's."""
+"""Thresholds of relinearisation that a state may be off at the end of a keyframe: the next update relinearises what is
+over one, while an update now, for a state hardly over it, costs as much as the keyframe's."""
 STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, change of a state from which on it
 takes part, and change below which back-substitution stops, metres or radians."""
@@ -97,11 +95,6 @@ class Smoother:
     def descriptors(self, keys: Sequence[int]) -> Array:
         """(n, L) estimates of descriptors."""
         return np.array([self.isam.calculateEstimateVector(key) for key in keys])
-
-    @property
-    def is_latent(self) -> bool:
-        """Whether objects have descriptors."""
-        return self.semantics.latent is not None
 
     def has(self, key: int) -> bool:
         """Whether there is such a variable."""
@@ -255,19 +248,21 @@ class Smoother:
         split = self.num_descriptors * len(limit)
         if (deltas[split:].reshape(-1, self.manifold.dimension) > self.manifold.relinearize_threshold).any():
             return False
-        if not any(item.exact for item in self.made.named):
+        if not self.num_descriptors or not any(item.exact for item in self.made.named):
             return True
         return bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
         """Which semantic measurements of these descriptors have exact factors."""
-        named = self.made.named
+        named = self.made.named if self.num_descriptors else ()
         return [row for row, item in enumerate(named) if item.exact and item.descriptor_key in descriptor_keys]
 
     def linear_rows(self, objects: Collection[int] | None = None) -> list[int]:
         """Which semantic measurements, of some objects' keys or of all, have linear factors."""
         named = self.made.named
-        return [row for row, item in enumerate(named) if not item.exact and (not objects or item.object_key in objects)]
+        return [
+            row for row, item in enumerate(named) if not item.exact and (objects is None or item.object_key in objects)
+        ]
 
     def linear(self, rows: Sequence[int]) -> list[Named]:
         """Some semantic measurements, to have linear factors."""
@@ -278,13 +273,12 @@ class Smoother:
         """Estimates of the variables of some semantic measurements."""
         named = [self.made.named[row] for row in rows]
         estimate = self.isam.calculateEstimate()
-        poses, keys = self.manifold.states(estimate), estimate.keys()
-        at = {key: row for row, key in enumerate(keys[len(keys) - len(poses) :])}
+        at = _places_of(tuple(estimate.keys()))
+        poses = self.manifold.states(estimate)
         descriptors = np.zeros((len(rows), 0))
         if self.num_descriptors:
-            row_of: dict[int | None, int] = {key: row for row, key in enumerate(keys[: self.num_descriptors])}
             known = gtsam.utilities.extractVectors(estimate, DESCRIPTOR)
-            descriptors = known[[row_of[item.descriptor_key] for item in named]]
+            descriptors = known[[at[item.keys[2]] for item in named]]
         robots, objects = [at[item.robot_key] for item in named], [at[item.object_key] for item in named]
         return Places(poses[robots], poses[objects], descriptors)
 
@@ -320,10 +314,17 @@ def _new_isam(manifold: Manifold, semantics: SemanticFactors, factorization: str
     return gtsam.ISAM2(parameters)
 
 
+@lru_cache(maxsize=256)
+def _places_of(keys: tuple[int, ...]) -> dict[int, int]:
+    """Where each variable is among those of its kind, poses or descriptors; keys ascend."""
+    split = sum(is_descriptor(key) for key in keys)
+    return {key: row if row < split else row - split for row, key in enumerate(keys)}
+
+
 def _last(keys: Sequence[int], named: Sequence[Named] = ()) -> tuple[int, ...]:
     """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
-    objects = [key for key in keys if key >> SYMBOL_BITS == ord("o")]
-    robot = max(key for key in keys if key >> SYMBOL_BITS == ord("x"))
+    objects = [key for key in keys if letter_of(key) == "o"]
+    robot = max(key for key in keys if letter_of(key) == "x")
     if len(objects) >= MOST_JOINT:
         return ()
     return (*objects, robot, *(item.descriptor_key for item in named if item.descriptor_key is not None))
