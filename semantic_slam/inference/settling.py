@@ -1,6 +1,6 @@
 """Smoothers that grow together: what Python has to evaluate for them is evaluated for all at once."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.reoptimisation import changed, reoptimised
-from semantic_slam.inference.semantic_factors import Named, Places
-from semantic_slam.inference.smoother import LostComponentError, Smoother, first_line
+from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places
+from semantic_slam.inference.smoother import Added, LostComponentError, Renewal, Smoother, first_line
 
 Array = NDArray[np.float64]
 Outcome = Smoother | LostComponentError
@@ -80,18 +80,25 @@ def _jumped(smoother: Smoother, extension: Extension) -> Smoother:
 def _forked(
     smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension]
 ) -> dict[int, _Fork | LostComponentError]:
-    """After one update."""
-    named = [own.named for own in extensions.values()]
-    places = [Places.of(own.named, own.start) for own in extensions.values()]
-    made = next(iter(smoothers.values())).semantics.make(named, places) if smoothers else []
+    """After one update, which also renews what has moved since it was made."""
+    if not smoothers:
+        return {}
+    before, own = list(smoothers.values()), list(extensions.values())
+    semantics, places = before[0].semantics, [Places.of(one.named, one.start) for one in own]
+    stale = _stale(before, [one.start.keys() for one in own])
+    now = [one.places(rows) if rows else NOWHERE for one, rows in zip(before, stale, strict=True)]
+    again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
+    made = semantics.make([one.named for one in own], places)
 
-    def fork(smoother: Smoother, own: Extension, factors: Sequence[Any], at: Places) -> _Fork:
+    def fork(smoother: Smoother, extension: Extension, added: Added, renewal: Renewal) -> _Fork:
         isam = gtsam.ISAM2(smoother.isam)
-        updated = smoother.updated(isam, own.graph, own.values, own.named, factors, at)
-        certain = {item.descriptor_key for item in own.named if not item.exact}
-        return _Fork(own, updated, updated.rests(), updated.exact_rows(certain))
+        updated = smoother.updated(isam, extension.graph, extension.values, added, renewal)
+        certain = {item.descriptor_key for item in extension.named if not item.exact}
+        return _Fork(extension, updated, updated.rests(), updated.exact_rows(certain))
 
-    rows = zip(smoothers, smoothers.values(), extensions.values(), made, places, strict=True)
+    added = [Added(one.named, factors, at) for one, factors, at in zip(own, made, places, strict=True)]
+    renewals = [Renewal(*parts) for parts in zip(stale, again, now, strict=True)]
+    rows = zip(smoothers, before, own, added, renewals, strict=True)
     return {row: _attempt(fork, *parts) for row, *parts in rows}
 
 
@@ -103,8 +110,7 @@ def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outco
     found: dict[int, Outcome] = {row: fork for row, fork in forks.items() if isinstance(fork, LostComponentError)}
     pending = {row: fork for row, fork in forks.items() if isinstance(fork, _Fork)}
     for number in range(MAX_UPDATES + 1):
-        stale = dict(zip(pending, _stale(list(pending.values())), strict=True))
-        rows = {row: [*stale[row], *fork.exact] for row, fork in pending.items()}
+        rows = {row: [*stale, *pending[row].exact] for row, stale in _to_renew(pending).items()}
         settled = [row for row, fork in pending.items() if fork.rests and not rows[row]]
         found |= {row: pending.pop(row).smoother for row in settled}
         if not pending or number == MAX_UPDATES:
@@ -127,10 +133,17 @@ def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> l
     return [changed(smoother.manifold, origin, own) for own in states]
 
 
-def _stale(forks: Sequence[_Fork]) -> list[list[int]]:
+def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
+    """Stale factors of forks that go on; under classes those of a fork at rest wait for the next keyframe."""
+    going = {row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.rests}
+    smoothers = [fork.smoother for fork in going.values()]
+    stale = _stale(smoothers, [fork.extension.start.keys() for fork in going.values()])
+    return {row: [] for row in forks} | dict(zip(going, stale, strict=True))
+
+
+def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[list[int]]:
     """Which linear factors of what was observed are no longer where they were made; of all where the map floats."""
-    smoothers = [fork.smoother for fork in forks]
-    stale, floats = _moved(smoothers, [fork.smoother.linear_rows(fork.extension.start.keys()) for fork in forks])
+    stale, floats = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(smoothers, observed, strict=True)])
     floating = [row for row, afloat in enumerate(floats) if afloat]
     afloat = [smoothers[row] for row in floating]
     for row, own in zip(floating, _moved(afloat, [one.linear_rows() for one in afloat])[0], strict=True):
@@ -168,7 +181,7 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
     made = semantics.make(named, places)
 
     def renew(fork: _Fork, own: list[int], what: list[Named], factors: Sequence[Any], at: Places) -> _Fork:
-        renewed = fork.smoother.renewed(own, factors, at)
+        renewed = fork.smoother.renewed(Renewal(own, factors, at))
         keys = [item.descriptor_key for item in what if item.descriptor_key is not None]
         made_at = {**fork.made_at, **dict(zip(keys, at.descriptors, strict=False))}
         return _Fork(fork.extension, renewed, renewed.rests(), made_at=made_at)

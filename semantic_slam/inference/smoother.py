@@ -65,6 +65,28 @@ class Made:
 
 
 @dataclass(frozen=True)
+class Added:
+    """New semantic measurements, their factors and where these are made."""
+
+    named: Sequence[Named]
+    factors: Sequence[Any]
+    places: Places
+
+
+@dataclass(frozen=True)
+class Renewal:
+    """Semantic measurements whose factors are replaced by linear ones, and where these are made."""
+
+    rows: Sequence[int]
+    factors: Sequence[Any]
+    places: Places
+
+
+NOTHING = Renewal((), (), NOWHERE)
+"""Is made anew."""
+
+
+@dataclass(frozen=True)
 class Smoother:
     """iSAM2 and the semantic measurements in it."""
 
@@ -161,7 +183,8 @@ class Smoother:
         isam = self.isam if in_place else gtsam.ISAM2(self.isam)
         try:
             places = Places.of(named, start)
-            child = self.updated(isam, graph, values, named, self.semantics.make([named], [places])[0], places)
+            added = Added(named, self.semantics.make([named], [places])[0], places)
+            child = self.updated(isam, graph, values, added)
             if again:
                 isam.update(force_relinearize=True)
         except RuntimeError as fault:
@@ -186,33 +209,34 @@ class Smoother:
         isam: gtsam.ISAM2,
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
-        named: Sequence[Named],
-        factors: Sequence[Any],
-        places: Places,
+        added: Added,
+        renewal: Renewal = NOTHING,
     ) -> "Smoother":
-        """``isam``, a fork or this one's own, after one update with ``graph`` and ``factors`` made at ``places``."""
+        """``isam``, a fork or this one's own, after one update with ``graph`` and semantic factors, new and renewed."""
         together = gtsam.NonlinearFactorGraph(graph)
-        for factor in factors:
+        for factor in (*added.factors, *renewal.factors):
             together.add(factor)
-        last = _last([*self.last, *values.keys()], named) if self.last else ()
-        result = isam.update(together, values, [], _groups(last))
-        indices = result.getNewFactorsIndices()[graph.size() :]
-        made = self.made.added(named, indices, places)
+        removed = [self.made.indices[row] for row in renewal.rows]
+        last = _last([*self.last, *values.keys()], added.named) if self.last else ()
+        indices = isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
+        split = len(added.factors)
+        made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
+        made = made.added(added.named, indices[:split], added.places)
         new_descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, made, self.num_descriptors + new_descriptors, last)
 
-    def renewed(self, rows: Sequence[int], factors: Sequence[Any], places: Places) -> "Smoother":
+    def renewed(self, renewal: Renewal) -> "Smoother":
         """After an update that relinearises, in which some semantic factors are replaced by linear ones.
 
         It uses up this smoother.
         """
-        named = self.linear(rows)
         graph = gtsam.NonlinearFactorGraph()
-        for factor in factors:
+        for factor in renewal.factors:
             graph.add(factor)
-        removed = [self.made.indices[row] for row in rows]
+        removed = [self.made.indices[row] for row in renewal.rows]
         result = self.isam.update(graph, gtsam.Values(), removed, _groups(self.last))
-        made = self.made.replaced(rows, named, result.getNewFactorsIndices(), places)
+        named = self.linear(renewal.rows)
+        made = self.made.replaced(renewal.rows, named, result.getNewFactorsIndices(), renewal.places)
         return replace(self, made=made, _known={})
 
     def restarted(
