@@ -15,7 +15,7 @@ from semantic_slam.inference.smoother import Made, Smoother
 Array = NDArray[np.float64]
 
 SAME = 1e-3
-"""Change of a state, metres, radians or a descriptor's own unit, below which linear factors need not be made again."""
+"""Change of a state, metres or radians, below which linear factors need not be made again."""
 MAX_ROUNDS = 6
 MAX_EXACT_ITERATIONS = 15
 """Of an optimisation with callbacks."""
@@ -32,23 +32,30 @@ def reoptimised(
     Under classes the first start is taken. With descriptors the one that ends best, factors exact on the way: an object
     that turns, or a map that may float, is far from where linear ones hold.
     """
-    semantics, manifold = smoother.semantics, smoother.manifold
-    values = starts[0]
+    semantics = smoother.semantics
     if semantics.latent is not None and named:
         values = _exactly(semantics, kept, named, starts)
+    else:
+        values = _by_rounds(semantics, kept, named, starts[0])
     keys = sorted({key for item in named for key in item.keys})
-    states = _states(manifold, values, keys)
-    for _ in range(MAX_ROUNDS):
-        places = Places.of(named, states)
-        factors = semantics.make([named], [places])[0]
-        values = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), values).optimize()
-        before, states = states, _states(manifold, values, keys)
-        if all(_change(manifold, key, before[key], states[key]) < SAME for key in keys):
-            break
-    else:  # not there yet: the factors are those of where it is
-        places = Places.of(named, states)
-        factors = semantics.make([named], [places])[0]
+    places = Places.of(named, _states(semantics.manifold, values, keys))
+    factors = semantics.make([named], [places])[0]
     return smoother.restarted(kept, values, factors, Made(tuple(named), (), places))
+
+
+def _by_rounds(
+    semantics: SemanticFactors, kept: gtsam.NonlinearFactorGraph, named: Sequence[Named], values: gtsam.Values
+) -> gtsam.Values:
+    """Optimised with linear factors, made anew until that changes nothing."""
+    keys = sorted({key for item in named for key in item.keys})
+    states = _states(semantics.manifold, values, keys)
+    for _ in range(MAX_ROUNDS):
+        factors = semantics.make([named], [Places.of(named, states)])[0]
+        values = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), values).optimize()
+        before, states = states, _states(semantics.manifold, values, keys)
+        if all(np.abs(semantics.manifold.local(before[key], states[key])).max() < SAME for key in keys):
+            break
+    return values
 
 
 def changed(manifold: Manifold, values: gtsam.Values, states: Mapping[int, Array]) -> gtsam.Values:
@@ -90,8 +97,3 @@ def _states(manifold: Manifold, values: gtsam.Values, keys: Sequence[int]) -> di
     return {
         key: np.asarray(values.atVector(key)) if is_descriptor(key) else manifold.state(values, key) for key in keys
     }
-
-
-def _change(manifold: Manifold, key: int, before: Array, now: Array) -> float:
-    """Largest change of a component, metres, radians or a descriptor's own unit."""
-    return float(np.abs(now - before if is_descriptor(key) else manifold.local(before, now)).max())

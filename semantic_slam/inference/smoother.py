@@ -257,6 +257,8 @@ class Smoother:
         except RuntimeError:
             isam = _new_isam(self.manifold, self.semantics, "QR")
             result = isam.update(graph, values, [], _groups(last))
+        if not np.isfinite(isam.getDelta().vector()).all():
+            raise RuntimeError("the system is not finite")
         indices = result.getNewFactorsIndices()[kept.size() :]
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, replace(made, indices=tuple(indices)), descriptors, last)
@@ -270,7 +272,7 @@ class Smoother:
         deltas = np.abs(self.isam.getDelta().vector()) / AT_REST
         limit = self.semantics.descriptor_threshold
         split = self.num_descriptors * len(limit)
-        if (deltas[split:].reshape(-1, self.manifold.dimension) > self.manifold.relinearize_threshold).any():
+        if not (deltas[split:].reshape(-1, self.manifold.dimension) <= self.manifold.relinearize_threshold).all():
             return False
         if not self.num_descriptors or not any(item.exact for item in self.made.named):
             return True
