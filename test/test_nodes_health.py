@@ -1,6 +1,7 @@
 """A node says what is wrong, by name, within five seconds."""
 
 import json
+import subprocess
 import time
 from collections.abc import Iterator
 
@@ -92,3 +93,29 @@ def test_publisher_whose_qos_cannot_match_is_named(listener: Listener) -> None:
 
 def test_topic_that_falls_silent_is_named(listener: Listener) -> None:
     listener.wait_for(1, "/image/compressed has been silent", within_s=WITHIN_S)
+
+
+def test_terminated_nodes_end_at_once_and_quietly() -> None:
+    """Whatever they were about to publish: nobody is left to take it."""
+    command = ["backend_node", "--ros-args", "-p"]
+    rclpy.init()
+    ears = Listener()
+    nodes = [
+        subprocess.Popen(
+            [*command, f"backend_id:={n}", "-r", f"__node:=backend_{n}"], stderr=subprocess.PIPE, text=True
+        )
+        for n in range(3)
+    ]
+    try:
+        for n in range(3):
+            ears.wait_for(0, f"backend_{n}", within_s=30.0)
+        for node in nodes:
+            node.terminate()
+        for node in nodes:
+            complaints = node.communicate(timeout=15.0)[1]
+            assert "Traceback" not in complaints
+    finally:
+        for node in nodes:
+            node.kill()
+        ears.node.destroy_node()
+        rclpy.try_shutdown()

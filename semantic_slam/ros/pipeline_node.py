@@ -103,6 +103,9 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
         pass
     except ParameterException as fault:
         raise InputError(f"{' '.join(str(fault).split())}; see config/default.yaml") from None
+    except Exception:
+        if rclpy.ok():  # after an interrupt, whatever still wants to publish fails
+            raise
     finally:
         if node is not None:
             node.worker.stop()

@@ -65,12 +65,17 @@ class Outlet:
         return bool(others) and self.num_readers > sum(name in silent for name in names)
 
     def send(self, data: bytes) -> None:
-        """Publish CDR bytes; waits while the readers are behind. Raises SemanticSlamError after a minute of that."""
+        """Publish CDR bytes; waits while the readers are behind. Raises SemanticSlamError after a minute of that.
+
+        A node that is being ended has nobody left to tell.
+        """
         give_up = time.monotonic() + PATIENCE_S
         while True:
             try:
                 return self._publisher.publish(data)
             except RuntimeError:  # the history is full: a reader takes nothing
+                if not self._node.context.ok():
+                    return
                 if time.monotonic() > give_up:
                     raise SemanticSlamError(f"{self.name}: a reader has taken nothing for {PATIENCE_S:.0f} s") from None
                 time.sleep(RETRY_S)
