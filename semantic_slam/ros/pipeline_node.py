@@ -98,14 +98,11 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
         _with_ros_arguments(rclpy.init)
         node = make_node()
         node.worker.start()
-        rclpy.spin(node)
+        _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except ParameterException as fault:
         raise InputError(f"{' '.join(str(fault).split())}; see config/default.yaml") from None
-    except Exception:
-        if rclpy.ok():  # after an interrupt, whatever still wants to publish fails
-            raise
     finally:
         if node is not None:
             node.worker.stop()
@@ -113,6 +110,14 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
         rclpy.try_shutdown()
     if node is not None and node.fault is not None:
         raise node.fault
+
+
+def _spin(node: PipelineNode) -> None:
+    try:
+        rclpy.spin(node)
+    except Exception:
+        if rclpy.ok():  # after an interrupt, whatever still wants to publish fails
+            raise
 
 
 def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable[[], None]:
