@@ -50,6 +50,7 @@ class LatentModel:
     grounding: Grounding | None = None
     formulation: str = "map"
     provenance: dict[str, object] = field(default_factory=dict)
+    space: str = ""  # identifies extractor and decoder; empty for a model that no file holds
 
     def __post_init__(self) -> None:
         """Raises ValueError when the parts do not fit each other."""

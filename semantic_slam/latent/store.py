@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ Arrays = dict[str, NDArray[Any]]
 SCHEMA_VERSION = 1
 KIND = "latent_descriptor"
 METADATA_KEY = "semantic_slam"
-SHIPPED_MODEL = "latent_model.safetensors"
+SPACE_DIGITS = 16
+"""Hexadecimal, of the name of a latent space."""
 REMEDY = "make one with train_latent_model"
 
 
@@ -64,9 +66,20 @@ def read_latent_model(path: Path) -> LatentModel:
             grounding=_grounding(arrays, description["class_names"]),
             formulation=str(description["formulation"]),
             provenance=dict(description["provenance"]),
+            space=space_of(arrays),
         )
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(f"{path}: incomplete latent model ({_one_line(fault)}); {REMEDY}") from None
+
+
+def space_of(arrays: Arrays) -> str:
+    """Of a file's parameters: what descriptors mean follows from extractor and decoder alone."""
+    digest = sha256()
+    for name in sorted(arrays):
+        if name.startswith(("extractor.", "decoder.")):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return f"latent-{digest.hexdigest()[:SPACE_DIGITS]}"
 
 
 def read_parts(path: Path) -> tuple[Arrays, dict[str, Any]]:
