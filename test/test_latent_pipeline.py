@@ -160,7 +160,9 @@ def test_a_map_of_another_latent_space_is_refused(report: Path) -> None:
     with pytest.raises(InputError, match="descriptor of 2 components"):
         problem_of(_run_of(replace(prior, objects=(short,))))
     for space in ("latent-0", ""):
-        with pytest.raises(InputError, match=f"of the latent space '{space}', the model's is '{prior.descriptor_space}'"):
+        with pytest.raises(
+            InputError, match=f"of the latent space '{space}', the model's is '{prior.descriptor_space}'"
+        ):
             problem_of(_run_of(replace(prior, descriptor_space=space)))
 
 

@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from latent_toy import DIMENSIONS, INSTANCES, random_network, toy_model, toy_views
+from latent_toy import DIMENSIONS, FEATURES, INSTANCES, random_network, toy_model, toy_views
 from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
 from semantic_slam.latent import energy_training
-from semantic_slam.latent.change_model import ChangeSettings, change_peaks, draw_pairs, fit_change_model
+from semantic_slam.latent.change_model import ChangeModel, change_peaks, changes_found, draw_pairs
+from semantic_slam.latent.change_training import ChangeSettings, fit_change_model
 from semantic_slam.latent.contrast_training import contrast
+from semantic_slam.latent.decorrelation import decorrelating
 from semantic_slam.latent.direction import NUM_INPUTS
 from semantic_slam.latent.energy_training import energy
 from semantic_slam.latent.extractor import FeatureExtractor
@@ -21,6 +23,7 @@ from semantic_slam.latent.extractor_store import read_extractor
 from semantic_slam.latent.feature_views import turned
 from semantic_slam.latent.grounding import ground
 from semantic_slam.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
+from semantic_slam.latent.latent_model import FeatureNoise, LatentModel
 from semantic_slam.latent.latent_prior import contrastive, n_pairs
 from semantic_slam.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
 from semantic_slam.latent.principal_components import principal_components
@@ -242,12 +245,15 @@ def test_changes_of_viewpoint_are_seen_without_any_pose() -> None:
     assert np.all(views.instance[first] == views.instance[second])
     errors = np.abs(change_peaks(model, views, first, second))
     assert (errors < np.deg2rad(10.0)).mean() > 0.9
+    found = changes_found(model, views, np.random.default_rng(1))
+    assert found["change_peak_within_10deg"] > 0.9
 
 
 def test_file_round_trip_and_extractor(tmp_path: Path) -> None:
     model = toy_model()
     grounding = ground(model.instances.names, model.instances.descriptors, {"thing_0": "a", "thing_1": "b"})
-    model = replace(model, grounding=grounding, provenance={"report": {"x": 1.0}})
+    changes = ChangeModel(random_network(np.random.default_rng(0), (FEATURES + NUM_INPUTS, 4, 2 * FEATURES)))
+    model = replace(model, grounding=grounding, changes=changes, provenance={"report": {"x": 1.0}})
     torch.manual_seed(0)
     extractor = FeatureExtractor(model.num_features).eval()
     path = tmp_path / "model.safetensors"
@@ -260,8 +266,38 @@ def test_file_round_trip_and_extractor(tmp_path: Path) -> None:
         atol=1e-5,
     )
     assert back.class_names == ("a", "b") and back.provenance == model.provenance
+    step = np.full((2, 2), 0.3)
+    np.testing.assert_allclose(
+        back.changes.predict(views.features[:2], step).mean, changes.predict(views.features[:2], step).mean, atol=1e-5
+    )
     crops = np.random.default_rng(0).integers(0, 255, (3, SIZE, SIZE, 3), dtype=np.uint8)
     np.testing.assert_array_equal(read_extractor(path).features(crops), extractor.features(crops))
+
+
+def test_the_name_of_a_space_follows_from_what_descriptors_mean(tmp_path: Path) -> None:
+    """Noise and classes may be found anew; another decoder or extractor makes another space."""
+    model, extractor = toy_model(), {"head.bias": np.zeros(FEATURES, dtype=np.float32)}
+
+    def space(model: LatentModel, extractor: dict[str, np.ndarray]) -> str:
+        save_latent_model(model, extractor, tmp_path / "model.safetensors")
+        return read_latent_model(tmp_path / "model.safetensors").space
+
+    own = space(model, extractor)
+    assert own.startswith("latent-")
+    assert space(replace(model, noise=FeatureNoise(np.ones(FEATURES), 3.0)), extractor) == own
+    assert space(toy_model(seed=1), extractor) != own
+    assert space(model, {"head.bias": np.ones(FEATURES, dtype=np.float32)}) != own
+
+
+def test_decorrelated_residuals_of_both_kinds() -> None:
+    generator = np.random.default_rng(0)
+    first, second = (generator.normal(size=(400, 5)) @ generator.normal(size=(5, 5)) for _ in range(2))
+    axes = decorrelating(first, second)
+    for residuals, unit in ((first, True), (second, False)):
+        covariance = (residuals @ axes.T).T @ (residuals @ axes.T) / len(residuals)
+        spread = np.sqrt(np.diag(covariance))
+        np.testing.assert_allclose(covariance / np.outer(spread, spread), np.eye(5), atol=1e-3)
+        assert not unit or np.allclose(spread, 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("fault", ["text", "foreign", "missing", "not finite", "absent"])

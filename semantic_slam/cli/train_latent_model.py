@@ -112,7 +112,7 @@ def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, 
 
 def _with_effort(settings: "TrainingSettings", effort: float) -> "TrainingSettings":
     """Passes and steps multiplied, one at least."""
-    names = ("regression_epochs", "contrast_epochs", "energy_epochs", "decoder_steps", "encoder_steps")
+    names = ("regression_epochs", "contrast_epochs", "energy_epochs", "decoder_steps", "encoder_steps", "change_steps")
     return replace(settings, **{name: max(round(effort * getattr(settings, name)), 1) for name in names})
 
 

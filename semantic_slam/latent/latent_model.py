@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.latent.direction import NUM_INPUTS, encoded, encoded_derivative
 from semantic_slam.latent.grounding import Grounding
 from semantic_slam.latent.model import DescriptorBelief, LatentPrediction
@@ -48,6 +49,7 @@ class LatentModel:
     turntable_noise: FeatureNoise  # of clean turntable pictures
     instances: Instances
     grounding: Grounding | None = None
+    changes: ChangeModel | None = None  # the alternative without object poses (Sec. 5.1); inference has no use for it
     formulation: str = "map"
     provenance: dict[str, object] = field(default_factory=dict)
     space: str = ""  # identifies extractor and decoder; empty for a model that no file holds
@@ -88,7 +90,7 @@ class LatentModel:
 
     def mean(self, viewpoints: Viewpoints, descriptors: Array) -> Array:
         """(B, F) mean alone, for rasters."""
-        return self.decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))
+        return decoded(self.decoder, viewpoints, descriptors)
 
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
         count, dimensions = descriptors.shape
@@ -110,3 +112,8 @@ class LatentModel:
         if self.grounding is None:
             return np.zeros((len(belief.mean), 0))
         return self.grounding.log_likelihood(belief)
+
+
+def decoded(decoder: SmoothNetwork, viewpoints: Viewpoints, descriptors: Array) -> Array:
+    """(B, F) mean of Eq. 5.10."""
+    return decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))

@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
 from semantic_slam.latent.calibration import calibrated
+from semantic_slam.latent.change_training import ChangeSettings, fit_change_model
 from semantic_slam.latent.contrast_training import contrast
+from semantic_slam.latent.decorrelation import decorrelating
 from semantic_slam.latent.energy_training import energy, rescale_to_bowl
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.grounding import ground
 from semantic_slam.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
-from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
+from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel, decoded
 from semantic_slam.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
 from semantic_slam.latent.principal_components import principal_components
 from semantic_slam.latent.regression_training import fit_extractor
@@ -43,6 +45,7 @@ class TrainingSettings:
     energy_epochs: int = 2
     decoder_steps: int = 4000
     encoder_steps: int = 2000
+    change_steps: int = 2500
     shaped_by_tags: bool = False  # whether tags take part in training (Eq. 5.18), or name regions of a finished space
     seed: int = 0
 
@@ -131,18 +134,35 @@ def _model(
     settings: TrainingSettings,
     tags: Mapping[str, str] | None,
 ) -> LatentModel:
-    """Encoder, noise and classes added to decoder and descriptors."""
+    """Feature axes, encoder, noise, changes of viewpoint and classes added to decoder and descriptors."""
+    in_rooms = seen_in_rooms(split.calibrate, seen.names, extractor, settings.seed + 1)
+    on_turntable = seen_plain(split.calibrate, seen.names, extractor)
+    axes = _axes(fitted, in_rooms, on_turntable, seen)
+    extractor.project(axes, np.zeros(len(axes)))
+    seen, in_rooms, on_turntable = (
+        views.with_features(views.features @ axes.T) for views in (seen, in_rooms, on_turntable)
+    )
     encoder = fit_encoder(seen, fitted.descriptors, EncoderSettings(steps=settings.encoder_steps, seed=settings.seed))
-    unknown = FeatureNoise(np.ones(fitted.decoder.num_outputs), 1.0)
+    unknown = FeatureNoise(np.ones(len(axes)), 1.0)
     model = LatentModel(
-        decoder=fitted.decoder,
+        decoder=fitted.decoder.followed_by(axes),
         encoder=encoder,
         noise=unknown,
         turntable_noise=unknown,
         instances=Instances(seen.names, fitted.descriptors),
         grounding=ground(seen.names, fitted.descriptors, tags) if tags else None,
+        changes=fit_change_model(seen, ChangeSettings(steps=settings.change_steps, seed=settings.seed)),
         formulation=settings.formulation,
         provenance={"training": asdict(settings)},
     )
-    in_rooms = seen_in_rooms(split.calibrate, seen.names, extractor, settings.seed + 1)
-    return calibrated(model, in_rooms, seen_plain(split.calibrate, seen.names, extractor))
+    return calibrated(model, in_rooms, on_turntable)
+
+
+def _axes(fitted: Fitted, in_rooms: FeatureViews, on_turntable: FeatureViews, seen: FeatureViews) -> Array:
+    """(F, F): residuals of calibration views uncorrelated for both kinds of crops; features of about unit size."""
+    residuals = [
+        views.features - decoded(fitted.decoder, views.viewpoints, fitted.descriptors[views.instance])
+        for views in (in_rooms, on_turntable)
+    ]
+    axes = decorrelating(*residuals)
+    return np.asarray(axes / np.sqrt((seen.features @ axes.T).var(axis=0).mean()))
