@@ -15,7 +15,6 @@ from semantic_slam.latent import energy_training
 from semantic_slam.latent.change_model import ChangeModel, change_peaks, changes_found, draw_pairs
 from semantic_slam.latent.change_training import ChangeSettings, fit_change_model
 from semantic_slam.latent.contrast_training import contrast
-from semantic_slam.latent.decorrelation import decorrelating
 from semantic_slam.latent.direction import NUM_INPUTS
 from semantic_slam.latent.energy_training import energy
 from semantic_slam.latent.extractor import FeatureExtractor
@@ -287,17 +286,6 @@ def test_the_name_of_a_space_follows_from_what_descriptors_mean(tmp_path: Path) 
     assert space(replace(model, noise=FeatureNoise(np.ones(FEATURES), 3.0)), extractor) == own
     assert space(toy_model(seed=1), extractor) != own
     assert space(model, {"head.bias": np.ones(FEATURES, dtype=np.float32)}) != own
-
-
-def test_decorrelated_residuals_of_both_kinds() -> None:
-    generator = np.random.default_rng(0)
-    first, second = (generator.normal(size=(400, 5)) @ generator.normal(size=(5, 5)) for _ in range(2))
-    axes = decorrelating(first, second)
-    for residuals, unit in ((first, True), (second, False)):
-        covariance = (residuals @ axes.T).T @ (residuals @ axes.T) / len(residuals)
-        spread = np.sqrt(np.diag(covariance))
-        np.testing.assert_allclose(covariance / np.outer(spread, spread), np.eye(5), atol=1e-3)
-        assert not unit or np.allclose(spread, 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("fault", ["text", "foreign", "missing", "not finite", "absent"])

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -5.0, 5.0
 """Of the second view's features."""
-PAIRS = 2000
+PAIRS = 600
 """Drawn to judge a model by."""
 NEAR_RAD, LEAST_TURN_RAD = float(np.deg2rad(45.0)), float(np.deg2rad(1.0))
 """Azimuths of a near pair differ by no more; of any pair that is judged, by no less."""

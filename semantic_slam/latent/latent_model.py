@@ -90,7 +90,7 @@ class LatentModel:
 
     def mean(self, viewpoints: Viewpoints, descriptors: Array) -> Array:
         """(B, F) mean alone, for rasters."""
-        return decoded(self.decoder, viewpoints, descriptors)
+        return self.decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))
 
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
         count, dimensions = descriptors.shape
@@ -112,8 +112,3 @@ class LatentModel:
         if self.grounding is None:
             return np.zeros((len(belief.mean), 0))
         return self.grounding.log_likelihood(belief)
-
-
-def decoded(decoder: SmoothNetwork, viewpoints: Viewpoints, descriptors: Array) -> Array:
-    """(B, F) mean of Eq. 5.10."""
-    return decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))

@@ -49,11 +49,6 @@ class SmoothNetwork:
             hidden = np.tanh(hidden @ layer.weight.T + layer.bias)
         return np.asarray(hidden @ self.layers[-1].weight.T + self.layers[-1].bias)
 
-    def followed_by(self, matrix: Array) -> "SmoothNetwork":
-        """matrix @ y: (outputs', outputs)."""
-        last = self.layers[-1]
-        return SmoothNetwork([*self.layers[:-1], Layer(matrix @ last.weight, matrix @ last.bias)])
-
     def value_and_tangents(self, inputs: Array, tangents: Array) -> tuple[Array, Array]:
         """(B, outputs) and its derivatives (B, outputs, T) along T directions (B, inputs, T) of the input."""
         count, _, directions = tangents.shape

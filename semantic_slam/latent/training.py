@@ -10,13 +10,12 @@ from semantic_slam.errors import InputError
 from semantic_slam.latent.calibration import calibrated
 from semantic_slam.latent.change_training import ChangeSettings, fit_change_model
 from semantic_slam.latent.contrast_training import contrast
-from semantic_slam.latent.decorrelation import decorrelating
 from semantic_slam.latent.energy_training import energy, rescale_to_bowl
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.grounding import ground
 from semantic_slam.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
-from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel, decoded
+from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
 from semantic_slam.latent.principal_components import principal_components
 from semantic_slam.latent.regression_training import fit_extractor
@@ -29,6 +28,8 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 FORMULATIONS = ("map", "energy")
+CALIBRATION_DRAWS = 3
+"""Rooms that every calibration view is seen in."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,12 @@ class TrainingSettings:
     """How the shipped model was trained; ``epochs`` go over every crop once each."""
 
     formulation: str = "map"  # of FORMULATIONS
-    draws: int = 4  # crops in rooms of every training view, beside a plain one
+    draws: int = 6  # crops in rooms of every training view, beside a plain one
     num_features: int = 32
     dimensions: int = 12
     hidden: tuple[int, ...] = (96, 96)
-    regression_epochs: int = 6
-    contrast_epochs: int = 9
+    regression_epochs: int = 4
+    contrast_epochs: int = 7
     energy_epochs: int = 2
     decoder_steps: int = 4000
     encoder_steps: int = 2000
@@ -101,10 +102,10 @@ def training_crops(views: Sequence[ObjectView], settings: TrainingSettings) -> B
 
 
 def seen_in_rooms(
-    views: Sequence[ObjectView], names: tuple[str, ...], extractor: FeatureExtractor, seed: int
+    views: Sequence[ObjectView], names: tuple[str, ...], extractor: FeatureExtractor, seed: int, draws: int = 1
 ) -> FeatureViews:
-    """Features of the views as detections in rooms."""
-    crops = room_crops(views, extractor.input_size, 1, seed)
+    """Features of the views as detections in rooms, each in so many of them."""
+    crops = room_crops(views, extractor.input_size, draws, seed)
     return feature_views(views, names, extractor.features(crops))
 
 
@@ -134,18 +135,11 @@ def _model(
     settings: TrainingSettings,
     tags: Mapping[str, str] | None,
 ) -> LatentModel:
-    """Feature axes, encoder, noise, changes of viewpoint and classes added to decoder and descriptors."""
-    in_rooms = seen_in_rooms(split.calibrate, seen.names, extractor, settings.seed + 1)
-    on_turntable = seen_plain(split.calibrate, seen.names, extractor)
-    axes = _axes(fitted, in_rooms, on_turntable, seen)
-    extractor.project(axes, np.zeros(len(axes)))
-    seen, in_rooms, on_turntable = (
-        views.with_features(views.features @ axes.T) for views in (seen, in_rooms, on_turntable)
-    )
+    """Encoder, noise, changes of viewpoint and classes added to decoder and descriptors."""
     encoder = fit_encoder(seen, fitted.descriptors, EncoderSettings(steps=settings.encoder_steps, seed=settings.seed))
-    unknown = FeatureNoise(np.ones(len(axes)), 1.0)
+    unknown = FeatureNoise(np.ones(fitted.decoder.num_outputs), 1.0)
     model = LatentModel(
-        decoder=fitted.decoder.followed_by(axes),
+        decoder=fitted.decoder,
         encoder=encoder,
         noise=unknown,
         turntable_noise=unknown,
@@ -155,14 +149,5 @@ def _model(
         formulation=settings.formulation,
         provenance={"training": asdict(settings)},
     )
-    return calibrated(model, in_rooms, on_turntable)
-
-
-def _axes(fitted: Fitted, in_rooms: FeatureViews, on_turntable: FeatureViews, seen: FeatureViews) -> Array:
-    """(F, F): residuals of calibration views uncorrelated for both kinds of crops; features of about unit size."""
-    residuals = [
-        views.features - decoded(fitted.decoder, views.viewpoints, fitted.descriptors[views.instance])
-        for views in (in_rooms, on_turntable)
-    ]
-    axes = decorrelating(*residuals)
-    return np.asarray(axes / np.sqrt((seen.features @ axes.T).var(axis=0).mean()))
+    in_rooms = seen_in_rooms(split.calibrate, seen.names, extractor, settings.seed + 1, CALIBRATION_DRAWS)
+    return calibrated(model, in_rooms, seen_plain(split.calibrate, seen.names, extractor))
