@@ -25,6 +25,7 @@ from semantic_slam.latent.evaluation import (
     local_ascent,
     nees,
     nees_in_doubt,
+    nees_tempered_by_others,
     one_of_each_direction,
     own_descriptors,
 )
@@ -153,6 +154,7 @@ def test_an_inferred_descriptor_leaves_doubt_about_the_direction(model: LatentMo
     in_doubt = np.mean([nees_in_doubt(model, each).nees for each in inferred])
     assert exact > 1.5
     assert in_doubt == pytest.approx(1.0, abs=0.35)
+    assert np.mean([nees_tempered_by_others(model, each).nees for each in inferred]) == pytest.approx(1.0, abs=0.5)
 
 
 def test_a_certain_descriptor_leaves_the_ascent_as_it_is(model: LatentModel) -> None:

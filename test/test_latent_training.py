@@ -239,7 +239,7 @@ def test_changes_of_viewpoint_are_seen_without_any_pose() -> None:
     azimuth = views.viewpoints.azimuth_rad
     ring = np.column_stack([np.cos(azimuth), np.sin(azimuth), views.instance / 3.0])
     views = views.with_features(ring + 0.02 * np.random.default_rng(0).normal(size=ring.shape))
-    model = fit_change_model(views, ChangeSettings(hidden=(48, 48), steps=1500, batch_size=128))
+    model = fit_change_model(views, ChangeSettings(hidden=(48, 48), steps=700, batch_size=128))
     first, second = draw_pairs(views, 100, np.pi, np.random.default_rng(1))
     assert np.all(views.instance[first] == views.instance[second])
     errors = np.abs(change_peaks(model, views, first, second))

@@ -190,7 +190,21 @@ def descriptors_from_views(
 
 def nees_in_doubt(model: LatentModel, inferred: Inferred) -> Consistency:
     """Of the azimuth where the descriptor is no more certain than the views that it was inferred from."""
+    return consistency(_squared_in_doubt(model, inferred))
+
+
+def nees_tempered_by_others(model: LatentModel, inferred: Inferred) -> Consistency:
+    """The same where half of the objects tell how much wider sigma has to be for the other half, and these for them.
+
+    A decoder is less right about objects that it was not fitted to, however certain their descriptors are.
+    """
+    squared, odd = _squared_in_doubt(model, inferred), inferred.views.instance % 2 == 1
+    return consistency(squared / np.where(odd, squared[~odd].mean(), squared[odd].mean()))
+
+
+def _squared_in_doubt(model: LatentModel, inferred: Inferred) -> Array:
+    """(N,) squared error of the azimuth over its variance, view by view."""
     views, own = inferred.views, inferred.of_object
     of_view = DescriptorEstimate(*(values[views.instance] for values in (own.mean, own.sigma, own.covariance)))
     estimate = azimuth_in_doubt(model, views.viewpoints, of_view, views.features)
-    return consistency(wrap_angle(estimate.azimuth_rad - views.viewpoints.azimuth_rad) ** 2 / estimate.variance)
+    return np.asarray(wrap_angle(estimate.azimuth_rad - views.viewpoints.azimuth_rad) ** 2 / estimate.variance)

@@ -84,6 +84,7 @@ def _of_new(model: LatentModel, views: FeatureViews, seed: int) -> dict[str, flo
         "new_instances_peak_within_5deg_local": local.within(5.0),
         **_of_changes(model, views, "new_instances_", seed),
         "new_instances_nees": evaluation.nees_in_doubt(model, inferred).nees,
+        "new_instances_nees_tempered_by_others": evaluation.nees_tempered_by_others(model, inferred).nees,
         "new_instances_nees_descriptor_exact": evaluation.nees(model, inferred.views, inferred.descriptors).nees,
     }
 
@@ -143,6 +144,7 @@ COLUMNS = {
     "within_two_sigma_untempered": "untempered",
     "new_instances_nees": "new instances: NEES",
     "new_instances_nees_descriptor_exact": "descriptor taken as exact",
+    "new_instances_nees_tempered_by_others": "sigma widened by other new ones",
 }
 
 
