@@ -184,7 +184,7 @@ def test_the_ordering_term_wants_features_ordered_as_pictures() -> None:
 
 
 def test_training_jointly_lowers_the_loss_and_moves_every_part() -> None:
-    views = crop_views(striped_views(12))
+    views = crop_views(striped_views(24))
     torch.manual_seed(0)
     model = JointModel(FeatureExtractor(8), 3, 2, (16,))
     before = {name: value.clone() for name, value in model.named_parameters()}
@@ -195,7 +195,7 @@ def test_training_jointly_lowers_the_loss_and_moves_every_part() -> None:
             return float(contrast(model, model.features(views.crops), views, rows, np.random.default_rng(0)))
 
     start = loss()
-    train_jointly(model, views, contrast, JointSettings(epochs=8, batch_size=30))
+    train_jointly(model, views, contrast, JointSettings(epochs=14, batch_size=15))
     assert loss() < 0.8 * start
     assert all(torch.any(value != before[name]) for name, value in model.named_parameters())
     assert not any(value.requires_grad for value in model.parameters())
@@ -223,7 +223,7 @@ def test_tags_pull_instances_of_a_class_together() -> None:
     sizes = (NUM_INPUTS + DIMENSIONS, 16, views.features.shape[1])
     start = Fitted(random_network(generator, sizes), generator.normal(size=(INSTANCES, DIMENSIONS)))
     tags = {name: "first" if index < 3 else "second" for index, name in enumerate(views.names)}
-    settings = MapSettings(steps=150, learning_rate=1e-2, prior_weight=5.0)
+    settings = MapSettings(steps=150, learning_rate=1e-2, prior_weight=5.0, batch_size=128)
 
     def spread_within(known: dict[str, str]) -> float:
         descriptors = fit_map(views, start, settings, known).descriptors
