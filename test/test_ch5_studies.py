@@ -9,6 +9,7 @@ from rendering import skip_unless_rendering_works
 from semantic_slam.geometry import se2
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.latent.feature_views import FeatureViews
+from semantic_slam.latent.refinement import RefinementSettings
 from semantic_slam.simulation.goods import goods_class, goods_names
 from semantic_slam.studies import ch5_grounding, ch5_latent_space, ch5_likelihood, ch5_sensitivity
 from semantic_slam.studies.ch5_models import FORMULATIONS, NUM_GOODS, Shipped, descriptor_of, known, new, trained
@@ -129,7 +130,7 @@ def test_refinement_is_judged_on_tracks_that_it_has_not_seen(shipped: Shipped) -
     goods = goods_names(NUM_GOODS)
     names = (known(shipped, goods)[3], known(shipped, goods)[9])
     runs = [small_track(shipped, name, number) for name in names for number in range(2)]
-    numbers = refinement_numbers(runs, names[1:], "map", 1, 0)
+    numbers = refinement_numbers(runs, names[1:], "map", 1, RefinementSettings(steps=20))
     for group in ("trained", "new"):
         before, after = (numbers[f"{group}_objects_{when}_log_likelihood_per_view"] for when in ("before", "after"))
         assert abs(after - before) < 5.0

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.latent.refinement import RefinementSettings
 from semantic_slam.studies.ch5_localization_figures import errors_figure, example_figure
 from semantic_slam.studies.ch5_models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, known, new, trained
 from semantic_slam.studies.ch5_pages import framed, numbers_table
@@ -37,7 +38,8 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     config = {"objects": list(old), "new_objects": list(unseen), "tracks_per_object": tracks}
     result = framed(NAME, numbers, config, quick=quick, seed=seed)
     result["tracks"] = [_told(run) for run in runs]
-    result["refinement"] = {name: refinement_numbers(runs, unseen, name, jobs, seed) for name in REFINED}
+    settings = RefinementSettings(seed=seed)
+    result["refinement"] = {name: refinement_numbers(runs, unseen, name, jobs, settings) for name in REFINED}
     median = float(np.median([run.ratio(DEFAULT) for run in of_known]))
     example = min(of_known, key=lambda run: abs(run.ratio(DEFAULT) - median))
     figures = [

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def refinement_numbers(
-    runs: Sequence[Located], new_names: Sequence[str], formulation: str, jobs: int, seed: int
+    runs: Sequence[Located], new_names: Sequence[str], formulation: str, jobs: int, settings: RefinementSettings
 ) -> dict[str, float]:
     """Before and after, for trained and for new objects; the last track around each object judges."""
     last = max(run.number for run in runs)
@@ -31,7 +31,7 @@ def refinement_numbers(
             ends = _solved(by, used, formulation, jobs)
         return _at(used, ends, formulation)
 
-    after = refined(model, localise, RefinementSettings(seed=seed))
+    after = refined(model, localise, settings)
     descriptors["after"] = _descriptors(used, ends)
     estimates = {
         "before": [run.estimates[formulation] for run in judged],
