@@ -30,6 +30,7 @@ class SemanticModelConfiguration:
         choices=("none", "parametric", "gp_independent", "gp_correlated", "latent"),
     )
     path: str = parameter("", "file of the viewpoint models, or of the latent space; empty: the shipped one")
+    space: str = parameter("", "latent: the space that the file must hold; empty: any, a run notes which it is")
     class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
     correlated_views: float = parameter(
         4.0,

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from rendering import skip_unless_rendering_works
 
+from semantic_slam.geometry import se2
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.latent.feature_views import FeatureViews
+from semantic_slam.latent.refinement import RefinementSettings
 from semantic_slam.simulation.goods import goods_class, goods_names
 from semantic_slam.studies import ch5_grounding, ch5_latent_space, ch5_likelihood, ch5_sensitivity
 from semantic_slam.studies.ch5_models import FORMULATIONS, NUM_GOODS, Shipped, descriptor_of, known, new, trained
 from semantic_slam.studies.ch5_rasters import raster_figure
-from semantic_slam.studies.ch5_tracks import located
+from semantic_slam.studies.ch5_refinement import refinement_numbers
+from semantic_slam.studies.ch5_tracks import SIGMA_STEP, Drive, Located, located
 from semantic_slam.studies.ch5_views import named, validation_views
 from semantic_slam.studies.latent_slam_maps import unannotated, with_classes, with_instances
 from semantic_slam.viewpoint.model import Viewpoints
@@ -120,6 +123,35 @@ def test_learned_factor_mends_a_track(shipped: Shipped) -> None:
     run = located(known(shipped, goods_names(NUM_GOODS))[5], 0, 0, models=("map",))
     assert run.ratio("map") < 0.8
     assert set(run.estimates) == {"map", "map_descriptor_known"}
+
+
+def test_refinement_is_judged_on_tracks_that_it_has_not_seen(shipped: Shipped) -> None:
+    """In the model's own world there is nothing to refine: errors and likelihoods stay about what they were."""
+    goods = goods_names(NUM_GOODS)
+    names = (known(shipped, goods)[3], known(shipped, goods)[9])
+    runs = [small_track(shipped, name, number) for name in names for number in range(2)]
+    numbers = refinement_numbers(runs, names[1:], "map", 1, RefinementSettings(steps=20))
+    for group in ("trained", "new"):
+        before, after = (numbers[f"{group}_objects_{when}_log_likelihood_per_view"] for when in ("before", "after"))
+        assert abs(after - before) < 5.0
+        assert numbers[f"{group}_objects_after_error_vs_dead_reckoning"] < 1.5
+
+
+def small_track(shipped: Shipped, name: str, number: int) -> Located:
+    """A quarter of a circle around an object whose features are those that the model expects, with some noise."""
+    generator = np.random.default_rng(number)
+    turns = number + np.linspace(0.0, 1.5, 5)
+    truth = np.column_stack([2.0 * np.cos(turns), 2.0 * np.sin(turns), turns + np.pi / 2.0])
+    directions = Viewpoints(turns, np.full(len(turns), 0.25), np.full(len(turns), 2.0))
+    expected = shipped.model.predict(directions, np.tile(descriptor_of(shipped, name), (len(turns), 1)))
+    features = expected.mean + 0.3 * expected.sigma * generator.standard_normal(expected.mean.shape)
+    odometry = se2.between(truth[:-1], truth[1:]) + SIGMA_STEP * generator.standard_normal((len(turns) - 1, 3))
+    reckoned = [truth[0]]
+    for step in odometry:
+        reckoned.append(se2.compose(reckoned[-1], step))
+    drive = Drive(features, directions.elevation_rad, truth[0], odometry, np.zeros(3))
+    ends = {"map": drive.smoothed(shipped.model, shipped.model.prior)}
+    return Located(name, number, truth, np.array(reckoned), {"map": drive}, ends)
 
 
 def test_maps_tell_poses_classes_or_instances(shipped: Shipped) -> None:

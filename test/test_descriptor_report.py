@@ -1,6 +1,7 @@
 """The latent space in a report, and on its way into a later run's map prior."""
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -65,8 +66,11 @@ def test_labels_are_escaped() -> None:
 
 
 def test_objects_json_carries_descriptors_to_the_next_run(analysis: Analysis, tmp_path: Path) -> None:
-    prior: MapPrior = map_prior(analysis.record.beliefs[-1])
+    settings = json.dumps({"semantic_model": {"kind": "latent", "space": "latent-0123"}})
+    run = dataclasses.replace(analysis.record.run, configuration=settings)
+    prior: MapPrior = map_prior(dataclasses.replace(analysis.record, run=run))
     again = parse_map_prior(prior.to_json(), "objects.json")
+    assert again.descriptor_space == "latent-0123"
     np.testing.assert_allclose(again.objects[2].descriptor, MEAN[2])
     np.testing.assert_allclose(again.objects[2].descriptor_variance, 0.04)
     rows = report_document(analysis)["objects"]

@@ -8,7 +8,13 @@ import torch
 from latent_toy import DIMENSIONS, FEATURES, INSTANCES, SIGMA, random_network, toy_directions, toy_model, toy_views
 
 from semantic_slam.errors import InputError
-from semantic_slam.latent.ascent import ascend_azimuth, azimuth_raster, infer_descriptors
+from semantic_slam.latent.ascent import (
+    DescriptorEstimate,
+    ascend_azimuth,
+    azimuth_in_doubt,
+    azimuth_raster,
+    infer_descriptors,
+)
 from semantic_slam.latent.calibration import feature_noise
 from semantic_slam.latent.evaluation import (
     azimuth_peaks,
@@ -18,6 +24,8 @@ from semantic_slam.latent.evaluation import (
     identification_of_groups,
     local_ascent,
     nees,
+    nees_in_doubt,
+    nees_tempered_by_others,
     one_of_each_direction,
     own_descriptors,
 )
@@ -136,6 +144,28 @@ def test_descriptors_are_inferred_from_a_few_views(model: LatentModel) -> None:
     error = np.abs(inferred.of_object.mean - model.instances.descriptors)
     assert np.median(error / inferred.of_object.sigma) < 2.0
     assert np.median(error) < 0.3 * model.prior.sigma.mean()
+
+
+def test_an_inferred_descriptor_leaves_doubt_about_the_direction(model: LatentModel) -> None:
+    """Features as noisy as the model says, descriptors from two views: errors are as large as told only with doubt."""
+    views = toy_views(model, per_instance=80)
+    inferred = [descriptors_from_views(model, views, 2, np.random.default_rng(seed)) for seed in range(6)]
+    exact = np.mean([nees(model, each.views, each.descriptors).nees for each in inferred])
+    in_doubt = np.mean([nees_in_doubt(model, each).nees for each in inferred])
+    assert exact > 1.5
+    assert in_doubt == pytest.approx(1.0, abs=0.35)
+    assert np.mean([nees_tempered_by_others(model, each).nees for each in inferred]) == pytest.approx(1.0, abs=0.5)
+
+
+def test_a_certain_descriptor_leaves_the_ascent_as_it_is(model: LatentModel) -> None:
+    views = toy_views(model, per_instance=10)
+    own = own_descriptors(model, views)
+    certain = np.tile(1e-12 * np.eye(DIMENSIONS), (len(own), 1, 1))
+    estimate = DescriptorEstimate(own, np.full(own.shape, 1e-6), certain)
+    plain = ascend_azimuth(model, views.viewpoints, own, views.features)
+    together = azimuth_in_doubt(model, views.viewpoints, estimate, views.features)
+    np.testing.assert_allclose(together.azimuth_rad, plain.azimuth_rad, atol=1e-3)
+    np.testing.assert_allclose(together.variance, plain.variance, rtol=1e-2)
 
 
 def test_more_views_leave_less_doubt(model: LatentModel) -> None:

@@ -80,8 +80,9 @@ def test_the_lost_robot_finds_itself_without_classes(report: Path) -> None:
 def test_its_report_shows_the_descriptors(report: Path) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
     assert "The latent space" in page and "map of the latent space" in page
-    objects = json.loads((report / "objects.json").read_text())["objects"]
-    assert all("descriptor" in row for row in objects)
+    document, model = json.loads((report / "objects.json").read_text()), load_latent_model(SETTINGS)
+    assert all("descriptor" in row for row in document["objects"])
+    assert model is not None and document["descriptor_space"] == model.space
 
 
 def test_measurements_carry_features_and_elevations(record: Record) -> None:
@@ -153,10 +154,24 @@ def test_a_map_tells_the_descriptors_of_its_objects(report: Path, record: Record
 
 
 def test_a_map_of_another_latent_space_is_refused(report: Path) -> None:
-    first = read_map_prior(report / "objects.json").objects[0]
+    prior = read_map_prior(report / "objects.json")
+    first = prior.objects[0]
     short = replace(first, descriptor=first.descriptor[:2], descriptor_variance=first.descriptor_variance[:2])
     with pytest.raises(InputError, match="descriptor of 2 components"):
-        problem_of(_run_of(MapPrior((short,))))
+        problem_of(_run_of(replace(prior, objects=(short,))))
+    for space in ("latent-0", ""):
+        with pytest.raises(
+            InputError, match=f"of the latent space '{space}', the model's is '{prior.descriptor_space}'"
+        ):
+            problem_of(_run_of(replace(prior, descriptor_space=space)))
+
+
+def test_a_run_is_bound_to_its_latent_space(record: Record) -> None:
+    """A backend or a query that has another file than the run had refuses instead of answering wrongly."""
+    settings = json.loads(record.run.configuration)["semantic_model"]
+    assert settings["space"] == load_latent_model(SETTINGS).space  # type: ignore[union-attr]
+    with pytest.raises(InputError, match="wanted is latent-0"):
+        load_latent_model(replace(SETTINGS, space="latent-0"))
 
 
 def test_the_service_answers_from_the_newest_belief(record: Record, crop: tuple) -> None:

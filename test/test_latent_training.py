@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from latent_toy import DIMENSIONS, INSTANCES, random_network, toy_model, toy_views
+from latent_toy import DIMENSIONS, FEATURES, INSTANCES, random_network, toy_model, toy_views
 from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
 from semantic_slam.latent import energy_training
-from semantic_slam.latent.change_model import ChangeSettings, change_peaks, draw_pairs, fit_change_model
+from semantic_slam.latent.change_model import ChangeModel, change_peaks, changes_found, draw_pairs
+from semantic_slam.latent.change_training import ChangeSettings, fit_change_model
 from semantic_slam.latent.contrast_training import contrast
 from semantic_slam.latent.direction import NUM_INPUTS
 from semantic_slam.latent.energy_training import energy
@@ -21,6 +22,7 @@ from semantic_slam.latent.extractor_store import read_extractor
 from semantic_slam.latent.feature_views import turned
 from semantic_slam.latent.grounding import ground
 from semantic_slam.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
+from semantic_slam.latent.latent_model import FeatureNoise, LatentModel
 from semantic_slam.latent.latent_prior import contrastive, n_pairs
 from semantic_slam.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
 from semantic_slam.latent.principal_components import principal_components
@@ -182,7 +184,7 @@ def test_the_ordering_term_wants_features_ordered_as_pictures() -> None:
 
 
 def test_training_jointly_lowers_the_loss_and_moves_every_part() -> None:
-    views = crop_views(striped_views(12))
+    views = crop_views(striped_views(24))
     torch.manual_seed(0)
     model = JointModel(FeatureExtractor(8), 3, 2, (16,))
     before = {name: value.clone() for name, value in model.named_parameters()}
@@ -193,7 +195,7 @@ def test_training_jointly_lowers_the_loss_and_moves_every_part() -> None:
             return float(contrast(model, model.features(views.crops), views, rows, np.random.default_rng(0)))
 
     start = loss()
-    train_jointly(model, views, contrast, JointSettings(epochs=8, batch_size=30))
+    train_jointly(model, views, contrast, JointSettings(epochs=14, batch_size=15))
     assert loss() < 0.8 * start
     assert all(torch.any(value != before[name]) for name, value in model.named_parameters())
     assert not any(value.requires_grad for value in model.parameters())
@@ -221,7 +223,7 @@ def test_tags_pull_instances_of_a_class_together() -> None:
     sizes = (NUM_INPUTS + DIMENSIONS, 16, views.features.shape[1])
     start = Fitted(random_network(generator, sizes), generator.normal(size=(INSTANCES, DIMENSIONS)))
     tags = {name: "first" if index < 3 else "second" for index, name in enumerate(views.names)}
-    settings = MapSettings(steps=150, learning_rate=1e-2, prior_weight=5.0)
+    settings = MapSettings(steps=150, learning_rate=1e-2, prior_weight=5.0, batch_size=128)
 
     def spread_within(known: dict[str, str]) -> float:
         descriptors = fit_map(views, start, settings, known).descriptors
@@ -237,17 +239,20 @@ def test_changes_of_viewpoint_are_seen_without_any_pose() -> None:
     azimuth = views.viewpoints.azimuth_rad
     ring = np.column_stack([np.cos(azimuth), np.sin(azimuth), views.instance / 3.0])
     views = views.with_features(ring + 0.02 * np.random.default_rng(0).normal(size=ring.shape))
-    model = fit_change_model(views, ChangeSettings(hidden=(48, 48), steps=1500, batch_size=128))
+    model = fit_change_model(views, ChangeSettings(hidden=(48, 48), steps=700, batch_size=128))
     first, second = draw_pairs(views, 100, np.pi, np.random.default_rng(1))
     assert np.all(views.instance[first] == views.instance[second])
     errors = np.abs(change_peaks(model, views, first, second))
     assert (errors < np.deg2rad(10.0)).mean() > 0.9
+    found = changes_found(model, views, np.random.default_rng(1))
+    assert found["change_peak_within_10deg"] > 0.9
 
 
 def test_file_round_trip_and_extractor(tmp_path: Path) -> None:
     model = toy_model()
     grounding = ground(model.instances.names, model.instances.descriptors, {"thing_0": "a", "thing_1": "b"})
-    model = replace(model, grounding=grounding, provenance={"report": {"x": 1.0}})
+    changes = ChangeModel(random_network(np.random.default_rng(0), (FEATURES + NUM_INPUTS, 4, 2 * FEATURES)))
+    model = replace(model, grounding=grounding, changes=changes, provenance={"report": {"x": 1.0}})
     torch.manual_seed(0)
     extractor = FeatureExtractor(model.num_features).eval()
     path = tmp_path / "model.safetensors"
@@ -260,8 +265,27 @@ def test_file_round_trip_and_extractor(tmp_path: Path) -> None:
         atol=1e-5,
     )
     assert back.class_names == ("a", "b") and back.provenance == model.provenance
+    step = np.full((2, 2), 0.3)
+    np.testing.assert_allclose(
+        back.changes.predict(views.features[:2], step).mean, changes.predict(views.features[:2], step).mean, atol=1e-5
+    )
     crops = np.random.default_rng(0).integers(0, 255, (3, SIZE, SIZE, 3), dtype=np.uint8)
     np.testing.assert_array_equal(read_extractor(path).features(crops), extractor.features(crops))
+
+
+def test_the_name_of_a_space_follows_from_what_descriptors_mean(tmp_path: Path) -> None:
+    """Noise and classes may be found anew; another decoder or extractor makes another space."""
+    model, extractor = toy_model(), {"head.bias": np.zeros(FEATURES, dtype=np.float32)}
+
+    def space(model: LatentModel, extractor: dict[str, np.ndarray]) -> str:
+        save_latent_model(model, extractor, tmp_path / "model.safetensors")
+        return read_latent_model(tmp_path / "model.safetensors").space
+
+    own = space(model, extractor)
+    assert own.startswith("latent-")
+    assert space(replace(model, noise=FeatureNoise(np.ones(FEATURES), 3.0)), extractor) == own
+    assert space(toy_model(seed=1), extractor) != own
+    assert space(model, {"head.bias": np.ones(FEATURES, dtype=np.float32)}) != own
 
 
 @pytest.mark.parametrize("fault", ["text", "foreign", "missing", "not finite", "absent"])

@@ -14,7 +14,7 @@ def parse() -> argparse.Namespace:
         description="Render furniture that looks alike from some sides: a room in the format of the Active Vision"
         " Dataset (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every"
         " class on a turntable in BigBIRD's format (DIR/<class>; with --goods N that many instances of other classes,"
-        " DIR/<class>_<number>, and DIR/classes.json), or with --standing the bag DIR/standing.mcap of a"
+        " DIR/<class>_<number>; and DIR/classes.json), or with --standing the bag DIR/standing.mcap of a"
         " robot that stands still in the room of seed 0 (its map prior beside it). Needs EGL or OSMesa, not a screen.",
     )
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="data set folder to write into")
@@ -66,9 +66,8 @@ def _turntables(arguments: argparse.Namespace) -> None:
         raise InputError(f"--step-deg {arguments.step_deg}: must divide 360")
     names = goods_names(arguments.goods) or tuple(MODELS)
     folders = write_turntables(arguments.out, names, TurntableSettings(step_deg=arguments.step_deg))
-    if arguments.goods:
-        classes = {name: goods_class(name) for name in names}
-        (arguments.out / "classes.json").write_text(json.dumps(classes, indent=1) + "\n", encoding="utf-8")
+    classes = {name: goods_class(name) if arguments.goods else name for name in names}
+    (arguments.out / "classes.json").write_text(json.dumps(classes, indent=1) + "\n", encoding="utf-8")
     print(f"{arguments.out}: turntable views of {', '.join(folder.name for folder in folders)}")
 
 

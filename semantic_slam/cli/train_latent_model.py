@@ -43,7 +43,9 @@ def parse() -> argparse.Namespace:
         default="map",
         help="joint posterior maximisation or energy minimisation (default: %(default)s)",
     )
-    parser.add_argument("--tags", type=Path, metavar="FILE", help="JSON {instance: class} of the instances with a tag")
+    parser.add_argument(
+        "--tags", type=Path, nargs="+", metavar="FILE", help="JSON {instance: class} of the instances with a tag"
+    )
     parser.add_argument(
         "--shape-by-tags",
         action="store_true",
@@ -72,18 +74,20 @@ def command() -> None:
     from semantic_slam.latent.turntable_split import choose_held_out, split
     from semantic_slam.perception.turntables import class_names_of, read_classes
 
-    tags = read_classes(arguments.tags) if arguments.tags else None
+    tags = {name: tag for path in arguments.tags or () for name, tag in read_classes(path).items()}
     held_out = choose_held_out(class_names_of(views), classes, arguments.held_out, arguments.seed)
     parts = split(views, held_out)
     settings = TrainingSettings(
         formulation=arguments.formulation, shaped_by_tags=arguments.shape_by_tags, seed=arguments.seed
     )
     settings = _with_effort(settings, arguments.effort)
-    trained = train(parts, settings, tags)
+    trained = train(parts, settings, tags or None)
     report = training_report(trained, parts, arguments.seed)
     provenance = {
         "command": "train_latent_model",
+        "arguments": {name: getattr(arguments, name) for name in ("formulation", "cameras", "effort", "seed")},
         "training": asdict(settings),
+        "tagged": len(tags),
         "held_out": list(held_out),
         "report": report,
     }
@@ -112,7 +116,7 @@ def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, 
 
 def _with_effort(settings: "TrainingSettings", effort: float) -> "TrainingSettings":
     """Passes and steps multiplied, one at least."""
-    names = ("regression_epochs", "contrast_epochs", "energy_epochs", "decoder_steps", "encoder_steps")
+    names = ("regression_epochs", "contrast_epochs", "energy_epochs", "decoder_steps", "encoder_steps", "change_steps")
     return replace(settings, **{name: max(round(effort * getattr(settings, name)), 1) for name in names})
 
 

@@ -36,12 +36,13 @@ class MapPrior:
     """Objects in the frame ``map``."""
 
     objects: tuple[ObjectPrior, ...] = ()
+    descriptor_space: str = ""  # which learned space the descriptors are of, as its model names it
 
     def to_json(self) -> str:
         """The text of an ``objects.json``."""
-        return json.dumps(
-            {"schema_version": 1, "frame": "map", "objects": [_row(prior) for prior in self.objects]}, indent=1
-        )
+        space = {"descriptor_space": self.descriptor_space} if self.descriptor_space else {}
+        rows = [_row(prior) for prior in self.objects]
+        return json.dumps({"schema_version": 1, "frame": "map", **space, "objects": rows}, indent=1)
 
 
 def _row(prior: ObjectPrior) -> dict[str, object]:
@@ -64,6 +65,7 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
         document = json.loads(text)
         _check_frame(document)
         objects = tuple(_object(row) for row in document["objects"])
+        space = str(document.get("descriptor_space", ""))
     except (ValueError, KeyError, TypeError) as fault:
         raise InputError(
             f"{origin}: not a map prior ({fault!r}); give an objects.json as bag_to_report writes it"
@@ -71,7 +73,7 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
     ids = [prior.object_id for prior in objects]
     if len(set(ids)) < len(ids):
         raise InputError(f"{origin}: object ids are not unique; number the objects anew")
-    return MapPrior(objects)
+    return MapPrior(objects, space)
 
 
 def read_map_prior(path: Path) -> MapPrior:

@@ -1,6 +1,7 @@
 """A run's configuration as it is announced, and the problem that follows from it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +61,15 @@ def make_run_configuration(
             " or set association: open to map as you go, or given for detections that carry ids"
         )
     _check_open_world(configuration)
+    latent = load_latent_model(configuration.semantic_model)
+    if latent is not None:  # so that backends, reports and queries know the space of the descriptors
+        noted = replace(configuration.semantic_model, space=latent.space)
+        configuration = replace(configuration, semantic_model=noted)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
     covariance = np.asarray(initial_covariance, dtype=np.float64)
-    model = load_model(configuration.semantic_model) or load_latent_model(configuration.semantic_model)
+    model = load_model(configuration.semantic_model) or latent
     names = model.class_names if model is not None else ()
     run_id = digest(settings, prior, json.dumps(pose), json.dumps(covariance.tolist()), *names)
     return RunConfiguration(
@@ -137,18 +142,23 @@ def _num_features(model: ViewpointModel | DescriptorModel | None) -> int:
 def _latent(
     configuration: Configuration, model: DescriptorModel, prior: MapPrior, objects: tuple[ObjectEntry, ...]
 ) -> LatentObservation:
-    """With what a map tells of its objects: their descriptors, or else their classes."""
+    """With what a map tells of its objects: their descriptors, or else their classes. Raises InputError."""
+    if prior.descriptor_space != model.space and any(len(item.descriptor) for item in prior.objects):
+        raise InputError(
+            f"map prior: its descriptors are of the latent space '{prior.descriptor_space}', the model's is"
+            f" '{model.space}'; use the semantic_model.path that the map was made with"
+        )
     known = {entry.object_id: prior_of_classes(model, entry.class_prior) for entry in objects}
     known |= {item.object_id: _descriptor(item, model) for item in prior.objects if len(item.descriptor)}
     return LatentObservation(model, _correlated_views(configuration.semantic_model), known)
 
 
 def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
-    """Raises InputError for a descriptor of another latent space."""
+    """Raises InputError for a descriptor of another length."""
     if len(item.descriptor) != model.num_dimensions:
         raise InputError(
             f"map prior: object {item.object_id} has a descriptor of {len(item.descriptor)} components, the latent"
-            f" space has {model.num_dimensions}; use the semantic_model.path that the map was made with"
+            f" space has {model.num_dimensions}; write the map anew"
         )
     return DescriptorBelief(item.descriptor[None], np.sqrt(item.descriptor_variance)[None])
 

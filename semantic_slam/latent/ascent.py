@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.latent.climbing import Climbed, Terms, climb
 from semantic_slam.latent.feature_views import repeated, turned
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
@@ -57,9 +58,16 @@ def _azimuth_terms(
     return 0.5 * (residual**2).sum(axis=1), (slope * residual).sum(axis=1), (slope**2).sum(axis=1)
 
 
+@dataclass(frozen=True)
+class DescriptorEstimate(DescriptorBelief):
+    """Where an ascent over descriptors ended, and how sure the model is of them there."""
+
+    covariance: Array  # (B, L, L) inverse of the information
+
+
 def infer_descriptors(
     model: LatentModel, viewpoints: Viewpoints, features: Array, iterations: int = ITERATIONS
-) -> DescriptorBelief:
+) -> DescriptorEstimate:
     """Descriptors of B objects from V views each in known directions: (B * V,) viewpoints, (B, V, F) features.
 
     Levenberg-Marquardt on all views and the model's prior, from the encoder's guess of each view in turn and from the
@@ -68,69 +76,70 @@ def infer_descriptors(
     count, views, _ = features.shape
     guesses = model.encode(features.reshape(count * views, -1)).mean.reshape(count, views, -1)
     starts = [*guesses.transpose(1, 0, 2), guesses.mean(axis=1), np.repeat(model.prior.mean, count, axis=0)]
-    best: tuple[Array, Array, Array] | None = None
+    terms = _descriptor_terms(model, viewpoints, features)
+    best: Climbed | None = None
     for start in starts:
-        end, cost, information = _ascend(model, viewpoints, features, start, iterations)
-        if best is None:
-            best = end, cost, information
-            continue
-        better = cost < best[1]
-        best = (
-            np.where(better[:, None], end, best[0]),
-            np.where(better, cost, best[1]),
-            np.where(better[:, None, None], information, best[2]),
-        )
+        end = climb(terms, start, iterations)
+        best = end if best is None else best.or_better(end)
     assert best is not None
-    return DescriptorBelief(best[0], _sigma(best[2]))
+    return _estimate(best)
 
 
 def ascend_descriptors(
     model: LatentModel, viewpoints: Viewpoints, features: Array, start: Array, iterations: int = ITERATIONS
-) -> DescriptorBelief:
+) -> DescriptorEstimate:
     """As ``infer_descriptors``, from one (B, L) start alone."""
-    end, _, information = _ascend(model, viewpoints, features, start, iterations)
-    return DescriptorBelief(end, _sigma(information))
+    return _estimate(climb(_descriptor_terms(model, viewpoints, features), start, iterations))
 
 
-def _sigma(information: Array) -> Array:
-    """(B, L) of (B, L, L)."""
-    return np.sqrt(np.diagonal(np.linalg.inv(information), axis1=1, axis2=2))
+def _estimate(end: Climbed) -> DescriptorEstimate:
+    covariance = np.linalg.inv(end.information)
+    return DescriptorEstimate(end.state, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), covariance)
 
 
-def _ascend(
-    model: LatentModel, viewpoints: Viewpoints, features: Array, start: Array, iterations: int
-) -> tuple[Array, Array, Array]:
-    """(B, L) ends, (B,) costs and (B, L, L) information there."""
-    descriptors, identity = start.copy(), np.eye(start.shape[1])
-    damping = np.full(len(start), 1e-2)
-    cost, gradient, information = _descriptor_terms(model, viewpoints, features, descriptors)
-    for _ in range(iterations):
-        diagonal = np.diagonal(information, axis1=1, axis2=2)[:, :, None] * identity
-        step = np.linalg.solve(information + damping[:, None, None] * diagonal, gradient[:, :, None])[:, :, 0]
-        tried = descriptors + step
-        new_cost, new_gradient, new_information = _descriptor_terms(model, viewpoints, features, tried)
-        better = new_cost < cost
-        descriptors, cost = np.where(better[:, None], tried, descriptors), np.where(better, new_cost, cost)
-        gradient = np.where(better[:, None], new_gradient, gradient)
-        information = np.where(better[:, None, None], new_information, information)
-        damping = np.clip(np.where(better, damping / 4.0, damping * 5.0), 1e-8, 1e8)
-    return descriptors, cost, information
-
-
-def _descriptor_terms(
-    model: LatentModel, viewpoints: Viewpoints, features: Array, descriptors: Array
-) -> tuple[Array, Array, Array]:
-    """(B,) cost, (B, L) descent direction and (B, L, L) information of views and prior together."""
+def _descriptor_terms(model: LatentModel, viewpoints: Viewpoints, features: Array) -> Terms:
+    """Of views and prior together."""
     count, views, size = features.shape
-    prediction = model.predict(viewpoints, np.repeat(descriptors, views, axis=0))
-    residual = ((features.reshape(-1, size) - prediction.mean) / prediction.sigma).reshape(count, -1)
-    slope = (prediction.by_descriptor / prediction.sigma[:, :, None]).reshape(count, views * size, -1)
     prior = model.prior
-    offset = (prior.mean - descriptors) / prior.sigma
-    cost = 0.5 * (residual**2).sum(axis=1) + 0.5 * (offset**2).sum(axis=1)
-    gradient = np.einsum("brl,br->bl", slope, residual) + offset / prior.sigma
-    information = np.matmul(slope.transpose(0, 2, 1), slope) + np.diag(prior.sigma[0] ** -2)
-    return cost, gradient, information
+
+    def terms(descriptors: Array) -> tuple[Array, Array, Array]:
+        prediction = model.predict(viewpoints, np.repeat(descriptors, views, axis=0))
+        residual = ((features.reshape(-1, size) - prediction.mean) / prediction.sigma).reshape(count, -1)
+        slope = (prediction.by_descriptor / prediction.sigma[:, :, None]).reshape(count, views * size, -1)
+        offset = (prior.mean - descriptors) / prior.sigma
+        cost = 0.5 * (residual**2).sum(axis=1) + 0.5 * (offset**2).sum(axis=1)
+        gradient = np.einsum("brl,br->bl", slope, residual) + offset / prior.sigma
+        information = np.matmul(slope.transpose(0, 2, 1), slope) + np.diag(prior.sigma[0] ** -2)
+        return cost, gradient, information
+
+    return terms
+
+
+def azimuth_in_doubt(
+    model: LatentModel, start: Viewpoints, descriptors: DescriptorEstimate, features: Array
+) -> AzimuthEstimate:
+    """Azimuths of (B,) starts where the (B,) descriptors are estimates themselves: both ascend together.
+
+    To first order this is the ascent under the covariance Sigma + J_e P_e J_e^T of the features.
+    """
+    precision = np.linalg.inv(descriptors.covariance)
+
+    def terms(state: Array) -> tuple[Array, Array, Array]:
+        prediction = model.predict(turned(start, state[:, 0] - start.azimuth_rad), state[:, 1:])
+        residual = (features - prediction.mean) / prediction.sigma
+        slope = np.concatenate([prediction.by_direction[:, :, :1], prediction.by_descriptor], axis=2)
+        slope = slope / prediction.sigma[:, :, None]
+        offset = descriptors.mean - state[:, 1:]
+        pull = np.einsum("bij,bj->bi", precision, offset)
+        cost = 0.5 * (residual**2).sum(axis=1) + 0.5 * (offset * pull).sum(axis=1)
+        gradient = np.einsum("bfs,bf->bs", slope, residual)
+        gradient[:, 1:] += pull
+        information = np.matmul(slope.transpose(0, 2, 1), slope)
+        information[:, 1:, 1:] += precision
+        return cost, gradient, information
+
+    end = climb(terms, np.column_stack([start.azimuth_rad, descriptors.mean]), ITERATIONS)
+    return AzimuthEstimate(end.state[:, 0], np.linalg.inv(end.information)[:, 0, 0])
 
 
 def azimuth_raster(

@@ -6,20 +6,22 @@ It holds also for objects that have no front. How sure it is depends on the view
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.latent.descent import descend
-from semantic_slam.latent.direction import NUM_INPUTS, encoded
+from semantic_slam.latent.direction import encoded
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.smooth_network import SmoothNetwork
-from semantic_slam.latent.torch_network import exported, tanh_network
 from semantic_slam.viewpoint.model import Viewpoints
 
 Array = NDArray[np.float64]
 
 SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -5.0, 5.0
+"""Of the second view's features."""
+PAIRS = 600
+"""Drawn to judge a model by."""
+NEAR_RAD, LEAST_TURN_RAD = float(np.deg2rad(45.0)), float(np.deg2rad(1.0))
+"""Azimuths of a near pair differ by no more; of any pair that is judged, by no less."""
 
 
 @dataclass(frozen=True)
@@ -45,46 +47,9 @@ class ChangeModel:
 
     def predict(self, features: Array, change_rad: Array) -> ChangePrediction:
         """From (B, F) features of first views and (B, 2) changes of azimuth and elevation."""
-        outputs = self.network.value(np.hstack([features, _encoded_change(change_rad)]))
+        outputs = self.network.value(np.hstack([features, encoded_change(change_rad)]))
         step, log_sigma = np.split(outputs, 2, axis=1)
         return ChangePrediction(features + step, np.exp(np.clip(log_sigma, SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA)))
-
-
-@dataclass(frozen=True)
-class ChangeSettings:
-    """How it is fitted; changes up to ``largest_rad`` in azimuth."""
-
-    hidden: tuple[int, ...] = (128, 128)
-    largest_rad: float = float(np.pi)
-    steps: int = 4000
-    batch_size: int = 512
-    learning_rate: float = 3e-3
-    seed: int = 0
-
-
-def fit_change_model(views: FeatureViews, settings: ChangeSettings) -> ChangeModel:
-    """From pairs of views of one instance each, drawn anew in every step."""
-    torch.set_num_threads(1)
-    torch.manual_seed(settings.seed)
-    size = views.features.shape[1]
-    network = tanh_network((size + NUM_INPUTS, *settings.hidden, 2 * size))
-    generator = np.random.default_rng((settings.seed, 17))
-
-    def loss_of(pair: NDArray[np.int_]) -> torch.Tensor:
-        first, second = pair
-        before, after = views.features[first], views.features[second]
-        inputs = torch.from_numpy(np.hstack([before, _encoded_change(changes(views, first, second))])).float()
-        step, log_sigma = network(inputs).split(size, dim=1)
-        log_sigma = log_sigma.clamp(SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA)
-        residual = (torch.from_numpy(after - before).float() - step) / log_sigma.exp()
-        return (0.5 * residual.square() + log_sigma).sum(dim=1).mean()
-
-    pairs = (
-        np.stack(draw_pairs(views, settings.batch_size, settings.largest_rad, generator)) for _ in range(settings.steps)
-    )
-    groups = [{"params": network.parameters(), "lr": settings.learning_rate}]
-    descend(groups, loss_of, pairs, settings.steps, "changes", weight_decay=1e-2)
-    return ChangeModel(exported(network))
 
 
 def draw_pairs(
@@ -118,5 +83,17 @@ def change_peaks(model: ChangeModel, views: FeatureViews, first: NDArray[np.int_
     return wrap_angle(turns[score.argmax(axis=1)] - truth[:, 0])
 
 
-def _encoded_change(change_rad: Array) -> Array:
+def changes_found(model: ChangeModel, views: FeatureViews, generator: np.random.Generator) -> dict[str, float]:
+    """Share of pairs of views from different azimuths whose change is found within 10 degrees: near ones, and all."""
+    shares = {}
+    for name, largest_rad in (("change_peak_within_10deg_near", NEAR_RAD), ("change_peak_within_10deg", np.pi)):
+        first, second = draw_pairs(views, PAIRS, largest_rad, generator)
+        apart = np.abs(changes(views, first, second)[:, 0]) > LEAST_TURN_RAD
+        errors = np.abs(change_peaks(model, views, first[apart], second[apart]))
+        shares[name] = float((errors < np.deg2rad(10.0)).mean())
+    return shares
+
+
+def encoded_change(change_rad: Array) -> Array:
+    """(B, NUM_INPUTS) of (B, 2) changes of azimuth and elevation."""
     return encoded(Viewpoints(change_rad[:, 0], change_rad[:, 1], np.zeros(len(change_rad))))

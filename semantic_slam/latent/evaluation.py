@@ -8,10 +8,15 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.latent.ascent import ascend_azimuth, azimuth_raster, infer_descriptors
+from semantic_slam.latent.ascent import (
+    DescriptorEstimate,
+    ascend_azimuth,
+    azimuth_in_doubt,
+    azimuth_raster,
+    infer_descriptors,
+)
 from semantic_slam.latent.feature_views import FeatureViews, repeated, turned
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.latent.model import DescriptorBelief
 from semantic_slam.viewpoint.model import Viewpoints
 
 Array = NDArray[np.float64]
@@ -160,7 +165,7 @@ class Inferred:
 
     views: FeatureViews  # those left over
     descriptors: Array  # (N, L) of each view's object
-    of_object: DescriptorBelief  # (names, L)
+    of_object: DescriptorEstimate  # (names, L)
 
 
 def descriptors_from_views(
@@ -181,3 +186,25 @@ def descriptors_from_views(
     left[taken_rows.ravel()] = False
     rest = views.chosen(left)
     return Inferred(rest, belief.mean[rest.instance], belief)
+
+
+def nees_in_doubt(model: LatentModel, inferred: Inferred) -> Consistency:
+    """Of the azimuth where the descriptor is no more certain than the views that it was inferred from."""
+    return consistency(_squared_in_doubt(model, inferred))
+
+
+def nees_tempered_by_others(model: LatentModel, inferred: Inferred) -> Consistency:
+    """The same where half of the objects tell how much wider sigma has to be for the other half, and these for them.
+
+    A decoder is less right about objects that it was not fitted to, however certain their descriptors are.
+    """
+    squared, odd = _squared_in_doubt(model, inferred), inferred.views.instance % 2 == 1
+    return consistency(squared / np.where(odd, squared[~odd].mean(), squared[odd].mean()))
+
+
+def _squared_in_doubt(model: LatentModel, inferred: Inferred) -> Array:
+    """(N,) squared error of the azimuth over its variance, view by view."""
+    views, own = inferred.views, inferred.of_object
+    of_view = DescriptorEstimate(*(values[views.instance] for values in (own.mean, own.sigma, own.covariance)))
+    estimate = azimuth_in_doubt(model, views.viewpoints, of_view, views.features)
+    return np.asarray(wrap_angle(estimate.azimuth_rad - views.viewpoints.azimuth_rad) ** 2 / estimate.variance)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.latent.direction import NUM_INPUTS, encoded, encoded_derivative
 from semantic_slam.latent.grounding import Grounding
 from semantic_slam.latent.model import DescriptorBelief, LatentPrediction
@@ -48,8 +49,10 @@ class LatentModel:
     turntable_noise: FeatureNoise  # of clean turntable pictures
     instances: Instances
     grounding: Grounding | None = None
+    changes: ChangeModel | None = None  # the alternative without object poses (Sec. 5.1); inference has no use for it
     formulation: str = "map"
     provenance: dict[str, object] = field(default_factory=dict)
+    space: str = ""  # identifies extractor and decoder; empty for a model that no file holds
 
     def __post_init__(self) -> None:
         """Raises ValueError when the parts do not fit each other."""

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.errors import InputError
 from semantic_slam.latent.model import DescriptorModel
 
 if TYPE_CHECKING:
@@ -19,7 +20,14 @@ def load_latent_model(settings: SemanticModelConfiguration) -> DescriptorModel |
         return None
     from semantic_slam.latent.store import read_latent_model
 
-    return read_latent_model(latent_file(settings))
+    path = latent_file(settings)
+    model = read_latent_model(path)
+    if settings.space not in ("", model.space):
+        raise InputError(
+            f"{path}: holds the latent space {model.space}, wanted is {settings.space}; name the file of that space in"
+            " semantic_model.path"
+        )
+    return model
 
 
 def load_extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor | None":

@@ -40,6 +40,10 @@ class DescriptorModel(Protocol):
     """
 
     @property
+    def space(self) -> str:
+        """Which space the descriptors are of: models of another name mean other things by the same numbers."""
+
+    @property
     def num_features(self) -> int:
         """F, at most 32."""
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
+from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.latent.grounding import Grounding
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
@@ -20,14 +22,18 @@ Arrays = dict[str, NDArray[Any]]
 SCHEMA_VERSION = 1
 KIND = "latent_descriptor"
 METADATA_KEY = "semantic_slam"
-SHIPPED_MODEL = "latent_model.safetensors"
+SPACE_DIGITS = 16
+"""Hexadecimal, of the name of a latent space."""
 REMEDY = "make one with train_latent_model"
 
 
 def save_latent_model(model: LatentModel, extractor: Mapping[str, NDArray[Any]], path: Path) -> None:
     """Write the model and the (numpy) state of its extractor; ``model.provenance`` is kept with them as it is."""
     arrays: Arrays = {f"extractor.{name}": np.ascontiguousarray(value) for name, value in extractor.items()}
-    for name, network in (("decoder", model.decoder), ("encoder", model.encoder)):
+    networks = {"decoder": model.decoder, "encoder": model.encoder}
+    if model.changes is not None:
+        networks["changes"] = model.changes.network
+    for name, network in networks.items():
         for index, layer in enumerate(network.layers):
             arrays[f"{name}.{index}.weight"] = np.ascontiguousarray(layer.weight, dtype=np.float32)
             arrays[f"{name}.{index}.bias"] = np.ascontiguousarray(layer.bias, dtype=np.float32)
@@ -62,11 +68,23 @@ def read_latent_model(path: Path) -> LatentModel:
             turntable_noise=_noise(arrays, "turntable_noise"),
             instances=Instances(names, _array(arrays, "instances.descriptors", 2)),
             grounding=_grounding(arrays, description["class_names"]),
+            changes=ChangeModel(_network(arrays, "changes")) if "changes.0.weight" in arrays else None,
             formulation=str(description["formulation"]),
             provenance=dict(description["provenance"]),
+            space=space_of(arrays),
         )
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(f"{path}: incomplete latent model ({_one_line(fault)}); {REMEDY}") from None
+
+
+def space_of(arrays: Arrays) -> str:
+    """Of a file's parameters: what descriptors mean follows from extractor and decoder alone."""
+    digest = sha256()
+    for name in sorted(arrays):
+        if name.startswith(("extractor.", "decoder.")):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return f"latent-{digest.hexdigest()[:SPACE_DIGITS]}"
 
 
 def read_parts(path: Path) -> tuple[Arrays, dict[str, Any]]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
 from semantic_slam.latent.calibration import calibrated
+from semantic_slam.latent.change_training import ChangeSettings, fit_change_model
 from semantic_slam.latent.contrast_training import contrast
 from semantic_slam.latent.energy_training import energy, rescale_to_bowl
 from semantic_slam.latent.extractor import FeatureExtractor
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 FORMULATIONS = ("map", "energy")
+CALIBRATION_DRAWS = 3
+"""Rooms that every calibration view is seen in."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +37,16 @@ class TrainingSettings:
     """How the shipped model was trained; ``epochs`` go over every crop once each."""
 
     formulation: str = "map"  # of FORMULATIONS
-    draws: int = 4  # crops in rooms of every training view, beside a plain one
+    draws: int = 6  # crops in rooms of every training view, beside a plain one
     num_features: int = 32
     dimensions: int = 12
     hidden: tuple[int, ...] = (96, 96)
-    regression_epochs: int = 6
-    contrast_epochs: int = 9
+    regression_epochs: int = 4
+    contrast_epochs: int = 7
     energy_epochs: int = 2
     decoder_steps: int = 4000
     encoder_steps: int = 2000
+    change_steps: int = 2500
     shaped_by_tags: bool = False  # whether tags take part in training (Eq. 5.18), or name regions of a finished space
     seed: int = 0
 
@@ -98,10 +102,10 @@ def training_crops(views: Sequence[ObjectView], settings: TrainingSettings) -> B
 
 
 def seen_in_rooms(
-    views: Sequence[ObjectView], names: tuple[str, ...], extractor: FeatureExtractor, seed: int
+    views: Sequence[ObjectView], names: tuple[str, ...], extractor: FeatureExtractor, seed: int, draws: int = 1
 ) -> FeatureViews:
-    """Features of the views as detections in rooms."""
-    crops = room_crops(views, extractor.input_size, 1, seed)
+    """Features of the views as detections in rooms, each in so many of them."""
+    crops = room_crops(views, extractor.input_size, draws, seed)
     return feature_views(views, names, extractor.features(crops))
 
 
@@ -131,7 +135,7 @@ def _model(
     settings: TrainingSettings,
     tags: Mapping[str, str] | None,
 ) -> LatentModel:
-    """Encoder, noise and classes added to decoder and descriptors."""
+    """Encoder, noise, changes of viewpoint and classes added to decoder and descriptors."""
     encoder = fit_encoder(seen, fitted.descriptors, EncoderSettings(steps=settings.encoder_steps, seed=settings.seed))
     unknown = FeatureNoise(np.ones(fitted.decoder.num_outputs), 1.0)
     model = LatentModel(
@@ -141,8 +145,9 @@ def _model(
         turntable_noise=unknown,
         instances=Instances(seen.names, fitted.descriptors),
         grounding=ground(seen.names, fitted.descriptors, tags) if tags else None,
+        changes=fit_change_model(seen, ChangeSettings(steps=settings.change_steps, seed=settings.seed)),
         formulation=settings.formulation,
         provenance={"training": asdict(settings)},
     )
-    in_rooms = seen_in_rooms(split.calibrate, seen.names, extractor, settings.seed + 1)
+    in_rooms = seen_in_rooms(split.calibrate, seen.names, extractor, settings.seed + 1, CALIBRATION_DRAWS)
     return calibrated(model, in_rooms, seen_plain(split.calibrate, seen.names, extractor))

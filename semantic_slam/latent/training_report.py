@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.latent.change_model import changes_found
 from semantic_slam.latent.evaluation import (
     azimuth_peaks,
     descriptors_from_views,
@@ -11,6 +12,7 @@ from semantic_slam.latent.evaluation import (
     identification_of_groups,
     local_ascent,
     nees,
+    nees_in_doubt,
     one_of_each_direction,
     own_descriptors,
 )
@@ -66,6 +68,7 @@ def of_known(model: LatentModel, views: FeatureViews, seed: int) -> dict[str, fl
         "identification_5_views": float(
             identification_of_groups(model, views, VIEWS_OF_GROUP, ORIENTATION_RAD, generator).mean()
         ),
+        **(changes_found(model.changes, views, generator) if model.changes else {}),
         "objects": float(len(model.instances.names)),
     }
 
@@ -76,7 +79,9 @@ def of_held_out(model: LatentModel, views: FeatureViews, seed: int) -> dict[str,
     inferred = descriptors_from_views(model, views, VIEWS_OF_HELD_OUT, generator)
     return {
         **_of_directions(model, inferred.views, inferred.descriptors, generator),
-        "nees": nees(model, inferred.views, inferred.descriptors).nees,
+        **(changes_found(model.changes, views, generator) if model.changes else {}),
+        "nees": nees_in_doubt(model, inferred).nees,
+        "nees_descriptor_taken_as_exact": nees(model, inferred.views, inferred.descriptors).nees,
         "objects": float(len(views.names)),
     }
 

@@ -117,8 +117,10 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
     ]
 
 
-def map_prior(last: HybridBelief) -> MapPrior:
-    """The objects of a belief as the map prior of a later run; those that no hypothesis has placed are left out."""
+def map_prior(record: Record) -> MapPrior:
+    """The last belief's objects as the map prior of a later run; those that no hypothesis has placed are left out."""
+    last = record.beliefs[-1]
+    settings = json_object(record.run.configuration).get("semantic_model", {})
     return MapPrior(
         tuple(
             ObjectPrior(
@@ -133,7 +135,8 @@ def map_prior(last: HybridBelief) -> MapPrior:
             )
             for row, number in enumerate(last.object_ids)
             if np.isfinite(last.object_poses[row]).all() and np.isfinite(last.object_covariances[row]).all()
-        )
+        ),
+        str(settings.get("space", "")),
     )
 
 

@@ -32,7 +32,7 @@ def make_report(
     document = report_document(analysis) | {"comparisons": comparison_rows(runs)}
     texts = {
         "report.json": to_text(document),
-        "objects.json": map_prior(record.beliefs[-1]).to_json() + "\n",
+        "objects.json": map_prior(record).to_json() + "\n",
         "trajectory.tum": tum_lines(analysis),
         "report.html": render_page(runs, source_bag or _named_source(record.run.source)),
     }

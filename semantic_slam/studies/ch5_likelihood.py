@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.latent import evaluation
+from semantic_slam.latent.change_model import changes_found
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.perception.views import ObjectView
@@ -66,6 +67,7 @@ def _of_known(model: LatentModel, own: FeatureViews, seed: int) -> dict[str, flo
         "nees_untempered": untempered.nees,
         "within_two_sigma": tempered.within_two_sigma,
         "within_two_sigma_untempered": untempered.within_two_sigma,
+        **_of_changes(model, own, "", seed),
         "known_instances": float(len(model.instances.names)),
     }
 
@@ -80,7 +82,18 @@ def _of_new(model: LatentModel, views: FeatureViews, seed: int) -> dict[str, flo
     return {
         "new_instances_peak_within_10deg": float((peaks < np.deg2rad(10.0)).mean()),
         "new_instances_peak_within_5deg_local": local.within(5.0),
+        **_of_changes(model, views, "new_instances_", seed),
+        "new_instances_nees": evaluation.nees_in_doubt(model, inferred).nees,
+        "new_instances_nees_tempered_by_others": evaluation.nees_tempered_by_others(model, inferred).nees,
+        "new_instances_nees_descriptor_exact": evaluation.nees(model, inferred.views, inferred.descriptors).nees,
     }
+
+
+def _of_changes(model: LatentModel, views: FeatureViews, prefix: str, seed: int) -> dict[str, float]:
+    """Of the model that tells changes of viewpoint from two views alone (Sec. 5.1)."""
+    assert model.changes is not None, "shipped models have one"
+    found = changes_found(model.changes, views, keyed_generator(NAME, f"{prefix}changes", seed))
+    return {prefix + name: share for name, share in found.items()}
 
 
 def claims(numbers: dict[str, dict[str, float]]) -> list[Claim]:
@@ -121,10 +134,17 @@ COLUMNS = {
     "instance_identification_5_views": "5 views, pose uncertain",
     "new_instances_peak_within_10deg": "new instances: peak",
     "new_instances_peak_within_5deg_local": "local",
+    "change_peak_within_10deg_near": "change of view up to 45° from two views: peak",
+    "change_peak_within_10deg": "all around",
+    "new_instances_change_peak_within_10deg_near": "new instances, up to 45°",
+    "new_instances_change_peak_within_10deg": "all around",
     "nees": "NEES",
     "nees_untempered": "untempered",
     "within_two_sigma": "within 2 sigma",
     "within_two_sigma_untempered": "untempered",
+    "new_instances_nees": "new instances: NEES",
+    "new_instances_nees_descriptor_exact": "descriptor taken as exact",
+    "new_instances_nees_tempered_by_others": "sigma widened by other new ones",
 }
 
 

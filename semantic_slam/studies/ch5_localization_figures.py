@@ -19,7 +19,7 @@ def example_figure(file: Path, run: Located, formulation: str) -> Path:
     lines = (
         ("truth", run.truth, TRUTH),
         ("dead reckoning", run.dead_reckoning, DEAD_RECKONING),
-        ("with the learned factor", run.estimates[formulation], ESTIMATE),
+        ("with the learned factor", run.estimates[formulation].poses, ESTIMATE),
     )
     for label, track, colour in lines:
         left.plot(track[:, 0], track[:, 1], ".-", color=colour, label=label, linewidth=1.5, markersize=4)

@@ -23,6 +23,8 @@ QUICK_INSTANCES = 16
 OFFSET_DEG = {"map": 18.0, "energy": 25.0, "default": 18.0}
 """Where the project's aims start the ascent of each formulation."""
 LARGEST_DEG = 90.0
+SHOWN_DEG = 0.05
+"""Smaller errors are drawn at the lower edge."""
 DESCRIPTOR_OFFSETS = (0.5, 1.0, 2.0)
 """Root mean square over the descriptor's axes, in sigmas of its prior."""
 
@@ -41,7 +43,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     result = framed(NAME, numbers, config, quick=quick, seed=seed)
     figure = Figure(
         "Ascent over the azimuth",
-        "Error after the ascent against the error it started with, a point for each unseen view; below the diagonal the"
+        "Error after the ascent against the error it started with, a point for each unseen view; below the line the"
         " ascent helped. Bands along multiples of 90° are sides that look alike.",
         _scatter(out / "ascents.png", scatters),
     )
@@ -112,16 +114,17 @@ def claims(numbers: dict[str, dict[str, float]]) -> list[Claim]:
 
 def _scatter(file: Path, scatters: dict[str, evaluation.Ascents]) -> Path:
     canvas = Canvas(figsize=(14, 5.2), layout="constrained")
+    equal = np.geomspace(SHOWN_DEG, LARGEST_DEG, 100)  # a curve on axes of which one is logarithmic
     for axis, (name, found) in zip(canvas.subplots(1, len(scatters), sharey=True), scatters.items(), strict=True):
         start, end = (np.rad2deg(np.abs(values)) for values in (found.start_rad, found.end_rad))
-        axis.plot([0.0, LARGEST_DEG], [0.0, LARGEST_DEG], color="#999999", linewidth=1.0)
-        axis.plot(start, np.maximum(end, 0.05), ".", color="#1f5fae", markersize=4, alpha=0.5)
+        axis.plot(equal, equal, color="#999999", linewidth=1.0)
+        axis.plot(start, np.maximum(end, SHOWN_DEG), ".", color="#1f5fae", markersize=4, alpha=0.5)
         axis.set(
             title=WORDS[name],
             xlabel="azimuth error at the start [°]",
             ylabel="after [°]",
             yscale="log",
-            ylim=(0.05, 200),
+            ylim=(SHOWN_DEG, 200),
         )
         axis.grid(alpha=0.25)
     canvas.savefig(file, dpi=110)

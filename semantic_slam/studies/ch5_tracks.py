@@ -37,6 +37,15 @@ KNOWN_DESCRIPTOR_SIGMA = 1e-3
 
 
 @dataclass(frozen=True)
+class Smoothed:
+    """The maximum of a track's posterior; poses x, y, yaw in the object's true frame."""
+
+    poses: Array  # (K, 3)
+    target: Array  # (3,) pose of the object, truly zero
+    descriptor: Array  # (L,)
+
+
+@dataclass(frozen=True)
 class Located:
     """A track around one object and what was made of it; (K, 3) poses x, y, yaw in the object's true frame."""
 
@@ -44,13 +53,18 @@ class Located:
     number: int
     truth: Array
     dead_reckoning: Array
-    estimates: dict[str, Array]
+    drives: dict[str, "Drive"]  # by the model whose features they hold
+    estimates: dict[str, Smoothed]
 
     @property
     def error_m(self) -> dict[str, Array]:
         """(K,) position errors by name; ``dead_reckoning`` among them."""
-        tracks = {"dead_reckoning": self.dead_reckoning, **self.estimates}
-        return {name: np.linalg.norm(track[:, :2] - self.truth[:, :2], axis=1) for name, track in tracks.items()}
+        tracks = {"dead_reckoning": self.dead_reckoning} | {name: end.poses for name, end in self.estimates.items()}
+        return {name: self.errors_m(track) for name, track in tracks.items()}
+
+    def errors_m(self, track: Array) -> Array:
+        """(K,) position errors of a (K, 3) track."""
+        return np.asarray(np.linalg.norm(track[:, :2] - self.truth[:, :2], axis=1))
 
     def ratio(self, name: str) -> float:
         """Mean error of an estimate over that of dead reckoning."""
@@ -70,16 +84,16 @@ def located(name: str, number: int, seed: int, models: Sequence[str] = (*FORMULA
     for step in odometry:
         reckoned.append(se2.compose(reckoned[-1], step))
     views = list(orbit_views(name, _viewpoints(truth, name)))
-    estimates = {}
+    drives, estimates = {}, {}
     for formulation in models:
         model = trained(formulation)
         seen = measured(model, views, model.crops, number)
-        drive = _Drive(model.model, seen.features, seen.viewpoints.elevation_rad, start, odometry, target)
-        estimates[formulation] = drive.smoothed(model.model.prior)
+        drive = Drive(seen.features, seen.viewpoints.elevation_rad, start, odometry, target)
+        drives[formulation], estimates[formulation] = drive, drive.smoothed(model.model, model.model.prior)
         known = _known(model.model, name)
         if known is not None:
-            estimates[f"{formulation}_descriptor_known"] = drive.smoothed(known)
-    return Located(name, number, truth, np.array(reckoned), estimates)
+            estimates[f"{formulation}_descriptor_known"] = drive.smoothed(model.model, known)
+    return Located(name, number, truth, np.array(reckoned), drives, estimates)
 
 
 def _track(generator: np.random.Generator) -> Array:
@@ -108,18 +122,17 @@ def _known(model: LatentModel, name: str) -> DescriptorBelief | None:
 
 
 @dataclass(frozen=True)
-class _Drive:
-    """What the robot knows."""
+class Drive:
+    """What the robot knows of a track."""
 
-    model: LatentModel
     features: Array  # (K, F)
     elevation_rad: Array  # (K,) as it follows from the box's range and the camera's tilt
     start: Array  # (3,)
     odometry: Array  # (K - 1, 3)
     target: Array  # (3,) prior mean of the object
 
-    def smoothed(self, descriptor: DescriptorBelief) -> Array:
-        """(K, 3) poses: the whole problem optimised again after every view, so that each starts near the truth."""
+    def smoothed(self, model: LatentModel, descriptor: DescriptorBelief) -> Smoothed:
+        """The whole problem optimised again after every view, so that each starts near the truth."""
         graph, values = self._priors(descriptor)
         for number, feature in enumerate(self.features):
             if number:
@@ -128,11 +141,12 @@ class _Drive:
                 noise = gtsam.noiseModel.Diagonal.Sigmas(SIGMA_STEP)
                 step = gtsam.Pose2(*self.odometry[number - 1])
                 graph.add(gtsam.BetweenFactorPose2(_x(number - 1), _x(number), step, noise))
-            graph.add(self._factor(number, feature))
+            graph.add(self._factor(model, number, feature))
             values = self._optimised(
-                graph, values, descriptor, first=number == 0, last=number == len(self.features) - 1
+                model, graph, values, descriptor, first=number == 0, last=number == len(self.features) - 1
             )
-        return np.array([_planar(values.atPose2(_x(number))) for number in range(len(self.features))])
+        poses = np.array([_planar(values.atPose2(_x(number))) for number in range(len(self.features))])
+        return Smoothed(poses, _planar(values.atPose2(_O)), np.asarray(values.atVector(_E)))
 
     def _priors(self, descriptor: DescriptorBelief) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -144,16 +158,17 @@ class _Drive:
         values.insert(_E, descriptor.mean[0])
         return graph, values
 
-    def _factor(self, number: int, feature: Array) -> gtsam.NonlinearFactor:
+    def _factor(self, model: LatentModel, number: int, feature: Array) -> gtsam.NonlinearFactor:
         """Neither range nor bearing: the feature and the elevation of its view."""
         size = len(feature)
         detection = PlanarDetection(
             np.nan, np.nan, np.eye(2), np.zeros(2), feature, np.zeros((size, size)), float(self.elevation_rad[number])
         )
-        return exact_factor(LatentObservation(self.model), detection, (_x(number), _O, _E))
+        return exact_factor(LatentObservation(model), detection, (_x(number), _O, _E))
 
     def _optimised(
         self,
+        model: LatentModel,
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
         prior: DescriptorBelief,
@@ -163,9 +178,9 @@ class _Drive:
     ) -> gtsam.Values:
         """The best optimum from here; after the first view also from the encoder's guess of the descriptor."""
         starts = [values]
-        if first and prior.sigma.mean() > KNOWN_DESCRIPTOR_SIGMA * self.model.prior.sigma.mean():
+        if first and prior.sigma.mean() > KNOWN_DESCRIPTOR_SIGMA * model.prior.sigma.mean():
             encoded = gtsam.Values(values)
-            encoded.update(_E, self.model.encode(self.features[:1]).mean[0])
+            encoded.update(_E, model.encode(self.features[:1]).mean[0])
             starts.append(encoded)
         parameters = gtsam.LevenbergMarquardtParams()
         if not (first or last):

@@ -39,5 +39,6 @@ def with_instances(prior: MapPrior, instances: Mapping[int, str]) -> MapPrior:
             if (name := instances[entry.object_id]) in learned
             else entry
             for entry in prior.objects
-        )
+        ),
+        model.space,
     )
