@@ -5,7 +5,7 @@ Gaussian of robot and neighbourhood is known, odometry and detections of the nei
 it is taken from the smoother again when another object comes near, when the estimate jumps, and after a while.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,12 @@ class Seen:
 
 @dataclass(frozen=True)
 class LocalMap:
-    """M objects; d dimensions of a state."""
+    """M objects; d dimensions of a state, p biases of odometry."""
 
     ids: Index  # (M,)
-    covariance: Array  # ((1 + M) d, (1 + M) d) robot first, in the tangent spaces at the estimates
+    covariance: Array  # (d + p + M d) square: robot, biases, objects, in the tangent spaces at the estimates
     age: int = 0
+    num_biases: int = 0  # p
 
     def holds(self, object_ids: Index) -> bool:
         """Whether all of (n,) objects are here."""
@@ -41,8 +42,8 @@ class LocalMap:
     def blocks(self, object_ids: Index, dimension: int) -> Index:
         """Rows of the covariance for the robot and (n,) objects."""
         place = {int(n): row for row, n in enumerate(self.ids)}
-        numbers = np.array([0, *(1 + place[int(n)] for n in object_ids)])
-        return np.asarray((numbers[:, None] * dimension + np.arange(dimension)).ravel())
+        first = [0, *(dimension * (1 + place[int(n)]) + self.num_biases for n in object_ids)]
+        return np.asarray((np.array(first)[:, None] + np.arange(dimension)).ravel())
 
     def of(self, object_ids: Index, dimension: int) -> Array:
         """((1 + n) d, (1 + n) d) of the robot and (n,) objects."""
@@ -50,13 +51,13 @@ class LocalMap:
         return self.covariance[rows[:, None], rows]
 
     def moved(self, transition: Array, noise: Array) -> "LocalMap":
-        """After a motion with (d, d) F and covariance."""
-        size = len(transition)
+        """After a motion with (d, d + p) [F G] and covariance."""
+        size, width = transition.shape
         covariance = self.covariance.copy()
-        covariance[:size] = transition @ covariance[:size]
-        covariance[:, :size] = covariance[:, :size] @ transition.T
+        covariance[:size] = transition @ covariance[:width]
+        covariance[:, :size] = covariance[:, :width] @ transition.T
         covariance[:size, :size] += noise
-        return LocalMap(self.ids, covariance, self.age + 1)
+        return replace(self, covariance=covariance, age=self.age + 1)
 
     def updated(self, seen: list[Seen]) -> "LocalMap":
         """After detections of objects that are here."""
@@ -73,7 +74,7 @@ class LocalMap:
             at = rows.stop
         cross = jacobian @ self.covariance
         innovation = cross @ jacobian.T + np.eye(at)
-        return LocalMap(self.ids, self.covariance - cross.T @ np.linalg.solve(innovation, cross), self.age)
+        return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
     def with_new(self, object_id: int, gain: Array, noise: Array) -> "LocalMap":
         """With an object that follows from the robot: o = G x + e."""
@@ -81,4 +82,4 @@ class LocalMap:
         cross = gain @ self.covariance[:size]
         own = cross[:, :size] @ gain.T + noise
         covariance = np.block([[self.covariance, cross.T], [cross, own]])
-        return LocalMap(np.append(self.ids, object_id), covariance, self.age)
+        return replace(self, ids=np.append(self.ids, object_id), covariance=covariance)

@@ -2,14 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import JUMP, Component, Observed, descriptor_views, object_key, robot_key
+from semantic_slam.inference.component import (
+    JUMP,
+    Component,
+    Motion,
+    Observed,
+    descriptor_views,
+    object_key,
+    robot_key,
+)
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.local_map import LocalMap
+from semantic_slam.inference.odometry_bias import BIAS_KEY, biased_factor
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
@@ -55,7 +65,7 @@ class OpenComponent(Component):
         plain, settle = problem.root(), problem.open_world.settle
         smoother = plain.smoother
         if not settle:
-            smoother = smoother.with_single_steps()
+            smoother = smoother.with_single_steps(problem.num_biases)
         entries = sorted(problem.objects, key=lambda entry: entry.object_id)
         dimension = problem.manifold.dimension
         states = np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension)
@@ -69,6 +79,8 @@ class OpenComponent(Component):
             robot=problem.robot.mean,
             robot_covariance=problem.robot.covariance,
             trail=np.zeros((0, dimension)),
+            bias=np.zeros(problem.num_biases),
+            bias_covariance=_with_unit_bias(problem.robot.covariance, problem.num_biases),
         )
         return cls(
             problem.manifold,
@@ -86,7 +98,7 @@ class OpenComponent(Component):
         ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
         """
         keyframe = self.keyframe + 1
-        predicted = self.manifold.compose(self.objects.robot, step.motion.control)
+        predicted = self.predicted_robot(step.motion)
         jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
         smoother = self._smoothed(step, added, jumped, in_place=in_place)
         account = added.account
@@ -112,7 +124,7 @@ class OpenComponent(Component):
         key = robot_key(self.keyframe + 1)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         motion = step.motion
-        graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
+        graph.add(self._odometry_factor(key, motion))
         self.manifold.insert(values, key, added.robot)
         for number, prior in added.new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
@@ -132,6 +144,22 @@ class OpenComponent(Component):
             calm = {key: predicted} | self.calm(added.views)
             return self.smoother.extended(graph, values, [*named, *entering], start, jumped or turned, calm)
         return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
+
+    def predicted_robot(self, motion: Motion) -> Array:
+        """(d,) where the newest robot has come to by odometry, without what that always gets wrong."""
+        return self.manifold.compose(self.objects.robot, self.control(motion))
+
+    def control(self, motion: Motion) -> Array:
+        """(d,) odometry without what it always gets wrong, as far as that is known."""
+        if motion.by_bias is None:
+            return motion.control
+        return self.manifold.retract(motion.control, motion.by_bias @ self.objects.bias)
+
+    def _odometry_factor(self, key: int, motion: Motion) -> Any:
+        before = robot_key(self.keyframe)
+        if motion.by_bias is None:
+            return self.manifold.between_factor(before, key, motion.control, motion.covariance)
+        return biased_factor((before, key), motion.control, motion.covariance, motion.by_bias)
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
         """As the population has them: the robot first, then all objects."""
@@ -166,6 +194,9 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
         fresh = np.unique(np.searchsorted(ids, [item.object_id for item in added.observed])).astype(int)
     own = smoother.covariances([robot_key(keyframe), *(keys[row] for row in fresh)])
     covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
+    bias, together = parent.bias, parent.bias_covariance
+    if together is not None:
+        bias, together = smoother.bias(), smoother.joint_covariance([robot_key(keyframe), BIAS_KEY])
     return Population(
         ids=ids,
         existence=np.concatenate([account.existence[kept], account.new_existence]),
@@ -175,4 +206,16 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
         robot=states[-1],
         robot_covariance=own[0],
         trail=np.concatenate([parent.trail, states[-1:]]),
+        bias=bias,
+        bias_covariance=together,
     )
+
+
+def _with_unit_bias(robot: Array, num_biases: int) -> Array | None:
+    """Covariance of the robot and biases that nothing is known of yet."""
+    if not num_biases:
+        return None
+    size = len(robot)
+    together = np.eye(size + num_biases)
+    together[:size, :size] = robot
+    return together

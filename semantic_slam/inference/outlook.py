@@ -14,6 +14,7 @@ from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, Motion, object_key, robot_key
 from semantic_slam.inference.existence import SensorRegion, birth, missed
 from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
+from semantic_slam.inference.odometry_bias import BIAS_KEY
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, object_in_body
@@ -75,9 +76,11 @@ class Lookout:
         """Raises LostComponentError."""
         assert isinstance(component, OpenComponent)
         population, manifold = component.objects, component.manifold
-        robot = manifold.compose(population.robot, motion.control)
-        transition = manifold.propagation(motion.control)
-        spread = transition @ population.robot_covariance @ transition.T + motion.covariance
+        robot = component.predicted_robot(motion)
+        transition = manifold.propagation(component.control(motion))
+        if motion.by_bias is not None:
+            transition = np.concatenate([transition, motion.by_bias], axis=1)
+        spread = transition @ population.motion_covariance @ transition.T + motion.covariance
         births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
         sigma = float(position_sigmas(spread[None])[0])
         errors = self.settings.gate_sigma * np.hypot(sigma, population.sigmas)
@@ -150,8 +153,10 @@ def _local(component: OpenComponent, robot: Array, near: Index) -> LocalMap:
     if not component.settle:
         around = np.argsort(_distances(population.states, robot), kind="stable")[:LOCAL_OBJECTS]
         ids = population.ids[np.union1d(near, around)]
-    keys = [robot_key(component.keyframe), *(object_key(int(n)) for n in ids)]
-    return LocalMap(ids, component.joint_covariance(keys) if len(ids) else population.robot_covariance.copy())
+    biases = len(population.bias)
+    keys = [robot_key(component.keyframe), *[BIAS_KEY][:biases], *(object_key(int(n)) for n in ids)]
+    together = component.joint_covariance(keys) if len(ids) else population.motion_covariance.copy()
+    return LocalMap(ids, together, num_biases=biases)
 
 
 def _predicted(population: Population, robot: Array, near: Index, local: LocalMap) -> Predicted:

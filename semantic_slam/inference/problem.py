@@ -61,6 +61,7 @@ class Problem:
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
+    num_biases: int = 0  # of odometry, that are estimated with the poses
 
     def root(self) -> Component:
         """The component before any keyframe."""

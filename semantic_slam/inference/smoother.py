@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.manifold import Manifold
+from semantic_slam.inference.odometry_bias import BIAS_KEY, BIAS_LETTER, bias_prior
 from semantic_slam.inference.semantic_factors import DESCRIPTOR, Made, Named, SemanticFactors, is_descriptor
 
 Array = NDArray[np.float64]
@@ -70,6 +71,10 @@ class Smoother:
     def descriptors(self, keys: Sequence[int]) -> Array:
         """(n, L) estimates of descriptors."""
         return np.array([self.isam.calculateEstimateVector(key) for key in keys])
+
+    def bias(self) -> Array:
+        """(p,) estimate of what odometry always gets wrong."""
+        return np.asarray(self.isam.calculateEstimateVector(BIAS_KEY))
 
     def has(self, key: int) -> bool:
         """Whether there is such a variable."""
@@ -155,17 +160,26 @@ class Smoother:
             raise LostComponentError(f"an update failed ({_first_line(fault)})") from None
         return child
 
-    def with_single_steps(self) -> "Smoother":
-        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres."""
+    def with_single_steps(self, num_biases: int) -> "Smoother":
+        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
+
+        With biases of odometry as a variable of its own, in which all is linear.
+        """
         parameters = gtsam.ISAM2Params()
         parameters.relinearizeSkip = STEPPED_SKIP
-        parameters.setRelinearizeThreshold(STEPPED_THRESHOLD)
+        thresholds = gtsam.ISAM2ThresholdMap()
+        for symbol in "xo":
+            thresholds.insert((symbol, np.full(self.manifold.dimension, STEPPED_THRESHOLD)))
+        thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
+        parameters.setRelinearizeThreshold(thresholds)
         parameters.enablePartialRelinearizationCheck = True
         solver = gtsam.ISAM2GaussNewtonParams()
         solver.setWildfireThreshold(STEPPED_WILDFIRE)
         parameters.setOptimizationParams(solver)
         isam = gtsam.ISAM2(parameters)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
+        if num_biases:
+            isam.update(*bias_prior(num_biases))
         return replace(self, isam=isam, _known={})
 
     def _updated(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import (
     Configuration,
     InitialPoseConfiguration,
+    OdometryConfiguration,
     OpenWorldConfiguration,
     PruningConfiguration,
     SemanticModelConfiguration,
@@ -64,6 +65,7 @@ class Outcome:
     milliseconds: Array  # (k,) of the run's only thread, for every keyframe
     hypotheses: NDArray[np.int_]  # (k,) kept after each
     log_evidence: float
+    bias: tuple[float, ...]  # of odometry: heading [rad/m], length; of the best hypothesis at the end
     fault: str = ""  # why the run ended before its last keyframe
 
 
@@ -76,6 +78,7 @@ def configuration_of(method: str, max_hypotheses: int | None = None) -> Configur
         weights=WeightsConfiguration(gate=15.0, max_candidates=30),
         pruning=PruningConfiguration(max_hypotheses=max_hypotheses or NUM_HYPOTHESES[method]),
         initial_pose=InitialPoseConfiguration(sigma=(0.01, 0.01, 0.001)),
+        odometry=OdometryConfiguration(estimate_bias=True),
     )
 
 
@@ -152,7 +155,10 @@ def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> 
     }
     poses = smoothed_poses(component)
     milliseconds = 1e3 * np.array(seconds)
-    return Outcome(method, metrics, associations, poses, milliseconds, np.array(kept), manager.log_evidence, fault)
+    bias = tuple((component.objects.bias * manager.problem.reader.bias_sigmas).tolist())
+    return Outcome(
+        method, metrics, associations, poses, milliseconds, np.array(kept), manager.log_evidence, bias, fault
+    )
 
 
 def smoothed_poses(component: OpenComponent) -> Array:
