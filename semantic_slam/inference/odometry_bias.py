@@ -4,7 +4,6 @@ x_k = x_{k-1} u_k Exp(G_k c + w_k) with one unknown c ~ N(0, I) for the whole dr
 deviations: a variable of the smoother like any other, so that a revisit tells of it, and it of the next revisit.
 """
 
-from math import cos, pi, sin
 from typing import Any
 
 import gtsam
@@ -13,12 +12,12 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry import se2
+from semantic_slam.inference.planar_factors import unit_noise
 
 Array = NDArray[np.float64]
 
 BIAS_LETTER = "c"
 BIAS_KEY = int(gtsam.symbol(BIAS_LETTER, 0))
-TURN = 2.0 * pi
 
 
 def bias_sigmas(settings: OdometryConfiguration) -> Array:
@@ -54,24 +53,18 @@ def bias_prior(size: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
 
 
 def biased_factor(keys: tuple[int, int], control: Array, covariance: Array, by_bias: Array) -> Any:
-    """Between two planar poses and c; u^-1 x_{k-1}^-1 x_k counts by its coordinates, as in GTSAM's own factor."""
-    first, second = keys
-    ux, uy, turn = control.tolist()
-    cu, su = cos(turn), sin(turn)
-    rows = by_bias.tolist()
-    negative = np.asfortranarray(-by_bias)
+    """Between two planar poses and c: GTSAM's own factor of the two, less what c makes of the control."""
+    noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+    plain = gtsam.BetweenFactorPose2(*keys, gtsam.Pose2(*control), noise)
+    whitened = noise.R() @ by_bias
+    negative = np.asfortranarray(-whitened)
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-        made = values.atPose2(first).between(values.atPose2(second))
-        x, y, bias = made.x(), made.y(), values.atVector(BIAS_KEY).tolist()
-        theta = made.theta() - turn
-        theta -= TURN * round(theta / TURN)
-        if jacobians is not None:
-            cz, sz = cos(theta), sin(theta)
-            jacobians[0] = np.array([[-cu, -su, cu * y - su * x], [su, -cu, -su * y - cu * x], [0.0, 0.0, -1.0]])
-            jacobians[1] = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
-            jacobians[2] = negative
-        plain = (cu * (x - ux) + su * (y - uy), cu * (y - uy) - su * (x - ux), theta)
-        return np.array([p - sum(g * c for g, c in zip(row, bias, strict=True)) for p, row in zip(plain, rows, strict=True)])
+        bias = whitened @ values.atVector(BIAS_KEY)
+        if jacobians is None:
+            return np.asarray(plain.whitenedError(values) - bias)
+        jacobian, negated = plain.linearize(values).jacobian()
+        jacobians[0], jacobians[1], jacobians[2] = jacobian[:, :3], jacobian[:, 3:], negative
+        return np.asarray(-negated - bias)
 
-    return gtsam.CustomFactor(gtsam.noiseModel.Gaussian.Covariance(covariance), [first, second, BIAS_KEY], error)
+    return gtsam.CustomFactor(unit_noise(3), [*keys, BIAS_KEY], error)

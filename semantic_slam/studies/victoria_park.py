@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from semantic_slam.configuration import to_dict
 from semantic_slam.datasets.victoria_park import Log, example_path, read_log
+from semantic_slam.inference.odometry_bias import bias_sigmas
 from semantic_slam.studies.result import write_result
 from semantic_slam.studies.victoria_park_data import LANDMARK_VARIANCE_M2, Variant, make_drive
 from semantic_slam.studies.victoria_park_methods import NUM_HYPOTHESES, Outcome, configuration_of, drive_with, one_trunk
@@ -120,7 +121,11 @@ def _log() -> Log:
 
 
 def _reference(variant: Variant) -> Solution:
-    return known_association(make_drive(_log(), variant), variant.landmark_variance_m2)
+    return known_association(make_drive(_log(), variant), variant.landmark_variance_m2, _bias_sigmas())
+
+
+def _bias_sigmas() -> Any:
+    return bias_sigmas(configuration_of("ours").odometry)
 
 
 def _summary(
@@ -129,11 +134,12 @@ def _summary(
     from semantic_slam.pipeline.provenance import revision
 
     drive = make_drive(_log(), base)
-    merged = from_poses(drive, one_trunk(drive.labels), base.landmark_variance_m2, reference.poses)
+    noise_of_all = (base.landmark_variance_m2, _bias_sigmas())
+    merged = from_poses(drive, one_trunk(drive.labels), *noise_of_all, reference.poses)
     methods: dict[str, dict[str, Any]] = {}
     for method in NUM_HYPOTHESES:
         outcome = outcomes[method]
-        own = from_poses(drive, outcome.associations, base.landmark_variance_m2, outcome.poses)
+        own = from_poses(drive, outcome.associations, *noise_of_all, outcome.poses)
         methods[method] = {
             **outcome.metrics,
             "rms_to_known_association_m": rms_distance(outcome.poses, reference.poses),
