@@ -169,7 +169,7 @@ class Smoother:
         parameters.relinearizeSkip = STEPPED_SKIP
         thresholds = gtsam.ISAM2ThresholdMap()
         for symbol in "xo":
-            thresholds.insert((symbol, np.full(self.manifold.dimension, STEPPED_THRESHOLD)))
+            thresholds.insert((symbol, np.append(np.full(self.manifold.dimension - 1, 1.0), 0.1)))
         thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
         parameters.setRelinearizeThreshold(thresholds)
         parameters.enablePartialRelinearizationCheck = True
