@@ -13,12 +13,13 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar
 from semantic_slam.inference.local_map import LocalMap, Seen
 from semantic_slam.inference.manager import HypothesisManager
-from semantic_slam.inference.odometry_bias import BIAS_KEY, bias_prior, biased_factor, composed_slopes, slopes
+from semantic_slam.inference.odometry_bias import bias_key, bias_prior, biased_factor, composed_slopes, slopes
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.population import Population
 
 PRIOR = {"estimate_bias": True, "sigma_bias_rad_per_m": 0.05, "sigma_bias_scale": 0.1}
 PRIOR_SIGMAS = np.array([0.05, 0.1])
+BIAS = bias_key(-1)
 CONTROLS = np.array([[0.8, 0.05, 0.2], [1.1, -0.1, -0.4], [0.0, 0.0, 0.3], [-0.5, 0.02, 0.1]])
 
 
@@ -47,7 +48,7 @@ def test_the_factor_is_that_of_gtsam_minus_the_bias() -> None:
     values.insert(1, gtsam.Pose2(0.3, 0.2, 0.4))
     values.insert(2, gtsam.Pose2(1.0, 0.7, 0.9))
     control, by_bias = CONTROLS[0], slopes(CONTROLS[0])
-    own = biased_factor(keys, control, covariance, by_bias)
+    own = biased_factor((*keys, BIAS), control, covariance, by_bias)
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
     plain = gtsam.BetweenFactorPose2(*keys, gtsam.Pose2(*control), noise)
     assert own.error(values) == pytest.approx(plain.error(values))
@@ -57,14 +58,14 @@ def test_the_factor_is_that_of_gtsam_minus_the_bias() -> None:
         moved = [_moved(values, sign * change) for sign in (1.0, -1.0)]
         numeric[:, column] = (own.unwhitenedError(moved[0]) - own.unwhitenedError(moved[1])) / (2.0 * step)
     by_key = dict(zip(own.keys(), np.split(own.linearize(values).jacobian()[0], [3, 6], axis=1), strict=True))
-    np.testing.assert_allclose(np.hstack([by_key[1], by_key[2], by_key[BIAS_KEY]]), numeric, atol=1e-5)
+    np.testing.assert_allclose(np.hstack([by_key[1], by_key[2], by_key[BIAS]]), numeric, atol=1e-5)
 
 
 def _moved(values: gtsam.Values, change: np.ndarray) -> gtsam.Values:
     moved = gtsam.Values()
     moved.insert(1, values.atPose2(1).retract(change[:3]))
     moved.insert(2, values.atPose2(2).retract(change[3:6]))
-    moved.insert(BIAS_KEY, values.atVector(BIAS_KEY) + change[6:])
+    moved.insert(BIAS, values.atVector(BIAS) + change[6:])
     return moved
 
 
@@ -75,7 +76,7 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
     before = root @ root.T
     transition, noise = random.normal(size=(3, 5)), np.diag([0.1, 0.2, 0.3])
     seen = Seen(7, random.normal(size=(2, 3)), random.normal(size=(2, 3)))
-    local = LocalMap(np.array([4, 7]), before, num_biases=2).moved(transition, noise).updated([seen])
+    local = LocalMap(np.array([4, 7]), before, num_biases=2).moved(before, transition, noise).updated([seen])
     full, jacobian = np.eye(11), np.zeros((2, 11))
     full[:3, :5] = transition
     jacobian[:, :3], jacobian[:, 8:] = seen.by_robot, seen.by_object

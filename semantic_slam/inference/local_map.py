@@ -50,10 +50,10 @@ class LocalMap:
         rows = self.blocks(object_ids, dimension)
         return self.covariance[rows[:, None], rows]
 
-    def moved(self, transition: Array, noise: Array) -> "LocalMap":
-        """After a motion with (d, d + p) [F G] and covariance."""
+    def moved(self, before: Array, transition: Array, noise: Array) -> "LocalMap":
+        """After a motion with (d, d + p) [F G] and covariance, ``before`` being the covariance until then."""
         size, width = transition.shape
-        covariance = self.covariance.copy()
+        covariance = before.copy()
         covariance[:size] = transition @ covariance[:width]
         covariance[:, :size] = covariance[:, :width] @ transition.T
         covariance[:size, :size] += noise

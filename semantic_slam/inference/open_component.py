@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import gtsam
 import numpy as np
@@ -19,7 +18,7 @@ from semantic_slam.inference.component import (
 )
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.local_map import LocalMap
-from semantic_slam.inference.odometry_bias import BIAS_KEY, biased_factor
+from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, biased_factor
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
@@ -124,7 +123,7 @@ class OpenComponent(Component):
         key = robot_key(self.keyframe + 1)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         motion = step.motion
-        graph.add(self._odometry_factor(key, motion))
+        self._add_odometry(graph, values, motion)
         self.manifold.insert(values, key, added.robot)
         for number, prior in added.new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
@@ -155,11 +154,15 @@ class OpenComponent(Component):
             return motion.control
         return self.manifold.retract(motion.control, motion.by_bias @ self.objects.bias)
 
-    def _odometry_factor(self, key: int, motion: Motion) -> Any:
-        before = robot_key(self.keyframe)
+    def _add_odometry(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, motion: Motion) -> None:
+        keyframe = self.keyframe + 1
+        keys = robot_key(self.keyframe), robot_key(keyframe)
         if motion.by_bias is None:
-            return self.manifold.between_factor(before, key, motion.control, motion.covariance)
-        return biased_factor((before, key), motion.control, motion.covariance, motion.by_bias)
+            graph.add(self.manifold.between_factor(*keys, motion.control, motion.covariance))
+            return
+        if begins_stretch(keyframe):
+            bias_change(keyframe, self.objects.bias, graph, values)
+        graph.add(biased_factor((*keys, bias_key(keyframe)), motion.control, motion.covariance, motion.by_bias))
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
         """As the population has them: the robot first, then all objects."""
@@ -196,7 +199,8 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
     covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
     bias, together = parent.bias, parent.bias_covariance
     if together is not None:
-        bias, together = smoother.bias(), smoother.joint_covariance([robot_key(keyframe), BIAS_KEY])
+        key = bias_key(keyframe)
+        bias, together = smoother.vector(key), smoother.joint_covariance([robot_key(keyframe), key])
     return Population(
         ids=ids,
         existence=np.concatenate([account.existence[kept], account.new_existence]),

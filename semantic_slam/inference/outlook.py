@@ -14,7 +14,7 @@ from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, Motion, object_key, robot_key
 from semantic_slam.inference.existence import SensorRegion, birth, missed
 from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
-from semantic_slam.inference.odometry_bias import BIAS_KEY
+from semantic_slam.inference.odometry_bias import bias_key, with_changed_bias
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, object_in_body
@@ -80,13 +80,16 @@ class Lookout:
         transition = manifold.propagation(component.control(motion))
         if motion.by_bias is not None:
             transition = np.concatenate([transition, motion.by_bias], axis=1)
-        spread = transition @ population.motion_covariance @ transition.T + motion.covariance
+        before = with_changed_bias(population.motion_covariance, component.keyframe + 1, len(population.bias))
+        spread = transition @ before @ transition.T + motion.covariance
         births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
         sigma = float(position_sigmas(spread[None])[0])
         errors = self.settings.gate_sigma * np.hypot(sigma, population.sigmas)
         reach = np.flatnonzero(_distances(population.states, robot) < self.region.max_range_m + errors)
         near, beyond = self._near(population, robot, spread, births, detections, reach)
-        local = _local(component, robot, near).moved(transition, motion.covariance)
+        local = _local(component, robot, near)
+        wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
+        local = local.moved(wider, transition, motion.covariance)
         predicted = _predicted(population, robot, near, local)
         prediction = _prediction(population, reach, near, predicted)
         intensity, existence = self._births(population, births, detections)
@@ -154,7 +157,7 @@ def _local(component: OpenComponent, robot: Array, near: Index) -> LocalMap:
         around = np.argsort(_distances(population.states, robot), kind="stable")[:LOCAL_OBJECTS]
         ids = population.ids[np.union1d(near, around)]
     biases = len(population.bias)
-    keys = [robot_key(component.keyframe), *[BIAS_KEY][:biases], *(object_key(int(n)) for n in ids)]
+    keys = [robot_key(component.keyframe), *[bias_key(component.keyframe)][:biases], *(object_key(int(n)) for n in ids)]
     together = component.joint_covariance(keys) if len(ids) else population.motion_covariance.copy()
     return LocalMap(ids, together, num_biases=biases)
 

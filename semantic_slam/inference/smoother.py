@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.manifold import Manifold
-from semantic_slam.inference.odometry_bias import BIAS_KEY, BIAS_LETTER, bias_prior
+from semantic_slam.inference.odometry_bias import BIAS_LETTER, bias_prior
 from semantic_slam.inference.semantic_factors import DESCRIPTOR, Made, Named, SemanticFactors, is_descriptor
 
 Array = NDArray[np.float64]
@@ -72,9 +72,9 @@ class Smoother:
         """(n, L) estimates of descriptors."""
         return np.array([self.isam.calculateEstimateVector(key) for key in keys])
 
-    def bias(self) -> Array:
-        """(p,) estimate of what odometry always gets wrong."""
-        return np.asarray(self.isam.calculateEstimateVector(BIAS_KEY))
+    def vector(self, key: int) -> Array:
+        """(n,) estimate of a variable that is no pose."""
+        return np.asarray(self.isam.calculateEstimateVector(key))
 
     def has(self, key: int) -> bool:
         """Whether there is such a variable."""
