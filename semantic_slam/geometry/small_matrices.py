@@ -1,5 +1,7 @@
 """Many matrices of two or three rows, entry by entry: far cheaper than a call of LAPACK for each."""
 
+from math import log
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,3 +30,12 @@ def forward(root: Array, values: Array) -> Array:
             entry = entry - root[..., i, j, None] * found[..., j, :]
         found[..., i, :] = entry / root[..., i, i, None]
     return found
+
+
+def inverted(matrix: Array) -> tuple[Array, float]:
+    """Inverse and log determinant of one symmetric, positive matrix."""
+    if len(matrix) != 2:
+        return np.linalg.inv(matrix), float(np.linalg.slogdet(matrix)[1])
+    (a, b), (_, c) = matrix.tolist()
+    determinant = a * c - b * b
+    return np.array([[c, -b], [-b, a]]) / determinant, log(determinant)

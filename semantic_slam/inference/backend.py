@@ -45,6 +45,7 @@ class Backend:
         self.steps: list[Step] = []
         self.committed = -1
         self._expanded: tuple[Continuations, list[int]] | None = None
+        self._roster = Roster(self.problem.objects, len(self.problem.class_names), ())
 
     def _root(self) -> Component:
         is_open = isinstance(self.expander, OpenExpander)
@@ -229,7 +230,8 @@ class Backend:
         if self.problem.association != "open":
             return self.registry
         alive = frozenset[int]().union(*(held.component.object_ids for held in self.held.values()))
-        return Roster(self.problem.objects, len(self.problem.class_names), alive)
+        self._roster = self._roster.with_only(alive)
+        return self._roster
 
     def _component_row(
         self, component: Component, registry: ObjectRegistry

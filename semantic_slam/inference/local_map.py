@@ -37,12 +37,12 @@ class LocalMap:
 
     def holds(self, object_ids: Index) -> bool:
         """Whether all of (n,) objects are here."""
-        return bool(np.isin(object_ids, self.ids).all())
+        return set(object_ids.tolist()) <= set(self.ids.tolist())
 
     def blocks(self, object_ids: Index, dimension: int) -> Index:
         """Rows of the covariance for the robot and (n,) objects."""
-        place = {int(n): row for row, n in enumerate(self.ids)}
-        first = [0, *(dimension * (1 + place[int(n)]) + self.num_biases for n in object_ids)]
+        place = {n: row for row, n in enumerate(self.ids.tolist())}
+        first = [0, *(dimension * (1 + place[n]) + self.num_biases for n in object_ids.tolist())]
         return np.asarray((np.array(first)[:, None] + np.arange(dimension)).ravel())
 
     def of(self, object_ids: Index, dimension: int) -> Array:

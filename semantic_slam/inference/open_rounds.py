@@ -97,9 +97,10 @@ class OpenRounds:
 
     def aligned(self, answers: list[Components]) -> list[Components]:
         """Answers over the same objects: all that some hypothesis holds."""
-        alive = {int(n) for answer in answers for n in answer.object_ids}
-        self.roster = Roster(self.problem.objects, len(self.problem.class_names), alive)
+        self.roster = self.roster.with_only({n for answer in answers for n in answer.object_ids.tolist()})
         ids = np.array(self.roster.ids, dtype=np.uint32)
+        if all(np.array_equal(ids, answer.object_ids) for answer in answers):
+            return answers
         priors = self.roster.class_prior()
         return [_over(answer, ids, priors) for answer in answers]
 
@@ -121,7 +122,8 @@ class OpenRounds:
             settles[row] = found >= first_new and times[found] == 1
             times[found] += 1
         tentative = {found for found, count in times.items() if found >= first_new and count == 1}
-        sure = {self.roster.ids[row]: object_poses[row, :3] for row in np.flatnonzero(existence > SURE)}
+        likely = () if self.settings.merge_ghosts else np.flatnonzero(existence > SURE)
+        sure = {self.roster.ids[row]: object_poses[row, :3] for row in likely}
         self._recent[number] = Recent(padded[places], classes, settles, sure, tentative)
 
     def forget(self) -> None:
@@ -163,8 +165,6 @@ class TimeBudget:
 
 def _over(answer: Components, ids: NDArray[np.uint32], class_prior: Array) -> Components:
     """One backend's answer over ``ids`` (O,); NaN, and the prior over classes, where it holds no such object."""
-    if np.array_equal(ids, answer.object_ids):
-        return answer
     places = np.searchsorted(ids, answer.object_ids)
     shape = (len(answer.ids), len(ids))
 

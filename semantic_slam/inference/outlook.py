@@ -117,7 +117,7 @@ class Lookout:
         excess = away.min(axis=0, initial=np.inf)
         order = np.argsort(excess, kind="stable")
         order = order[excess[order] < gate]
-        peaks = np.array([-0.5 * np.linalg.slogdet(2.0 * np.pi * _noise(d))[1] for d in detections])
+        peaks = np.array([detection.log_normaliser for detection in detections])
         detected = population.existence[order[limit:]] * self.region.detection_probability
         weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
@@ -200,11 +200,6 @@ def _sigmas_away(population: Population, robot: Array, spread: Array, born: Birt
     across = (sigma**2 + population.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
     turn = np.abs(wrap_angle(bearing - detection.bearing_rad))
     return np.asarray(turn / np.sqrt(detection.covariance[1, 1] + spread[2, 2] + across))
-
-
-def _noise(detection: Any) -> Array:
-    """Covariance of what a detection measures."""
-    return np.asarray(detection.covariance if detection.has_range else detection.covariance[1:, 1:])
 
 
 def _distances(states: Array, point: Array) -> Array:

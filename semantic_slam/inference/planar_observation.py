@@ -69,10 +69,13 @@ class PlanarObservation:
         self.num_classes = len(model.class_names) if model is not None else 0
         self._ahead: dict[tuple[int, int, bytes, bytes], tuple[Linearisation, int]] = {}
         self._of_ahead: tuple[PlanarDetection, ...] = ()
+        self._collected: tuple[Sequence[PlanarDetection], PlanarDetections] | None = None
 
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
-        """Detections as arrays."""
-        return PlanarDetections.of(detections)
+        """Detections as arrays; the same ones are asked for by one hypothesis after the other."""
+        if self._collected is None or self._collected[0] is not detections:
+            self._collected = detections, PlanarDetections.of(detections)
+        return self._collected[1]
 
     def geometry(self, seen: PlanarDetections, x: Array, o: Array) -> Linearisation:
         """Residual of [range, bearing], the range's 0 where there is only a bearing."""
