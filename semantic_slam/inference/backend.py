@@ -41,15 +41,19 @@ class Backend:
         self.expander: Expander | OpenExpander = Expander(self.problem, self.registry)
         if self.problem.association == "open":
             self.expander = OpenExpander(self.problem, self.registry)
-        self.held: dict[int, Held] = {ROOT_ID: Held(self._root(), 0.0)}
+        self.held: dict[int, Held] = {
+            ROOT_ID + number: Held(self._root(number), log_weight)
+            for number, log_weight in enumerate(self.problem.log_root_weights)
+        }
         self.steps: list[Step] = []
         self.committed = -1
         self._expanded: tuple[Continuations, list[int]] | None = None
         self._roster = Roster(self.problem.objects, len(self.problem.class_names), ())
 
-    def _root(self) -> Component:
+    def _root(self, number: int) -> Component:
+        """Before any keyframe; in an open world under the odometry noise of that number."""
         is_open = isinstance(self.expander, OpenExpander)
-        return OpenComponent.before_any_keyframe(self.problem) if is_open else self.problem.root()
+        return OpenComponent.before_any_keyframe(self.problem, number) if is_open else self.problem.root()
 
     def expand(self, keyframe: Any) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
@@ -118,7 +122,8 @@ class Backend:
         """A component from its lineage alone; trunks that lineages share are replayed once."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        number, component = ROOT_ID, self._root()
+        number = ROOT_ID + (lineage[0].mode if len(self.problem.noise_factors) > 1 else 0)
+        component = self._root(number - ROOT_ID)
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             if child not in rebuilt:

@@ -51,6 +51,8 @@ class OpenComponent(Component):
     population: Population | None = None
     settle: bool = True
     local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
+    noise: int = 0  # which of the noises that odometry may have
+    noise_factor: float = 1.0  # of that one, on the covariance
 
     @property
     def objects(self) -> Population:
@@ -59,8 +61,8 @@ class OpenComponent(Component):
         return self.population
 
     @classmethod
-    def before_any_keyframe(cls, problem: Problem) -> "OpenComponent":
-        """The prior of Eq. 4.3 with what existence the map states."""
+    def before_any_keyframe(cls, problem: Problem, noise: int = 0) -> "OpenComponent":
+        """The prior of Eq. 4.3 with what existence the map states, under one of the noises of odometry."""
         plain, settle = problem.root(), problem.open_world.settle
         smoother = plain.smoother
         if not settle:
@@ -89,6 +91,8 @@ class OpenComponent(Component):
             object_ids=plain.object_ids,
             population=population,
             settle=settle,
+            noise=noise,
+            noise_factor=problem.noise_factors[noise],
         )
 
     def grown(self, step: Step, added: Grown, max_fresh: int, *, in_place: bool) -> "OpenComponent":
@@ -122,7 +126,7 @@ class OpenComponent(Component):
         """
         key = robot_key(self.keyframe + 1)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        motion = step.motion
+        motion = self.scaled(step.motion)
         self._add_odometry(graph, values, motion)
         self.manifold.insert(values, key, added.robot)
         for number, prior in added.new_objects.items():
@@ -143,6 +147,12 @@ class OpenComponent(Component):
             calm = {key: predicted} | self.calm(added.views)
             return self.smoother.extended(graph, values, [*named, *entering], start, jumped or turned, calm)
         return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
+
+    def scaled(self, motion: Motion) -> Motion:
+        """Odometry with the noise that this hypothesis takes it to have."""
+        if self.noise_factor == 1.0:
+            return motion
+        return replace(motion, covariance=self.noise_factor * motion.covariance)
 
     def predicted_robot(self, motion: Motion) -> Array:
         """(d,) where the newest robot has come to by odometry, without what that always gets wrong."""

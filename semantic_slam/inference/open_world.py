@@ -6,7 +6,7 @@ and their hypothesis weight, by the same probabilities.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,8 @@ class OpenExpander:
             weighable = self._with_classes(step, outlooks, candidates, components, path)
         else:
             weighable = self._geometric(step, outlooks, candidates)
+        if step.index == 0:
+            weighable = _with_noise(weighable, [outlook.component.noise for outlook in outlooks])
         return self._weighed(step, parent_ids, outlooks, weighable, candidates.pairs)
 
     def grown(
@@ -384,6 +386,12 @@ def _local_after(outlook: Outlook, pairs: Pairs, association: tuple[int, ...], b
         if object_id in births:
             local = local.with_new(object_id, outlook.births[number].gain, outlook.births[number].noise)
     return local
+
+
+def _with_noise(found: _Weighable, noises: list[int]) -> _Weighable:
+    """The first steps of lineages, which say under which noise of odometry these began."""
+    steps = [replace(step, mode=noises[parent]) for step, parent in zip(found.steps, found.parents, strict=True)]
+    return replace(found, steps=steps)
 
 
 def _lineage_steps(rows: Rows, object_ids: Sequence[int]) -> list[LineageStep]:

@@ -75,6 +75,7 @@ class Lookout:
     def outlook(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Outlook:
         """Raises LostComponentError."""
         assert isinstance(component, OpenComponent)
+        motion = component.scaled(motion)
         population, manifold = component.objects, component.manifold
         robot = component.predicted_robot(motion)
         transition = manifold.propagation(component.control(motion))

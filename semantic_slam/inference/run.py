@@ -61,7 +61,7 @@ def make_run_configuration(
             " or set association: open to map as you go, or given for detections that carry ids"
         )
     _check_open_world(configuration)
-    _check_bias(configuration)
+    _check_odometry(configuration)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
@@ -91,8 +91,11 @@ def _check_open_world(configuration: Configuration) -> None:
         raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
 
 
-def _check_bias(configuration: Configuration) -> None:
-    single_steps = configuration.association == "open" and not configuration.open_world.settle
+def _check_odometry(configuration: Configuration) -> None:
+    factors, is_open = configuration.odometry.noise_factors, configuration.association == "open"
+    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not is_open):
+        raise InputError("odometry.noise_factors must be positive, and other than [1.0] only with association: open")
+    single_steps = is_open and not configuration.open_world.settle
     if configuration.odometry.estimate_bias and not single_steps:
         raise InputError(
             "odometry.estimate_bias works only where updates are not iterated;"
@@ -120,6 +123,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     biases = bias_sigmas(configuration.odometry)
     return Problem(
         num_biases=len(biases),
+        noise_factors=configuration.odometry.noise_factors,
         manifold=PlanarPoses(),
         model=PlanarObservation(
             model if _in_graph(configuration) else None,

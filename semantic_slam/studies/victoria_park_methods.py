@@ -50,6 +50,8 @@ FRONT_END = OpenWorldConfiguration(
 )
 """Births, clutter and gates of every method; said before any label was looked at, and the same for all."""
 NUM_HYPOTHESES = {"ours": 10, "joint_assignment": 1, "nearest_neighbour": 1}
+NOISE_FACTORS = (1.0, 4.0, 16.0)
+"""On the odometry covariance that a method is given: whoever keeps several hypotheses chooses by evidence."""
 ONE_TRUNK = ((3, 19), (4, 18), (9, 50))
 """Landmarks, counted from 0 by first sight, of which each pair is almost surely one trunk with two numbers."""
 
@@ -66,6 +68,7 @@ class Outcome:
     hypotheses: NDArray[np.int_]  # (k,) kept after each
     log_evidence: float
     bias: tuple[float, ...]  # of odometry: heading [rad/m], length; of the best hypothesis at the end
+    noise_factor: float  # on the odometry covariance that was given, of that hypothesis
     fault: str = ""  # why the run ended before its last keyframe
 
 
@@ -78,7 +81,7 @@ def configuration_of(method: str, max_hypotheses: int | None = None) -> Configur
         weights=WeightsConfiguration(gate=15.0, max_candidates=30),
         pruning=PruningConfiguration(max_hypotheses=max_hypotheses or NUM_HYPOTHESES[method]),
         initial_pose=InitialPoseConfiguration(sigma=(0.01, 0.01, 0.001)),
-        odometry=OdometryConfiguration(estimate_bias=True),
+        odometry=OdometryConfiguration(estimate_bias=True, noise_factors=NOISE_FACTORS),
     )
 
 
@@ -157,7 +160,8 @@ def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> 
     milliseconds = 1e3 * np.array(seconds)
     bias = tuple((component.objects.bias * manager.problem.reader.bias_sigmas).tolist())
     return Outcome(
-        method, metrics, associations, poses, milliseconds, np.array(kept), manager.log_evidence, bias, fault
+        method, metrics, associations, poses, milliseconds, np.array(kept), manager.log_evidence, bias,
+        component.noise_factor, fault
     )
 
 
