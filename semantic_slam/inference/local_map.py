@@ -50,6 +50,11 @@ class LocalMap:
         rows = self.blocks(object_ids, dimension)
         return self.covariance[rows[:, None], rows]
 
+    def single(self, object_ids: Index, dimension: int) -> Array:
+        """(n, d, d) of (n,) objects."""
+        rows = self.blocks(object_ids, dimension)[dimension:].reshape(-1, dimension)
+        return self.covariance[rows[:, :, None], rows[:, None, :]]
+
     def moved(self, before: Array, transition: Array, noise: Array) -> "LocalMap":
         """After a motion with (d, d + p) [F G] and covariance, ``before`` being the covariance until then."""
         size, width = transition.shape

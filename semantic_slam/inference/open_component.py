@@ -205,12 +205,8 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
     fresh = np.arange(len(ids))
     if len(ids) > max_fresh:
         fresh = np.unique(np.searchsorted(ids, [item.object_id for item in added.observed])).astype(int)
-    own = smoother.covariances([robot_key(keyframe), *(keys[row] for row in fresh)])
-    covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
-    bias, together = parent.bias, parent.bias_covariance
-    if together is not None:
-        key = bias_key(keyframe)
-        bias, together = smoother.vector(key), smoother.joint_covariance([robot_key(keyframe), key])
+    together, covariances[fresh] = _joint(smoother, keyframe, parent, added.local, ids[fresh])
+    sigmas[fresh] = position_sigmas(covariances[fresh])
     return Population(
         ids=ids,
         existence=np.concatenate([account.existence[kept], account.new_existence]),
@@ -218,11 +214,22 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
         covariances=covariances,
         sigmas=sigmas,
         robot=states[-1],
-        robot_covariance=own[0],
+        robot_covariance=together[: manifold.dimension, : manifold.dimension],
         trail=np.concatenate([parent.trail, states[-1:]]),
-        bias=bias,
-        bias_covariance=together,
+        bias=smoother.vector(bias_key(keyframe)) if len(parent.bias) else parent.bias,
+        bias_covariance=together if len(parent.bias) else None,
     )
+
+
+def _joint(
+    smoother: Smoother, keyframe: int, parent: Population, local: LocalMap | None, object_ids: Index
+) -> tuple[Array, Array]:
+    """(d + p, d + p) of robot and biases, and (n, d, d) of objects: from the local map where that holds them."""
+    size, biases = smoother.manifold.dimension, len(parent.bias)
+    if local is not None and local.holds(object_ids):
+        return local.covariance[: size + biases, : size + biases], local.single(object_ids, size)
+    robot = [robot_key(keyframe), *[bias_key(keyframe)][:biases]]
+    return smoother.joint_covariance(robot), smoother.covariances([object_key(n) for n in object_ids.tolist()])
 
 
 def _with_unit_bias(robot: Array, num_biases: int) -> Array | None:
