@@ -102,7 +102,8 @@ class OpenComponent(Component):
         """
         keyframe = self.keyframe + 1
         predicted = self.predicted_robot(step.motion)
-        jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
+        change = np.abs(self.manifold.local(predicted, added.robot))
+        jumped = bool((change > (JUMP if self.settle else self.manifold.far)).any())
         smoother = self._smoothed(step, added, jumped, in_place=in_place)
         account = added.account
         alive = frozenset((*self.objects.ids[account.kept].tolist(), *account.new_ids.tolist()))

@@ -32,9 +32,9 @@ MAX_EXACT_ITERATIONS = 15
 """Of an optimisation with callbacks."""
 SYMBOL_BITS = 56
 """Of a key, before its letter."""
-STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
-"""Where updates are not iterated: keyframes from one relinearisation to the next, change of a state from which on it
-takes part, and change below which back-substitution stops, metres or radians."""
+STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
+"""Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
+back-substitution stops, metres or radians."""
 
 
 class LostComponentError(SemanticSlamError):
@@ -169,7 +169,7 @@ class Smoother:
         parameters.relinearizeSkip = STEPPED_SKIP
         thresholds = gtsam.ISAM2ThresholdMap()
         for symbol in "xo":
-            thresholds.insert((symbol, np.append(np.full(self.manifold.dimension - 1, 1.0), 0.1)))
+            thresholds.insert((symbol, self.manifold.far))
         thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
         parameters.setRelinearizeThreshold(thresholds)
         parameters.enablePartialRelinearizationCheck = True

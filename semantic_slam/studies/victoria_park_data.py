@@ -24,7 +24,7 @@ LANDMARK_VARIANCE_M2 = 0.4
 class Variant:
     """What is done to the data; nothing by default."""
 
-    odometry_factor: float = 16.0  # on the file's odometry covariance
+    odometry_factor: float = 1.0  # on the file's odometry covariance
     landmark_variance_m2: float = LANDMARK_VARIANCE_M2
     dropped_share: float = 0.0  # of the detections, at random
     blind_m: float = 0.0  # length of each stretch without detections ...
