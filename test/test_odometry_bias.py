@@ -1,4 +1,4 @@
-"""What odometry always gets wrong: its model against exact composition, and its estimate in drives where it is known."""
+"""What odometry always gets wrong: its model against exact composition, its estimate where the truth is known."""
 
 import dataclasses
 

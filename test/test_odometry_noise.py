@@ -1,4 +1,4 @@
-"""Hypotheses that differ in how noisy odometry is: their evidence decides, and a lineage says which one it began with."""
+"""Hypotheses that differ in how noisy odometry is: evidence decides, and a lineage says which one it began with."""
 
 import dataclasses
 
@@ -14,9 +14,7 @@ from semantic_slam.inference.pool import InProcessPool
 FACTORS = [1.0, 16.0]
 
 
-def room_of(
-    factors: list[float], num_keyframes: int, share: float, ratio: float = 150.0, **open_world: float
-) -> Room:
+def room_of(factors: list[float], num_keyframes: int, share: float, ratio: float = 150.0, **open_world: float) -> Room:
     """A room whose odometry says ``share`` of its covariance."""
     room = make_room(
         num_keyframes,

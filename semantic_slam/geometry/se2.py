@@ -129,7 +129,8 @@ def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True)
 
 
 def _rows(poses: Array) -> list[list[float]]:
-    return poses.reshape(-1, 3).tolist()  # type: ignore[no-any-return]
+    rows: list[list[float]] = poses.reshape(-1, 3).tolist()
+    return rows
 
 
 def _composed(ax: float, ay: float, turn: float, bx: float, by: float, other: float) -> tuple[float, float, float]:
@@ -138,16 +139,16 @@ def _composed(ax: float, ay: float, turn: float, bx: float, by: float, other: fl
     return ax + cosine * bx - sine * by, ay + sine * bx + cosine * by, angle - TURN * floor((angle + pi) / TURN)
 
 
-def _inverse(x: float, y: float, turn: float) -> tuple[float, float, float]:
+def _inverse(x: float, y: float, turn: float) -> list[float]:
     sine, cosine = sin(turn), cos(turn)
-    return -cosine * x - sine * y, sine * x - cosine * y, -turn
+    return [-cosine * x - sine * y, sine * x - cosine * y, -turn]
 
 
-def _element(x: float, y: float, turn: float) -> tuple[float, float, float]:
+def _element(x: float, y: float, turn: float) -> list[float]:
     half = 0.5 * turn
     ratio = sin(half) / half if abs(half) >= SMALLEST_ANGLE else 1.0
     a, b = ratio * cos(half), ratio * sin(half)
-    return a * x - b * y, b * x + a * y, turn - TURN * floor((turn + pi) / TURN)
+    return [a * x - b * y, b * x + a * y, turn - TURN * floor((turn + pi) / TURN)]
 
 
 def _columns(x: Array, y: Array, theta: Array) -> Array:

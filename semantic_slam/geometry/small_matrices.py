@@ -38,4 +38,4 @@ def inverted(matrix: Array) -> tuple[Array, float]:
         return np.linalg.inv(matrix), float(np.linalg.slogdet(matrix)[1])
     (a, b), (_, c) = matrix.tolist()
     determinant = a * c - b * b
-    return np.array([[c, -b], [-b, a]]) / determinant, log(determinant)
+    return np.asarray(np.array([[c, -b], [-b, a]]) / determinant), log(determinant)

@@ -242,10 +242,14 @@ class Backend:
         self, component: Component, registry: ObjectRegistry
     ) -> tuple[Array, Array, ClassKnowledge, Array]:
         """States (1 + O, d) and covariances, the robot's first, NaN for what is absent; classes; existence."""
-        present = [i for i, n in enumerate(registry.ids) if n in component.object_ids]
-        keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
-        states, covariances = component.corrected(keys)
-        rows, size = [0, *(1 + i for i in present)], states.shape[1]
+        if isinstance(component, OpenComponent):
+            present = np.searchsorted(registry.ids, component.objects.ids)
+            states, covariances = component.robot_and_objects()
+        else:
+            present = np.flatnonzero([n in component.object_ids for n in registry.ids])
+            keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
+            states, covariances = component.corrected(keys)
+        rows, size = np.concatenate([[0], 1 + present]).astype(int), states.shape[1]
         every = np.full((1 + len(registry.ids), size), np.nan)
         spread = np.full((1 + len(registry.ids), size, size), np.nan)
         every[rows], spread[rows] = states, covariances

@@ -1,9 +1,9 @@
 """What odometry gets wrong all the way: a turn for every metre driven, and the length of a metre.
 
-x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations. It changes a
-little from one stretch of the drive to the next, so that every stretch has its own variable in the smoother: a revisit
-tells of them as of the poses, and what they tell of the next revisit is part of the belief. One variable for the whole
-drive would be in every clique, and each of its changes would go through the whole tree.
+x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations. It
+changes a little from one stretch of the drive to the next, so that every stretch has its own variable in the smoother:
+a revisit tells of them as of the poses, and what they tell of the next revisit is part of the belief. One variable for
+the whole drive would be in every clique, and each of its changes would go through the whole tree.
 """
 
 from typing import Any

@@ -18,8 +18,8 @@ from semantic_slam.inference.component import (
 )
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.local_map import LocalMap
-from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, biased_factor
 from semantic_slam.inference.object_views import Correction, ObjectViews
+from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, biased_factor
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.semantic_factors import Named
@@ -37,6 +37,7 @@ class Grown:
     observed: Sequence[Observed]
     objects: Sequence[Array]  # (d,) mode of the object of each entry of ``observed``
     robot: Array  # (d,) mode
+    predicted: Array  # (d,) of the robot, by odometry alone
     new_objects: dict[int, GaussianPrior]
     views: dict[int, ObjectViews]
     robot_correction: Correction | None
@@ -101,8 +102,7 @@ class OpenComponent(Component):
         ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
         """
         keyframe = self.keyframe + 1
-        predicted = self.predicted_robot(step.motion)
-        change = np.abs(self.manifold.local(predicted, added.robot))
+        change = np.abs(self.manifold.local(added.predicted, added.robot))
         jumped = bool((change > (JUMP if self.settle else self.manifold.far)).any())
         smoother = self._smoothed(step, added, jumped, in_place=in_place)
         account = added.account
@@ -144,8 +144,7 @@ class OpenComponent(Component):
             entering = descriptor_views(added.views)
             turned = self.turned(added.views)
             start |= self.with_descriptors(graph, values, added.views, entering, start)
-            predicted = self.manifold.compose(self.objects.robot, motion.control)
-            calm = {key: predicted} | self.calm(added.views)
+            calm = {key: added.predicted} | self.calm(added.views)
             return self.smoother.extended(graph, values, [*named, *entering], start, jumped or turned, calm)
         return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
 
@@ -153,11 +152,7 @@ class OpenComponent(Component):
         """Odometry with the noise that this hypothesis takes it to have."""
         if self.noise_factor == 1.0:
             return motion
-        return replace(motion, covariance=self.noise_factor * motion.covariance)
-
-    def predicted_robot(self, motion: Motion) -> Array:
-        """(d,) where the newest robot has come to by odometry, without what that always gets wrong."""
-        return self.manifold.compose(self.objects.robot, self.control(motion))
+        return Motion(motion.control, self.noise_factor * motion.covariance, motion.by_bias)
 
     def control(self, motion: Motion) -> Array:
         """(d,) odometry without what it always gets wrong, as far as that is known."""
@@ -175,10 +170,9 @@ class OpenComponent(Component):
             bias_change(keyframe, self.objects.bias, graph, values)
         graph.add(biased_factor((*keys, bias_key(keyframe)), motion.control, motion.covariance, motion.by_bias))
 
-    def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
-        """As the population has them: the robot first, then all objects."""
+    def robot_and_objects(self) -> tuple[Array, Array]:
+        """(1 + O, d) states as the population has them, the robot first, and their covariances, corrected."""
         population = self.objects
-        assert len(keys) == 1 + len(population.ids)
         states = np.concatenate([population.robot[None], population.states])
         covariances = np.concatenate([population.robot_covariance[None], population.covariances])
         corrections = [self.robot_correction]

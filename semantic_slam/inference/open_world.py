@@ -115,6 +115,7 @@ class OpenExpander:
             [Observed(detection, number, cls) for detection, number, cls in pairs],
             list(found.objects[at]),
             found.robot[at],
+            found.outlooks[parent].predicted.mean[0, 0],
             {int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in account.new_ids},
             found.views[at],
             found.robot_corrections[at],

@@ -14,8 +14,8 @@ from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, Motion, object_key, robot_key
 from semantic_slam.inference.existence import SensorRegion, birth, missed
 from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
-from semantic_slam.inference.odometry_bias import bias_key, with_changed_bias
 from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.odometry_bias import bias_key, with_changed_bias
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, object_in_body
 from semantic_slam.inference.population import Population, position_sigmas
@@ -77,8 +77,9 @@ class Lookout:
         assert isinstance(component, OpenComponent)
         motion = component.scaled(motion)
         population, manifold = component.objects, component.manifold
-        robot = component.predicted_robot(motion)
-        transition = manifold.propagation(component.control(motion))
+        control = component.control(motion)
+        robot = manifold.compose(population.robot, control)
+        transition = manifold.propagation(control)
         if motion.by_bias is not None:
             transition = np.concatenate([transition, motion.by_bias], axis=1)
         before = with_changed_bias(population.motion_covariance, component.keyframe + 1, len(population.bias))

@@ -131,7 +131,7 @@ def problem_of(run: RunConfiguration) -> Problem:
             configuration.new_objects,
             _correlated_views(configuration.semantic_model),
         ),
-        reader=PlanarReader(_num_features(model or descriptors), biases),
+        reader=PlanarReader(_num_features(model or descriptors), biases.tolist()),
         robot=_planar_prior(run.initial_pose, run.initial_covariance),
         objects=objects,
         class_names=run.class_names,

@@ -2,7 +2,8 @@
 
 The file's odometry drifts and is far too sure of itself. Its bias is estimated with the poses, and how much larger its
 covariance is, hypotheses differ in: evidence decides during the drive. The detections' noise is the file's. Landmark
-numbers serve the scores and nothing else. The other methods, of one hypothesis, are given the covariance that ours chose.
+numbers serve the scores and nothing else. The other methods, of one hypothesis each, are given the covariance that ours
+chose.
 """
 
 from concurrent.futures import ProcessPoolExecutor
@@ -18,7 +19,7 @@ from semantic_slam.configuration import to_dict
 from semantic_slam.datasets.victoria_park import Log, example_path, read_log
 from semantic_slam.inference.odometry_bias import bias_sigmas
 from semantic_slam.studies.result import write_result
-from semantic_slam.studies.victoria_park_data import LANDMARK_VARIANCE_M2, Variant, make_drive
+from semantic_slam.studies.victoria_park_data import Variant, make_drive
 from semantic_slam.studies.victoria_park_methods import NUM_HYPOTHESES, Outcome, configuration_of, drive_with, one_trunk
 from semantic_slam.studies.victoria_park_pages import claims_of, figures_of, tables_of
 from semantic_slam.studies.victoria_park_reference import Solution, from_poses, known_association, rms_distance

@@ -67,9 +67,7 @@ def rms_distance(poses: Array, reference: Array) -> float:
 class _Problem:
     """``bias_sigmas`` (2,): odometry's biases are variables, with these standard deviations; none: they are not."""
 
-    def __init__(
-        self, drive: Drive, clusters: Sequence[tuple[Hashable, ...]], variance_m2: float, bias_sigmas: Array
-    ):
+    def __init__(self, drive: Drive, clusters: Sequence[tuple[Hashable, ...]], variance_m2: float, bias_sigmas: Array):
         self.drive, self.clusters, self.variance_m2, self.bias_sigmas = drive, clusters, variance_m2, bias_sigmas
         names = dict.fromkeys(name for own in clusters for name in own)
         self.keys = {name: gtsam.symbol("l", number) for number, name in enumerate(names)}
