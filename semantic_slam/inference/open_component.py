@@ -103,7 +103,8 @@ class OpenComponent(Component):
         """
         keyframe = self.keyframe + 1
         change = np.abs(self.manifold.local(added.predicted, added.robot))
-        jumped = bool((change > (JUMP if self.settle else self.manifold.far)).any())
+        limit = JUMP if self.settle else np.maximum(JUMP, self.manifold.far)
+        jumped = bool((change > limit).any())
         smoother = self._smoothed(step, added, jumped, in_place=in_place)
         account = added.account
         alive = frozenset((*self.objects.ids[account.kept].tolist(), *account.new_ids.tolist()))

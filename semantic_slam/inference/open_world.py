@@ -18,7 +18,7 @@ from semantic_slam.inference.existence import LEAST_PROBABILITY, missed
 from semantic_slam.inference.gating import Chosen, Pairs, best_assignments, pair_densities
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import hypothesis_id
-from semantic_slam.inference.laplace import find_modes, search_start
+from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, find_modes, search_start
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
 from semantic_slam.inference.local_map import LocalMap, Seen
 from semantic_slam.inference.objects import ObjectRegistry
@@ -194,7 +194,7 @@ class OpenExpander:
         if bent and len(step.detections):
             chosen = np.array(bent)
             small = self._small(step, outlooks, candidates.parents[chosen], ids[chosen])
-            mode = find_modes(small.stack, search_start(small.stack))
+            mode = find_modes(small.stack, search_start(small.stack), tolerance=WEIGHING_TOLERANCE)
             result = result.replaced(chosen, evaluated(small.stack, mode))
         none = (-1,) * len(step.detections)
         steps = [LineageStep(tuple(row), none) for row in ids.tolist()]
