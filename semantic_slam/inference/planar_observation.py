@@ -6,6 +6,7 @@ perturbations give dd/dx = [-I, -S d], dd/do = [R_x^T R_o, 0], dv/dx = R_o^T R_x
 where S turns by a quarter.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import NewObjectConfiguration
+from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.geometry.small_matrices import cholesky, forward
@@ -157,9 +159,9 @@ class PlanarObservation:
         new = self.new_objects
         distance = detection.range_m if detection.has_range else new.range_m
         sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
-        rotation = np.array([[np.cos(x[2]), -np.sin(x[2])], [np.sin(x[2]), np.cos(x[2])]])
-        along = np.array([np.cos(detection.bearing_rad), np.sin(detection.bearing_rad)])
-        mean = np.append(x[:2] + rotation @ (detection.origin + distance * along), x[2])
+        origin_x, origin_y = detection.origin.tolist()
+        ahead, aside = math.cos(detection.bearing_rad), math.sin(detection.bearing_rad)
+        mean = se2.compose(x, np.array([origin_x + distance * ahead, origin_y + distance * aside, 0.0]))
         return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
 
     def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
