@@ -78,15 +78,8 @@ class LinearModel:
     def view_change(self, before, now):
         return np.zeros(len(before))
 
-    def semantic_factors(self, detections, keys, classes, x, o):
-        part = self.semantics(self.collect(detections), x, o, classes)
-        return [_linear_factor(part, row, pair, x[row], o[row]) for row, pair in enumerate(keys)]
-
     def least_cost(self, seen, x, covariance, o, sigmas):
         return np.zeros((len(x), len(seen.geo), o.shape[1])), 0.0
-
-    def linearise_ahead(self, detections, classes, x, o):
-        pass
 
 
 def _tiled(values, count):
@@ -112,16 +105,6 @@ def _factor(part, keys):
         return linear.residual[0]
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(2), list(keys), error)
-
-
-def _linear_factor(part, row, keys, x, o):
-    values = gtsam.Values()
-    values.insert(keys[0], x)
-    values.insert(keys[1], o)
-    by_robot, by_object = np.asfortranarray(part.jacobian_robot[row]), np.asfortranarray(part.jacobian_object[row])
-    noise = gtsam.noiseModel.Unit.Create(2)
-    linear = gtsam.JacobianFactor(keys[0], by_robot, keys[1], by_object, -part.residual[row], noise)
-    return gtsam.LinearContainerFactor(linear, values)
 
 
 class StepReader:

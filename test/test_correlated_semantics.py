@@ -11,6 +11,7 @@ from test_hypotheses import ForgetfulPool, assert_same, beliefs
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.inference.component import Component, Continued, Motion, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.growth import grow
 from semantic_slam.inference.laplace import find_modes
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.manifold import PlanarPoses
@@ -21,7 +22,7 @@ from semantic_slam.inference.planar_tracks import CorrelatedTracks
 from semantic_slam.inference.planar_views import IndependentViews
 from semantic_slam.inference.run import problem_of
 from semantic_slam.inference.semantics import Moment, Weighed
-from semantic_slam.inference.stack import Predicted, Rows, Stack
+from semantic_slam.inference.stack import Rows, Stack
 from semantic_slam.inference.step import Step
 from semantic_slam.inference.track_samples import StateSamples, sample_rows
 from semantic_slam.viewpoint.correlated import CorrelatedModel
@@ -71,7 +72,7 @@ class OneObject:
     def moment(self, step: Step) -> Moment:
         predicted = self.component.predict(step.motion, [0])
         rows = Rows(np.zeros(1, dtype=int), np.zeros((1, 1), dtype=int))
-        stack = Stack(MANIFOLD, GEOMETRY, Predicted(predicted.mean, predicted.covariance), step.detections, rows)
+        stack = Stack(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
         mode = find_modes(stack, np.zeros((1, stack.size)))
         return Moment(step, [self.component], stack, mode, np.zeros(1, dtype=int), [0], LOG_PRIOR[None], [{}])
 
@@ -81,7 +82,7 @@ class OneObject:
         states = moment.stack.states(moment.mode.y)[0]
         observed = [Observed(step.detections[0], 0, -1)]
         continued = Continued(states[0], [states[1]], {}, weighed.views[0], weighed.robot[0], None, {}, {})
-        self.component = self.component.extended(step.motion, observed, continued)
+        self.component = grow(self.component, step.motion, observed, continued)
         return weighed
 
 

@@ -30,7 +30,7 @@ def linear_stack(objects: list[int]) -> tuple[Stack, float]:
         PlanarPositions(),
         model,
         Predicted(mean[None], covariance[None]),
-        detections,
+        model.collect(detections),
         Rows(np.zeros(1, int), np.array([objects])),
     )
     # z = H s + v with H the rows o_beta - x, so that log p(z) = N(z; H m, H P H^T + R).
@@ -64,7 +64,7 @@ def planar_stack(covariance: np.ndarray, visibility: PlanarVisibility, semantics
     model = PlanarObservation(ParametricModel(0.5, 15.0) if semantics else None, visibility)
     mean = np.array([[[0.0, 0.0, 0.1], [2.2, 0.1, 1.0]]])
     rows = Rows(np.zeros(1, int), np.zeros((1, 1), int), np.zeros((1, 1), int) if semantics else None)
-    return Stack(PlanarPoses(), model, Predicted(mean, covariance[None]), [detection], rows)
+    return Stack(PlanarPoses(), model, Predicted(mean, covariance[None]), model.collect([detection]), rows)
 
 
 def test_laplace_agrees_with_many_samples_where_the_posterior_is_narrow() -> None:

@@ -56,7 +56,8 @@ def moment_of(robot_sigma_rad: float, seed: int) -> Moment:
     detection = PlanarDetection(float(np.hypot(*seen)), bearing, covariance, np.zeros(2), value, none)
     step = Step(0, 1, motion, [detection], np.zeros(1, np.uint32), np.ones(1), ("",), np.ones(1, dtype=bool))
     predicted = component.predict(motion, [0])
-    stack = Stack(MANIFOLD, GEOMETRY, predicted, [detection], Rows(np.zeros(1, int), np.zeros((1, 1), int)))
+    rows = Rows(np.zeros(1, int), np.zeros((1, 1), int))
+    stack = Stack(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
     mode = find_modes(stack, search_start(stack))
     return Moment(step, [component], stack, mode, np.array([0]), [0], np.log(np.full((1, 2), 0.5)), [{}])
 
@@ -153,9 +154,9 @@ def test_incremental_is_the_batch_optimum(drive) -> None:
     number = max(manager.live, key=lambda n: manager.live[n].log_weight)
     smoother = backend.held[number].component.smoother
     estimate = smoother.isam.calculateEstimate()
-    graph = gtsam.NonlinearFactorGraph(smoother._kept())
-    for made in smoother.made:
-        graph.add(exact_factor(backend.problem.latent, made.named.detection, made.named.keys))
+    graph = gtsam.NonlinearFactorGraph(smoother.kept())
+    for named in smoother.made.named:
+        graph.add(exact_factor(backend.problem.latent, named.detection, named.keys))
     batch = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
     poses = [key for key in estimate.keys() if key >= object_key(0)]  # noqa: SIM118
     for key in poses:
@@ -171,8 +172,8 @@ def test_every_view_has_one_factor_and_exact_ones_become_linear(drive) -> None:
     smoother = backend.held[number].component.smoother
     factors = gtsam.NonlinearFactorGraph(smoother.isam.getFactorsUnsafe())
     assert len(smoother.made) == sum(len(seen) for seen in world.associations)
-    assert len({made.index for made in smoother.made}) == len(smoother.made)
-    kinds = [type(factors.at(made.index)) for made in smoother.made]
+    assert len(set(smoother.made.indices)) == len(smoother.made)
+    kinds = [type(factors.at(index)) for index in smoother.made.indices]
     assert set(kinds) == {gtsam.LinearContainerFactor}
     poses = len(world.keyframes) + 1
     in_graph = sum(factors.exists(i) for i in range(factors.size()))

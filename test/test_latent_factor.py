@@ -6,9 +6,12 @@ import pytest
 from harmonic_model import HarmonicModel
 
 from semantic_slam.geometry import se2
-from semantic_slam.inference.latent_factor import exact_factor, linear_factors
+from semantic_slam.inference.latent_factor import exact_factor
 from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
+from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
 
 RANDOM = np.random.default_rng(2)
 MODEL = HarmonicModel()
@@ -92,7 +95,9 @@ def test_the_density_is_tempered() -> None:
 
 def test_both_factors_linearise_alike() -> None:
     symbols = [tuple(gtsam.symbol(letter, row) for letter in "xoe") for row in range(COUNT)]
-    linear = linear_factors(LATENT.linearise(SEEN, X, O, E), symbols, X, O, E)
+    named = [Named(*own[:2], DETECTIONS[row], -1, own[2]) for row, own in enumerate(symbols)]
+    factors = SemanticFactors(PlanarPoses(), PlanarObservation(None, PlanarVisibility()), LATENT)
+    linear = factors.make([named], [Places(X, O, E)])[0]
     for row in range(COUNT):
         at = values(X[row], O[row], E[row], symbols[row])
         exact = exact_factor(LATENT, DETECTIONS[row], symbols[row])

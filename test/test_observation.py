@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from semantic_slam.geometry import se2
+from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
+from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 RANDOM = np.random.default_rng(1)
@@ -56,7 +58,7 @@ def test_factors_are_the_likelihood(with_range: bool) -> None:
     z, x, o = detection(with_range), X[0], O[0]
     factors = [
         MODEL.geometry_factor(z, (0, 1)),
-        *MODEL.semantic_factors([z], [(0, 1)], np.array([1]), x[None], o[None]),
+        *SemanticFactors(PlanarPoses(), MODEL).make([[Named(0, 1, z, 1)]], [Places(X[:1], O[:1], np.zeros((1, 0)))])[0],
     ]
     values = gtsam.Values()
     values.insert(0, gtsam.Pose2(*x))

@@ -7,11 +7,12 @@ from semantic_slam.benchmarks.row import Row, alternated
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.inference.component import descriptor_key, object_key, robot_key
-from semantic_slam.inference.latent_factor import linear_factors
 from semantic_slam.inference.latent_observation import LatentObservation
-from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
-from semantic_slam.inference.planar_observation import viewpoints_in_plane
-from semantic_slam.inference.semantic_factors import DESCRIPTOR
+from semantic_slam.inference.linear_factors import DESCRIPTOR
+from semantic_slam.inference.manifold import PlanarPoses
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility, viewpoints_in_plane
+from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam.viewpoint.model import Array
@@ -65,7 +66,8 @@ class Circuit:
     """A robot on a circle of objects: its iSAM2 with a latent factor per detection, and one with none."""
 
     def __init__(self, model: DescriptorModel, seed: int):
-        self.model, self.latent = model, LatentObservation(model)
+        geometry = PlanarObservation(None, PlanarVisibility())
+        self.model, self._factors = model, SemanticFactors(PlanarPoses(), geometry, LatentObservation(model))
         self._random = np.random.default_rng(seed)
         prior = model.prior
         noise = self._random.standard_normal((OBJECTS, model.num_dimensions))
@@ -78,11 +80,12 @@ class Circuit:
     def linear(self, frame: int) -> list[gtsam.LinearContainerFactor]:
         """The latent factors of one keyframe, made in one batch."""
         detections, numbers = self.seen[frame]
-        seen = PlanarDetections.of(detections)
         x, o = np.tile(self.poses[frame], (len(numbers), 1)), self.objects[numbers]
-        e = self.descriptors[numbers]
-        keys = [(robot_key(frame), object_key(int(n)), descriptor_key(int(n))) for n in numbers]
-        return linear_factors(self.latent.linearise(seen, x, o, e), keys, x, o, e)
+        named = [
+            Named(robot_key(frame), object_key(int(n)), detection, -1, descriptor_key(int(n)))
+            for detection, n in zip(detections, numbers, strict=True)
+        ]
+        return self._factors.make([named], [Places(x, o, self.descriptors[numbers])])[0]
 
     def _layout(self) -> tuple[Array, Array]:
         poses = [np.zeros(3)]

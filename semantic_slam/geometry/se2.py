@@ -104,7 +104,12 @@ def adjoint(pose: Array) -> Array:
 
 def right_jacobian(tangent: Array) -> Array:
     """(..., 3, 3) with Exp(t + e) = Exp(t) Exp(J e) to first order in e."""
-    theta = tangent[..., 2]
+    return exp_and_jacobian(tangent)[1]
+
+
+def exp_and_jacobian(tangent: Array) -> tuple[Array, Array]:
+    """Group element of a tangent vector, and its (..., 3, 3) right Jacobian."""
+    x, y, theta = tangent[..., 0], tangent[..., 1], tangent[..., 2]
     a, b = _sine_terms(theta)
     small = np.abs(theta) < SMALL_ANGLE
     c = np.where(small, theta / 6.0, (1.0 - a) / np.where(small, 1.0, theta))
@@ -112,10 +117,9 @@ def right_jacobian(tangent: Array) -> Array:
     matrix = np.zeros((*tangent.shape[:-1], 3, 3))
     matrix[..., 0, 0] = matrix[..., 1, 1] = a
     matrix[..., 0, 1], matrix[..., 1, 0] = b, -b
-    matrix[..., 0, 2] = tangent[..., 0] * c - tangent[..., 1] * d
-    matrix[..., 1, 2] = tangent[..., 0] * d + tangent[..., 1] * c
+    matrix[..., 0, 2], matrix[..., 1, 2] = x * c - y * d, x * d + y * c
     matrix[..., 2, 2] = 1.0
-    return matrix
+    return _columns(a * x - b * y, b * x + a * y, wrap_angle(theta)), matrix
 
 
 def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True) -> Array:

@@ -35,7 +35,18 @@ def forward(root: Array, values: Array) -> Array:
 def inverted(matrix: Array) -> tuple[Array, float]:
     """Inverse and log determinant of one symmetric, positive matrix."""
     if len(matrix) != 2:
-        return np.linalg.inv(matrix), float(np.linalg.slogdet(matrix)[1])
+        return np.asarray(np.linalg.inv(matrix), dtype=np.float64), float(np.linalg.slogdet(matrix)[1])
     (a, b), (_, c) = matrix.tolist()
     determinant = a * c - b * b
     return np.asarray(np.array([[c, -b], [-b, a]]) / determinant), log(determinant)
+
+
+def backward(root: Array, values: Array) -> Array:
+    """(B, F, K) L^-T values."""
+    found = np.empty(values.shape)
+    for i in reversed(range(root.shape[-1])):
+        entry = values[..., i, :]
+        for j in range(i + 1, root.shape[-1]):
+            entry = entry - root[..., j, i, None] * found[..., j, :]
+        found[..., i, :] = entry / root[..., i, i, None]
+    return found

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.class_knowledge import ClassKnowledge, class_knowledge
-from semantic_slam.inference.component import Component, Held, LostComponentError, object_key, robot_key
+from semantic_slam.inference.component import Component, Held, LostComponentError, Observed, object_key, robot_key
 from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.descriptor_knowledge import descriptor_knowledge
+from semantic_slam.inference.growth import Grown, grow, grow_all
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.objects import ObjectRegistry, Roster
 from semantic_slam.inference.open_component import OpenComponent
@@ -79,44 +80,61 @@ class Backend:
             return None
         if commit.keyframe == self.committed and mine == set(self.held):
             return self._report(commit.keyframe, [])
-        rebuilt: dict[int, Component] = {}
-        survivors: dict[int, Held] = {}
-        lost: list[int] = []
-        owned = np.flatnonzero(commit.owners == self.backend_id)
-        self._linearise_ahead(commit, mine)
-        last = {int(commit.parent_ids[row]): int(row) for row in owned}
-        for row in owned:
-            number = int(commit.ids[row])
+        rows = np.flatnonzero(commit.owners == self.backend_id)
+        grown = self._survivors(commit, rows)
+        weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
+        kept = {number: own for number, own in grown.items() if isinstance(own, Component)}
+        self.held = {number: Held(own, weights[number]) for number, own in kept.items()}
+        self.committed, self._expanded = commit.keyframe, None
+        return self._report(commit.keyframe, [number for number in grown if number not in kept])
+
+    def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Grown]:
+        """As they are held, grown from what was expanded, or rebuilt."""
+        survivors: dict[int, Grown] = {}
+        growing, rebuilt = {}, dict[int, Component]()
+        at = self._places_expanded(commit.keyframe)
+        for row in rows:
+            number, parent = int(commit.ids[row]), int(commit.parent_ids[row])
+            if self.committed == commit.keyframe and number in self.held:
+                survivors[number] = self.held[number].component
+            elif number in at and parent in self.held:
+                growing[number] = at[number]
+            else:
+                lineage = (*commit.lineages[row], commit.steps[row])
+                try:
+                    survivors[number] = self._rebuild(lineage, commit.keyframe + 1, rebuilt)
+                except LostComponentError as fault:
+                    survivors[number] = fault
+        if growing and self._expanded is not None:
+            grown = self._grown(self.steps[commit.keyframe], *self._expanded, list(growing.values()))
+            survivors.update(zip(growing, grown, strict=True))
+        return survivors
+
+    def _places_expanded(self, keyframe: int) -> dict[int, int]:
+        """Where the continuations by this keyframe are among those expanded."""
+        if self._expanded is None or self.committed != keyframe - 1:
+            return {}
+        return {number: at for at, number in enumerate(self._expanded[0].ids)}
+
+    def _grown(self, step: Step, found: Continuations, parent_ids: list[int], at: list[int]) -> list[Grown]:
+        """The components of some continuations. The last child of an open world's parent may use it up."""
+        rows = [int(found.parents[one]) for one in at]
+        parents = [self.held[parent_ids[row]].component for row in rows]
+        if not isinstance(self.expander, OpenExpander) or not isinstance(found, OpenContinuations):
+            return grow_all(
+                parents,
+                step.motion,
+                [_observed(step, found, one) for one in at],
+                [found.continued(one) for one in at],
+            )
+        last = {row: place for place, row in enumerate(rows)}
+        grown: list[Grown] = []
+        for place, (row, parent) in enumerate(zip(rows, parents, strict=True)):
             try:
-                component = self._survivor(commit, int(row), rebuilt, last[int(commit.parent_ids[row])] == row)
-                survivors[number] = Held(component, float(commit.log_weights[row]))
-            except LostComponentError:
-                lost.append(number)
-        self.held, self.committed, self._expanded = survivors, commit.keyframe, None
-        return self._report(commit.keyframe, lost)
-
-    def _linearise_ahead(self, commit: Commit, ids: set[int]) -> None:
-        """The semantics of all that grow from what was expanded, in one evaluation."""
-        if self.committed != commit.keyframe - 1 or self._expanded is None:
-            return
-        continuations = self._expanded[0]
-        rows = [row for row, number in enumerate(continuations.ids) if number in ids]
-        if not isinstance(self.expander, OpenExpander):
-            continuations.linearise_ahead(self.steps[commit.keyframe], rows, self.problem.model)
-
-    def _survivor(self, commit: Commit, row: int, rebuilt: dict[int, Component], is_last: bool) -> Component:
-        """``is_last``: no other survivor grows from the same parent, which need not stay as it was."""
-        number, parent = int(commit.ids[row]), int(commit.parent_ids[row])
-        if self.committed == commit.keyframe and number in self.held:
-            return self.held[number].component
-        if self.committed == commit.keyframe - 1 and self._expanded is not None and parent in self.held:
-            continuations, parents = self._expanded
-            if number in continuations.ids:
-                at = continuations.ids.index(number)
-                step = self.steps[commit.keyframe]
-                component = self.held[parents[continuations.parents[at]]].component
-                return self._extended(component, step, continuations, at, in_place=is_last)
-        return self._rebuild((*commit.lineages[row], commit.steps[row]), commit.keyframe + 1, rebuilt)
+                grown.append(self.expander.grown(parent, step, found, at[place], in_place=last[row] == place))
+            except LostComponentError as fault:
+                grown.append(fault)
+        return grown
 
     def _rebuild(self, lineage: Sequence[LineageStep], length: int, rebuilt: dict[int, Component]) -> Component:
         """A component from its lineage alone; trunks that lineages share are replayed once."""
@@ -130,17 +148,14 @@ class Backend:
                 continuations = self.expander.expand(step, [number], [Held(component, 0.0)], taken)
                 if child not in continuations.ids:
                     raise LostComponentError("a lineage names an impossible continuation")
-                at = continuations.ids.index(child)
-                rebuilt[child] = self._extended(component, step, continuations, at, in_place=False)
+                rebuilt[child] = self._child(component, step, continuations, continuations.ids.index(child))
             number, component = child, rebuilt[child]
         return component
 
-    def _extended(
-        self, component: Component, step: Step, found: Continuations, at: int, *, in_place: bool
-    ) -> Component:
+    def _child(self, component: Component, step: Step, found: Continuations, at: int) -> Component:
         if isinstance(self.expander, OpenExpander) and isinstance(found, OpenContinuations):
-            return self.expander.grown(component, step, found, at, in_place=in_place)
-        return _extended(component, step, found, at)
+            return self.expander.grown(component, step, found, at, in_place=False)
+        return grow(component, step.motion, _observed(step, found, at), found.continued(at))
 
     def _register(self, step: Step) -> None:
         self.registry.introduce(step.index, len(step.names))
@@ -273,10 +288,9 @@ class Backend:
         return poses, spread
 
 
-def _extended(component: Component, step: Step, found: Continuations, at: int) -> Component:
+def _observed(step: Step, found: Continuations, at: int) -> tuple[Observed, ...]:
     taken = found.steps[at]
-    observed = step.observed(taken.association, taken.class_assignment, found.used)
-    return component.extended(step.motion, observed, found.continued(at))
+    return step.observed(taken.association, taken.class_assignment, found.used)
 
 
 def _stacked(rows: list[Array], num_objects: int) -> Array:

@@ -52,6 +52,7 @@ class Chain:
         self.places, self.classes = anchored.places, anchored.classes
         self.root = np.asarray(np.linalg.cholesky(anchored.covariance), dtype=np.float64)
         self.width = self.root.shape[-1]
+        self._controls = np.array([link.motion.control for link in links])  # (T, d)
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
         self.size = self.width + len(links) * self.dimension
         self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
@@ -86,27 +87,27 @@ class Chain:
 
     def newest_slopes(self, y: Array) -> Array:
         """(K, 1 + O, d, size) derivatives of the newest robot state and of the objects by y (K, size)."""
-        by_robot, by_object = self._slopes(self._states(y)[2])
+        by_robot, by_object = self._slopes(*self.manifold.exp_and_jacobian(self._tangents(y)))
         found = np.zeros((len(y), self.mean.shape[1], self.dimension, self.size))
         found[:, 0], found[:, 1:, :, : self.width] = by_robot[:, 0, -1], by_object[:, 0]
         return found
 
     def states(self, y: Array) -> tuple[Array, Array]:
         """(B, 1 + T, d) robot, the anchor's first, and (B, O, d) objects."""
-        robots, objects, _ = self._states(y)
+        robots, objects = self._states(y)
         return robots.reshape(len(y), *robots.shape[2:]), objects.reshape(len(y), *objects.shape[2:])
 
     def log_likelihood(self, y: Array) -> Array:
         """(B,) log P(Z | y)."""
-        return self._log_likelihood(*self._states(y)[:2])
+        return self._log_likelihood(*self._states(y))
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) of every keyframe since the anchor."""
-        return self._log_visibility(*self._states(y)[:2], soft=soft)
+        return self._log_visibility(*self._states(y), soft=soft)
 
     def log_target(self, y: Array) -> Array:
         """(B,) log P(Z, beta | y), what is not visible excluded."""
-        robots, objects, _ = self._states(y)
+        robots, objects = self._states(y)
         return self._log_likelihood(robots, objects) + self._log_visibility(robots, objects, soft=False)
 
     def energy(self, y: Array) -> Array:
@@ -115,8 +116,9 @@ class Chain:
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
-        robots, objects, tangents = self._states(y)
-        by_robot, by_object = self._slopes(tangents)
+        moves, chart = self.manifold.exp_and_jacobian(self._tangents(y))
+        robots, objects = self._moved(moves)
+        by_robot, by_object = self._slopes(moves, chart)
         energy, residuals, jacobians = 0.5 * (y**2).sum(-1), [], []
         for parts, sights in self._linearised(robots, objects):
             for part in parts:
@@ -187,31 +189,45 @@ class Chain:
         classes = self.classes[:, None, sights]
         return np.broadcast_to(classes, (len(classes), count, len(sights))).reshape(-1)
 
-    def _states(self, y: Array) -> tuple[Array, Array, list[Array]]:
-        """(K, N, 1 + T, d) robot, (K, N, O, d) objects, and the tangents of the anchor (K, N, 1 + O, d) and motions."""
-        y = y.reshape(len(self), -1, self.size)
-        anchor = y[..., : self.width] @ np.swapaxes(self.root, 1, 2)
-        anchor = anchor.reshape(*y.shape[:2], *self.mean.shape[1:])
-        states = self.manifold.retract(self.mean[:, None], anchor)
-        robots, tangents = [states[:, :, 0]], [anchor]
-        for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
-            start = self.width + t * self.dimension
-            tangents.append(y[..., start : start + self.dimension] @ root.T)
-            moved = self.manifold.compose(robots[-1], link.motion.control)
-            robots.append(self.manifold.retract(moved, tangents[-1]))
-        return np.stack(robots, axis=2), states[:, :, 1:], tangents
+    def _states(self, y: Array) -> tuple[Array, Array]:
+        """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""
+        return self._moved(self.manifold.exp(self._tangents(y)))
 
-    def _slopes(self, tangents: list[Array]) -> tuple[Array, Array]:
+    def _tangents(self, y: Array) -> Array:
+        """(K, N, 1 + O + T, d): of robot and objects at the anchor, then of the motions."""
+        y = y.reshape(len(self), -1, self.size)
+        count, d = self.mean.shape[1], self.dimension
+        tangents = np.empty((*y.shape[:2], count + len(self.links), d))
+        anchor = y[..., : self.width] @ np.swapaxes(self.root, 1, 2)
+        tangents[:, :, :count] = anchor.reshape(*y.shape[:2], count, d)
+        for t, root in enumerate(self.motion_roots):
+            start = self.width + t * d
+            tangents[:, :, count + t] = y[..., start : start + d] @ root.T
+        return tangents
+
+    def _moved(self, moves: Array) -> tuple[Array, Array]:
+        """States from Exp of all tangents."""
+        count = self.mean.shape[1]
+        states = self.manifold.compose(self.mean[:, None], moves[:, :, :count])
+        robots = np.empty((*moves.shape[:2], 1 + len(self.links), self.dimension))
+        robots[:, :, 0] = states[:, :, 0]
+        if self.links:
+            steps = self.manifold.compose(self._controls, moves[:, :, count:])
+            for t in range(len(self.links)):
+                robots[:, :, t + 1] = self.manifold.compose(robots[:, :, t], steps[:, :, t])
+        return robots, states[:, :, 1:]
+
+    def _slopes(self, moves: Array, chart: Array) -> tuple[Array, Array]:
         """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, width) of the objects: in tangent spaces by y."""
-        d, leading = self.dimension, tangents[0].shape[:2]
-        chart = self.manifold.retract_jacobian(tangents[0])
-        anchor = chart @ self.root.reshape(len(self), 1, -1, d, self.width)
+        count, d, leading = self.mean.shape[1], self.dimension, moves.shape[:2]
+        anchor = chart[:, :, :count] @ self.root.reshape(len(self), 1, -1, d, self.width)
         robots = np.zeros((*leading, 1 + len(self.links), d, self.size))
         robots[:, :, 0, :, : self.width] = anchor[:, :, 0]
-        for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
-            moved = self.manifold.retract(np.zeros(d), tangents[t + 1])
-            transition = self.manifold.propagation(moved) @ self.manifold.propagation(link.motion.control)
-            robots[:, :, t + 1] = transition @ robots[:, :, t]
+        if self.links:
+            transitions = self.manifold.propagation(self.manifold.compose(self._controls, moves[:, :, count:]))
+            own = chart[:, :, count:] @ np.array(self.motion_roots)
+        for t in range(len(self.links)):
+            robots[:, :, t + 1] = transitions[..., t, :, :] @ robots[:, :, t]
             columns = slice(self.width + t * d, self.width + (t + 1) * d)
-            robots[:, :, t + 1, :, columns] += self.manifold.retract_jacobian(tangents[t + 1]) @ root
+            robots[:, :, t + 1, :, columns] += own[:, :, t]
         return robots, anchor[:, :, 1:]

@@ -24,7 +24,7 @@ class ClassKnowledge:
 
 def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnowledge:
     """From the classes that are enumerated, or else from the records of the views."""
-    probabilities, log_prior = registry.class_prior(), registry.log_class_prior()
+    probabilities = registry.class_prior()
     information = np.full(len(registry.ids), np.nan)
     inside = np.ones(len(registry.ids), dtype=np.bool_)
     forgotten = np.zeros(len(registry.ids), dtype=np.uint32)
@@ -35,7 +35,7 @@ def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnow
             probabilities[row] = 0.0
             probabilities[row, component.classes[number]] = 1.0
         elif views is not None and probabilities.shape[1]:
-            probabilities[row] = class_posterior(log_prior[row], views.log_likelihood)
+            probabilities[row] = class_posterior(registry.log_class_prior_of([number])[0], views.log_likelihood)
         if views is not None:
             information[row], inside[row] = views.mutual_information, views.in_coverage
             forgotten[row] = views.dropped

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.linear_factors import DESCRIPTOR
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.semantic_factors import DESCRIPTOR, Named, SemanticFactors
+from semantic_slam.inference.semantic_factors import Named, SemanticFactors
+from semantic_slam.inference.settling import Extension
 from semantic_slam.inference.smoother import LostComponentError, Smoother
 from semantic_slam.inference.stack import Predicted
 
@@ -84,7 +86,7 @@ class Continued:
 
 @dataclass(frozen=True)
 class Component:
-    """The smoother, the newest robot key and the classes enumerated so far. :meth:`extended` leaves it as it was."""
+    """The smoother, the newest robot key and the classes enumerated so far. Growing leaves it as it was."""
 
     manifold: Manifold
     model: ObservationModel
@@ -149,29 +151,36 @@ class Component:
         covariance[:dimension, :dimension] += motion.covariance
         return Predicted(mean[None], covariance[None])
 
-    def extended(self, motion: Motion, observed: Sequence[Observed], continued: Continued) -> "Component":
-        """The child of Eqs. 4.9-4.11 for one continuation. Raises LostComponentError when it is indeterminate."""
-        keyframe = self.keyframe + 1
+    def extension(
+        self, motion: Motion, observed: Sequence[Observed], continued: Continued, predicted: Array, moved: float
+    ) -> Extension:
+        """What one continuation adds to the smoother (Eqs. 4.9-4.11).
+
+        Its robot's mode is ``moved`` metres or radians from the state ``predicted`` by the motion alone.
+        """
+        key = robot_key(self.keyframe + 1)
         graph, values = self._new(motion, observed, continued)
         classed = [item for item in observed if item.assigned_class >= 0]
-        named = [
-            Named(robot_key(keyframe), object_key(item.object_id), item.detection, item.assigned_class)
-            for item in classed
-        ]
-        start = {robot_key(keyframe): continued.robot} | continued.smoothed
+        named = [Named(key, object_key(item.object_id), item.detection, item.assigned_class) for item in classed]
+        start = {key: continued.robot} | continued.smoothed
         start |= {object_key(item.object_id): o for item, o in zip(observed, continued.objects, strict=True)}
+        jumped = self._jumped(moved, continued)
+        if self.smoother.semantics.latent is None:
+            return Extension(graph, values, named, start, jumped)
         entering = descriptor_views(continued.views)
-        jumped = self._jumped(motion, continued) or self.turned(continued.views)
         start |= self.with_descriptors(graph, values, continued.views, entering, start)
-        predicted = self.manifold.compose(self.newest_robot(), motion.control)
-        calm = {robot_key(keyframe): predicted} | self.calm(continued.views)
-        smoother = self.smoother.extended(graph, values, [*named, *entering], start, jumped, calm)
+        calm = {key: predicted} | self.calm(continued.views)
+        return Extension(graph, values, [*named, *entering], start, jumped or self.turned(continued.views), calm)
+
+    def child(self, observed: Sequence[Observed], continued: Continued, smoother: Smoother) -> "Component":
+        """The component of one continuation, whose ``smoother`` has its extension."""
+        assigned = {item.object_id: item.assigned_class for item in observed if item.assigned_class >= 0}
         return Component(
             self.manifold,
             self.model,
             smoother,
-            keyframe,
-            self.classes | {item.object_id: item.assigned_class for item in classed},
+            self.keyframe + 1,
+            self.classes | assigned,
             self.object_ids | continued.new_objects.keys(),
             self.views | continued.views,
             continued.robot_correction,
@@ -248,18 +257,15 @@ class Component:
             graph.add(self.model.geometry_factor(item.detection, (key, object_key(item.object_id))))
         return graph, values
 
-    def _jumped(self, motion: Motion, continued: Continued) -> bool:
+    def _jumped(self, moved: float, continued: Continued) -> bool:
         """Whether the continuation's mode is elsewhere than the estimate, or should be met exactly."""
-        if continued.history is not None:
+        if continued.history is not None or moved > JUMP:
             return True
-        predicted = self.manifold.compose(self.newest_robot(), motion.control)
-        moved = [self.manifold.local(predicted, continued.robot)]
-        past = [key for key in continued.smoothed if self.smoother.isam.valueExists(key)]
-        moved += [
-            self.manifold.local(state, continued.smoothed[key])
-            for key, state in zip(past, self.states(past), strict=True)
-        ]
-        return bool(np.abs(moved).max() > JUMP)
+        past = [key for key in continued.smoothed if self.smoother.has(key)]
+        if not past:
+            return False
+        modes = np.array([continued.smoothed[key] for key in past])
+        return bool(np.abs(self.manifold.local(self.states(past), modes)).max() > JUMP)
 
 
 def descriptor_views(views: Mapping[int, ObjectViews]) -> list[Named]:

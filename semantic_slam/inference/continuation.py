@@ -24,7 +24,6 @@ from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.modes import Expanded, Split, split
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.objects import ObjectRegistry
-from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.reach import FEW_OBJECTS, Reach, reach_of
@@ -74,18 +73,6 @@ class Continuations:
             refined.corrections if refined is not None else {},
         )
 
-    def linearise_ahead(self, step: Step, rows: Sequence[int], model: ObservationModel) -> None:
-        """Let the model linearise the semantics of continuations that will grow in one evaluation."""
-        seen = [
-            (step.detections[i], assigned, self.robot[row], self.objects[row, slot])
-            for row in rows
-            for slot, i in enumerate(self.used)
-            if (assigned := self.steps[row].class_assignment[i]) >= 0
-        ]
-        if seen:
-            detections, classes, robots, objects = zip(*seen, strict=True)
-            model.linearise_ahead(detections, np.array(classes), np.array(robots), np.array(objects))
-
 
 class Expander:
     """Weighs continuations; a pure function of the problem, the registry and what it is given."""
@@ -120,7 +107,7 @@ class Expander:
         if reach is not None:
             outside = reach.log_left_out(enumerated.log_best)
             enumerated = replace(enumerated, log_left_out=np.logaddexp(enumerated.log_left_out, outside))
-        stack = Stack(setting.manifold, setting.model, predicted, setting.detections, enumerated.rows)
+        stack = Stack(setting.manifold, setting.model, predicted, setting.seen, enumerated.rows)
         if setting.model.num_classes > 0 and len(used):
             mode = find_modes(stack, enumerated.start, tolerance=WEIGHING_TOLERANCE)
         steps = _lineage_steps(enumerated.rows, used, object_ids, len(step.names))

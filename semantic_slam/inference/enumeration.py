@@ -8,6 +8,7 @@ not grown further; the mass left out is estimated by assuming that it would have
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,11 @@ class Setting:
     path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
     admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
 
+    @cached_property
+    def seen(self) -> Any:
+        """The detections as arrays."""
+        return self.model.collect(self.detections)
+
 
 @dataclass(frozen=True)
 class Enumerated:
@@ -63,8 +69,7 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
     parents = np.arange(len(predicted.mean))
     rows = Rows(parents, np.zeros((len(parents), 0), dtype=int))
     left_out = np.full(len(parents), -np.inf)
-    stack = _stack(setting, predicted, rows)
-    mode = find_modes(stack, np.zeros((len(parents), stack.size)))
+    mode = _of_prior(len(parents), setting.manifold.dimension)
     for number in range(len(setting.detections)):
         rows, origin = _with_next_object(setting, rows, predicted.mean.shape[1] - 1)
         stack = _stack(setting, predicted, rows)
@@ -123,8 +128,15 @@ def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enum
     return Enumerated(rows, start, score, prior, left_out, associations.log_best)
 
 
+def _of_prior(count: int, size: int) -> Mode:
+    """Of the robot alone, before any detection."""
+    return Mode(np.zeros((count, size)), np.broadcast_to(np.eye(size), (count, size, size)), np.zeros(count))
+
+
 def _stack(setting: Setting, predicted: Predicted, rows: Rows) -> Stack:
-    return Stack(setting.manifold, setting.model, predicted, setting.detections, rows)
+    count = rows.objects.shape[1]
+    seen = setting.seen if count == len(setting.detections) else setting.seen.take(slice(count))
+    return Stack(setting.manifold, setting.model, predicted, seen, rows)
 
 
 def _with_next_object(setting: Setting, rows: Rows, num_objects: int) -> tuple[Rows, Index]:

@@ -90,12 +90,13 @@ class LatentProblem:
         rows = np.arange(batch)[:, None]
         variables = self._variables(v)
         tangent = variables[:, : self.num_tangent].reshape(self.mean.shape)
-        states = self.manifold.retract(self.mean, tangent)
+        moved, chart = self.manifold.exp_and_jacobian(tangent)
+        states = self.manifold.compose(self.mean, moved)
         x = np.repeat(states[:, 0], count, axis=0)
         o = states[rows, 1 + self.slots].reshape(len(x), -1)
         e = variables[:, self.num_tangent :].reshape(batch, count, -1)[rows, self.slots].reshape(len(x), -1)
         part = self.observation.linearise(self.seen.take(np.tile(np.arange(count), batch)), x, o, e)
-        return part, self.manifold.retract_jacobian(tangent)
+        return part, chart
 
     def _by_row(self, values: Array) -> Array:
         """(B n, ...) values of the detections to (B, n, ...), 0 for clutter."""

@@ -18,6 +18,9 @@ class Manifold(Protocol):
     relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
     far: Array  # (d,) the same where updates are not iterated: what moves without turning stays where it is linear
 
+    def __hash__(self) -> int:
+        """What is made once for a manifold is kept."""
+
     def compose(self, state: Array, control: Array) -> Array:
         """The state after a control."""
 
@@ -27,17 +30,23 @@ class Manifold(Protocol):
     def local(self, state: Array, other: Array) -> Array:
         """Log(state^-1 other)."""
 
+    def log(self, states: Array) -> Array:
+        """(n, d) tangent vectors at the origin of (n, d) states."""
+
     def between(self, state: Array, other: Array) -> Array:
         """``other`` as seen from ``state``."""
 
     def mean(self, states: Array, weights: Array) -> Array:
         """(d,) mean of (P, d) states with (P,) normalised weights, in map: of positions and of directions."""
 
-    def retract_jacobian(self, tangent: Array) -> Array:
-        """(..., d, d): change of retract(state, t) in its own tangent space per change of t."""
+    def exp(self, tangent: Array) -> Array:
+        """State at the origin moved by (..., d) tangent vectors: retract(state, t) is compose(state, exp(t))."""
+
+    def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
+        """The same, and (..., d, d): change of retract(state, t) in its own tangent space per change of t."""
 
     def propagation(self, control: Array) -> Array:
-        """(d, d) F with (x Exp(e)) u = (x u) Exp(F e)."""
+        """(..., d, d) F with (x Exp(e)) u = (x u) Exp(F e)."""
 
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         """Insert one state (d,) into GTSAM values."""
@@ -71,6 +80,9 @@ class PlanarPoses:
     def local(self, state: Array, other: Array) -> Array:
         return se2.log(se2.between(state, other))
 
+    def log(self, states: Array) -> Array:
+        return se2.log(states)
+
     def between(self, state: Array, other: Array) -> Array:
         return se2.between(state, other)
 
@@ -78,8 +90,11 @@ class PlanarPoses:
         heading = np.arctan2(weights @ np.sin(states[:, 2]), weights @ np.cos(states[:, 2]))
         return np.append(weights @ states[:, :2], heading)
 
-    def retract_jacobian(self, tangent: Array) -> Array:
-        return se2.right_jacobian(tangent)
+    def exp(self, tangent: Array) -> Array:
+        return se2.exp(tangent)
+
+    def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
+        return se2.exp_and_jacobian(tangent)
 
     def propagation(self, control: Array) -> Array:
         return se2.adjoint(se2.inverse(control))
@@ -118,17 +133,23 @@ class PlanarPositions:
     def local(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
 
+    def log(self, states: Array) -> Array:
+        return states
+
     def between(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
 
     def mean(self, states: Array, weights: Array) -> Array:
         return np.asarray(weights @ states)
 
-    def retract_jacobian(self, tangent: Array) -> Array:
-        return np.broadcast_to(np.eye(2), (*tangent.shape[:-1], 2, 2))
+    def exp(self, tangent: Array) -> Array:
+        return tangent
+
+    def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
+        return tangent, np.broadcast_to(np.eye(2), (*tangent.shape[:-1], 2, 2))
 
     def propagation(self, control: Array) -> Array:
-        return np.eye(2)
+        return np.broadcast_to(np.eye(2), (*control.shape[:-1], 2, 2))
 
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         values.insert(key, np.asarray(state))

@@ -10,7 +10,7 @@ from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.inference.component import Component, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.history import History, Taken
-from semantic_slam.inference.importance import effective_share, normal_points
+from semantic_slam.inference.importance import normal_points
 from semantic_slam.inference.laplace import Mode
 from semantic_slam.inference.refinement import Refined, Start, refine_all
 from semantic_slam.inference.stack import Stack
@@ -101,17 +101,17 @@ def _screened(expanded: Expanded, rows: Index, laplace: Array, count: int) -> tu
     """(R,) log evidence by samples about the mode, and their effective share."""
     half = normal_points(count // 2, expanded.stack.size)
     points = np.concatenate([half, -half])
-    part = expanded.stack.select(np.repeat(rows, len(points)))
     roots = np.linalg.cholesky(expanded.mode.hessian[rows])
-    deviations = np.linalg.solve(np.swapaxes(roots, 1, 2), np.broadcast_to(points.T, (len(rows), *points.T.shape)))
-    y = (expanded.mode.y[rows][:, None] + np.swapaxes(deviations, 1, 2)).reshape(-1, expanded.stack.size)
-    target = part.log_likelihood(y) + part.log_visibility(y, soft=False) - 0.5 * (y**2).sum(-1)
-    logs = target.reshape(len(rows), -1) + 0.5 * (points**2).sum(-1)
+    deviations = np.swapaxes(np.linalg.inv(roots), 1, 2) @ points.T
+    y = expanded.mode.y[rows][:, None] + np.swapaxes(deviations, 1, 2)
+    logs = expanded.stack.select(rows).log_joint(y) + 0.5 * (points**2).sum(-1)
     logs -= np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(-1)[:, None]
-    shares = np.array([effective_share(row) for row in logs])
-    seen = shares > 0.0
+    seen = np.isfinite(logs).any(axis=1)
     largest = np.where(seen, logs.max(axis=1), 0.0)
-    found = largest + np.log(np.maximum(np.exp(logs - largest[:, None]).mean(axis=1), 1e-300))
+    weights = np.exp(logs - largest[:, None])
+    total = np.maximum(weights.sum(axis=1), 1e-300)
+    shares = np.where(seen, total**2 / np.maximum((weights**2).sum(axis=1), 1e-300) / len(points), 0.0)
+    found = largest + np.log(total / len(points))
     return np.where(seen, found, laplace), shares
 
 

@@ -77,11 +77,6 @@ class ObservationModel(Protocol):
     def view_change(self, before: Array, now: Array) -> Array:
         """(n,) radians by which views of objects differ, given (n, d) objects as the robot sees them."""
 
-    def semantic_factors(
-        self, detections: Sequence[Any], keys: Sequence[tuple[int, int]], classes: Classes, x: Array, o: Array
-    ) -> list[Any]:
-        """GTSAM factors of (n,) semantic measurements, linearised together at (n, d) robots and objects."""
-
     def least_cost(self, seen: Any, x: Array, covariance: Array, o: Array, sigmas: Array) -> tuple[Array, float]:
         """(P, D, O) nats that D detections cost at least if they are of each of O objects, and the log of all their
         densities' peaks.
@@ -89,6 +84,3 @@ class ObservationModel(Protocol):
         Robots (P, d) have (P, d, d) ``covariance``; the positions of objects (P, O, d) have no larger standard
         deviation than ``sigmas`` (O,) [m] in any direction.
         """
-
-    def linearise_ahead(self, detections: Sequence[Any], classes: Classes, x: Array, o: Array) -> None:
-        """Semantic factors of these (n,) measurements will be asked for: one evaluation costs far less than many."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.inference.planar_factors import unit_noise
+from semantic_slam.inference.linear_factors import unit_noise
 
 Array = NDArray[np.float64]
 

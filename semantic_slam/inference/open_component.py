@@ -23,6 +23,7 @@ from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, b
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.semantic_factors import Named
+from semantic_slam.inference.settling import Extension, extend
 from semantic_slam.inference.smoother import Smoother
 from semantic_slam.inference.step import Step
 
@@ -146,7 +147,8 @@ class OpenComponent(Component):
             turned = self.turned(added.views)
             start |= self.with_descriptors(graph, values, added.views, entering, start)
             calm = {key: added.predicted} | self.calm(added.views)
-            return self.smoother.extended(graph, values, [*named, *entering], start, jumped or turned, calm)
+            extension = Extension(graph, values, [*named, *entering], start, jumped or turned, calm)
+            return extend(self.smoother, extension)
         return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
 
     def scaled(self, motion: Motion) -> Motion:

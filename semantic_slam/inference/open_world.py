@@ -243,7 +243,7 @@ class OpenExpander:
         none = np.zeros(len(mode.y))
         geometric = Enumerated(small.stack.rows, mode.y, mode.log_evidence, none, candidates.log_left_out)
         found = enumerate_classes(setting, small.predicted, geometric)
-        stack = Stack(setting.manifold, setting.model, small.predicted, setting.detections, found.rows)
+        stack = Stack(setting.manifold, setting.model, small.predicted, setting.seen, found.rows)
         mode = find_modes(stack, found.start)
         used, prior = np.arange(len(step.detections)), setting.log_class_prior
         births = self._priors(step, outlooks)

@@ -5,13 +5,13 @@ from its lineage, never from a pickled graph.
 """
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.inference.linear_factors import unit_noise
 from semantic_slam.inference.observation import Linearisation
 from semantic_slam.inference.planar_detection import PlanarDetection
 
@@ -34,24 +34,7 @@ def bearing_factor(linearise: Callable[[Array, Array], Linearisation], keys: tup
             jacobians[1] = np.asfortranarray(part.jacobian_object[0, 1:])
         return np.asarray(part.residual[0, 1:])
 
-    return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(1), list(keys), error)
-
-
-def linear_factor(keys: tuple[int, int], part: Linearisation, row: int, x: Array, o: Array) -> Any:
-    """One row of a linearisation at (3,) robot ``x`` and object ``o``: no callback, but true near those states only."""
-    noise = unit_noise(part.residual.shape[1])
-    by_robot, by_object = np.asfortranarray(part.jacobian_robot[row]), np.asfortranarray(part.jacobian_object[row])
-    values = gtsam.Values()
-    values.insert(keys[0], gtsam.Pose2(*x))
-    values.insert(keys[1], gtsam.Pose2(*o))
-    linear = gtsam.JacobianFactor(keys[0], by_robot, keys[1], by_object, -part.residual[row], noise)
-    return gtsam.LinearContainerFactor(linear, values)
-
-
-@cache
-def unit_noise(size: int) -> Any:
-    """GTSAM's model of whitened residuals."""
-    return gtsam.noiseModel.Unit.Create(size)
+    return gtsam.CustomFactor(unit_noise(1), list(keys), error)
 
 
 def _planar_states(values: gtsam.Values, keys: list[int]) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.observation import Classes, Linearisation
 from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
-from semantic_slam.inference.planar_factors import bearing_factor, linear_factor, range_factor
+from semantic_slam.inference.planar_factors import bearing_factor, range_factor
 from semantic_slam.inference.population import position_sigmas
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
@@ -69,8 +69,6 @@ class PlanarObservation:
         self.visibility = visibility
         self.new_objects = new_objects or NewObjectConfiguration()
         self.num_classes = len(model.class_names) if model is not None else 0
-        self._ahead: dict[tuple[int, int, bytes, bytes], tuple[Linearisation, int]] = {}
-        self._of_ahead: tuple[PlanarDetection, ...] = ()
         self._collected: tuple[Sequence[PlanarDetection], PlanarDetections] | None = None
 
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
@@ -171,30 +169,6 @@ class PlanarObservation:
         seen = self.collect([detection])
         return bearing_factor(lambda x, o: self.geometry(seen, x, o), keys)
 
-    def semantic_factors(
-        self,
-        detections: Sequence[PlanarDetection],
-        keys: Sequence[tuple[int, int]],
-        classes: Classes,
-        x: Array,
-        o: Array,
-    ) -> list[Any]:
-        """One evaluation for all of them, unless they were linearised ahead."""
-        measured = zip(detections, classes.tolist(), x, o, strict=True)
-        ahead = [self._ahead.get(_measurement(*one)) for one in measured]
-        if all(ahead):
-            known = zip(keys, filter(None, ahead), x, o, strict=True)
-            return [linear_factor(pair, *one, robot, seen) for pair, one, robot, seen in known]
-        part = self.semantics(self.collect(detections), x, o, classes)
-        return [linear_factor(pair, part, row, x[row], o[row]) for row, pair in enumerate(keys)]
-
-    def linearise_ahead(self, detections: Sequence[PlanarDetection], classes: Classes, x: Array, o: Array) -> None:
-        """Those of the call before are forgotten."""
-        part = self.semantics(self.collect(detections), x, o, classes)
-        measured = zip(detections, classes.tolist(), x, o, strict=True)
-        self._ahead = {_measurement(*one): (part, row) for row, one in enumerate(measured)}
-        self._of_ahead = tuple(detections)  # alive, so that their identities are theirs alone
-
     def sight_sigma(self, x: Array, o: Array, covariance: Array) -> Array:
         """From the covariance of the object in the body frame."""
         d, turn = object_in_body(x, o), o[:, 2] - x[:, 2]
@@ -255,11 +229,6 @@ class PlanarObservation:
     def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
         assert self.model is not None
         return self.model.predict(classes, Viewpoints(azimuth, np.zeros_like(azimuth), distance))
-
-
-def _measurement(detection: PlanarDetection, assigned: int, x: Array, o: Array) -> tuple[int, int, bytes, bytes]:
-    """What tells a semantic measurement at a state from all others of a keyframe."""
-    return id(detection), assigned, x.tobytes(), o.tobytes()
 
 
 @dataclass(frozen=True)

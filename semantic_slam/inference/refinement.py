@@ -82,28 +82,40 @@ class Refined:
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """Samples of a history, which its modes share."""
+
+    chain: Chain  # of one history
+    y: Array  # (N, size)
+
+    @cached_property
+    def states(self) -> Array:
+        """(N, 1 + O, d) of the newest robot state and of the objects."""
+        robots, objects = self.chain.states(self.y)
+        return np.concatenate([robots[:, -1:], objects], axis=1)
+
+
+@dataclass(frozen=True)
 class Moments:
     """Samples of a mode's region, and the Gaussian that they correct."""
 
-    chain: Chain  # of one history
+    drawn: Drawn
     y: Array  # (size,) mode
     hessian: Array  # (size, size)
-    samples: Array  # (N, size)
     weights: Array  # (N,) normalised
     keys: Sequence[int]  # of the newest robot state and of the objects
 
     def corrections(self) -> dict[int, Correction]:
         """Weighted moments of the newest robot state and of the objects, against the Laplace Gaussian's."""
-        chain, count, dimension = self.chain, len(self.keys), self.chain.dimension
+        chain, count = self.drawn.chain, len(self.keys)
         slopes = chain.newest_slopes(self.y[None])[0]
         spread = cho_solve((np.linalg.cholesky(self.hessian), True), slopes.reshape(-1, chain.size).T)
-        robots, objects = chain.states(np.concatenate([self.y[None], self.samples]))
-        states = np.concatenate([robots[:, -1:], objects], axis=1)
+        mode, states = Drawn(chain, self.y[None]).states[0], self.drawn.states
         found = {}
         for row, key in enumerate(self.keys):
-            own = spread.reshape(chain.size, count, dimension)[:, row]
+            own = spread.reshape(chain.size, count, chain.dimension)[:, row]
             covariance = slopes[row] @ own
-            found[key] = Correction.towards(chain.manifold, states[0, row], covariance, states[1:, row], self.weights)
+            found[key] = Correction.towards(chain.manifold, mode[row], covariance, states[:, row], self.weights)
         return found
 
 
@@ -167,7 +179,7 @@ def _of_one(
     parts = region.log_responsibilities(samples.y) + shares
     gaussian = len(kept) == 1 and not history.regions and total >= settings.gaussian_share * (1.0 - PRIOR_SHARE)
     ends = gaussian or len(history.taken) >= settings.max_history
-    found = []
+    found, drawn = [], Drawn(chain, samples.y)
     for number, at in enumerate(kept):
         log_evidence = samples.log_evidence(parts[number])
         own = history.regions
@@ -175,21 +187,20 @@ def _of_one(
             own = (*own, Region(region, number, chain.mean.shape[1] - 1, len(chain.links)))
         kept_history = None if ends else replace(history, regions=own, log_evidence=log_evidence)
         weights = samples.normalised(parts[number])
-        found.append(_mode(history, chain, modes, at, samples, weights, log_evidence, kept_history))
+        found.append(_mode(history, drawn, modes, at, weights, log_evidence, kept_history))
     return found
 
 
 def _mode(
     history: History,
-    chain: Chain,
+    drawn: Drawn,
     modes: Mode,
     at: int,
-    samples: Samples,
     weights: Array,
     log_evidence: float,
     kept_history: History | None,
 ) -> Refined:
-    robots, objects = chain.states(modes.y[at : at + 1])
+    robots, objects = drawn.chain.states(modes.y[at : at + 1])
     keyframe = history.anchor.keyframe + len(history.taken)
     keys = [robot_key(keyframe), *(object_key(n) for n in history.object_ids())]
     past = [robot_key(k) for k in range(history.anchor.keyframe, keyframe)]
@@ -198,7 +209,7 @@ def _mode(
         float(1.0 / (weights**2).sum() / len(weights)),
         dict(zip([*past, *keys], [*robots[0], *objects[0]], strict=True)),
         kept_history,
-        Moments(chain, modes.y[at], modes.hessian[at], samples.y, weights, keys),
+        Moments(drawn, modes.y[at], modes.hessian[at], weights, keys),
         len(weights),
     )
 

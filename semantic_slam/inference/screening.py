@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.small_matrices import backward, cholesky, forward
 from semantic_slam.inference.laplace import Mode, search_start
 from semantic_slam.inference.stack import Stack
 
@@ -75,9 +76,9 @@ def _added(stack: Stack, previous: Mode) -> _Added:
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
     covariance = slopes @ spread
     innovation = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1])
-    root = np.linalg.cholesky(innovation)
-    whitened = np.linalg.solve(root, part.residual[..., None])
-    gain = np.linalg.solve(np.swapaxes(root, 1, 2), whitened)
+    root = cholesky(innovation)
+    whitened = forward(root, part.residual[..., None])
+    gain = backward(root, whitened)
     log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
     log_density = part.log_normaliser - 0.5 * (whitened[..., 0] ** 2).sum(-1) - log_determinant
     step = -(spread @ (np.swapaxes(jacobian, 1, 2) @ gain))[..., 0]
@@ -89,8 +90,8 @@ def _newest(stack: Stack, y: Array, blocks: Index) -> tuple[Array, Array, Array]
     rows = np.arange(len(y))[:, None]
     root = stack.root.reshape(*stack.mean.shape, stack.size)[rows, blocks]  # (B, 2, d, n)
     tangent = (root @ y[:, None, :, None])[..., 0]
-    states = stack.manifold.retract(stack.mean[rows, blocks], tangent)
-    slopes = stack.manifold.retract_jacobian(tangent) @ root
+    moved, chart = stack.manifold.exp_and_jacobian(tangent)
+    states, slopes = stack.manifold.compose(stack.mean[rows, blocks], moved), chart @ root
     return states[:, 0], states[:, 1], slopes.reshape(len(y), -1, stack.size)
 
 

@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.latent_factor import exact_factor, linear_factors
+from semantic_slam.inference.latent_factor import exact_factor
 from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.linear_factors import linear_factors, linearisation_points
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.planar_detection import PlanarDetections
 from semantic_slam.latent.model import DescriptorBelief
 
 Array = NDArray[np.float64]
-States = Mapping[int, Array]
 
-DESCRIPTOR = "e"
-"""Symbol of E(n), below those of objects and robots."""
 MOVED_RAD = 0.1
 """Change of a view from which on its linear factor is made anew."""
 MOVED_POSE = 0.3
@@ -29,13 +27,6 @@ MOVED_DESCRIPTOR = 0.2
 """Change of a descriptor's component, in standard deviations of its prior, from which on linear factors are."""
 RELINEARISED_DESCRIPTOR = 0.1
 """Change, in the same unit, from which on iSAM2 relinearises it."""
-
-_SYMBOL_BITS = 56
-
-
-def is_descriptor(key: int) -> bool:
-    """Whether a GTSAM key is some E(n)."""
-    return key >> _SYMBOL_BITS == ord(DESCRIPTOR)
 
 
 @dataclass(frozen=True)
@@ -57,26 +48,52 @@ class Named:
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a linear factor was made."""
+class Places:
+    """States of the variables of n semantic measurements."""
 
-    relative: Array  # (d,) the object as seen from the robot
-    poses: Array  # (2, d) robot and object
-    descriptor: Array  # (L,), of no components under a class
+    robots: Array  # (n, d)
+    objects: Array  # (n, d)
+    descriptors: Array  # (n, L), of no components under classes
+
+    @classmethod
+    def of(cls, named: Sequence[Named], states: Mapping[int, Array]) -> "Places":
+        """From the state of every key."""
+        robots = np.array([states[item.robot_key] for item in named])
+        objects = np.array([states[item.object_key] for item in named])
+        own = [np.zeros(0) if item.descriptor_key is None else states[item.descriptor_key] for item in named]
+        return cls(robots, objects, np.array(own))
+
+    @classmethod
+    def joined(cls, parts: Sequence["Places"]) -> "Places":
+        """One after another; those of no measurement do not matter."""
+        some = [part for part in parts if len(part.robots)]
+        if len(some) == 1:
+            return some[0]
+        return cls(
+            np.concatenate([part.robots for part in some]),
+            np.concatenate([part.objects for part in some]),
+            np.concatenate([part.descriptors for part in some]),
+        )
+
+    def take(self, rows: Sequence[int]) -> "Places":
+        """Of some measurements."""
+        return Places(self.robots[rows], self.objects[rows], self.descriptors[rows])
+
+    def replaced(self, rows: Sequence[int], others: "Places") -> "Places":
+        """With those of some measurements changed."""
+        changed = Places(self.robots.copy(), self.objects.copy(), self.descriptors.copy())
+        changed.robots[rows], changed.objects[rows] = others.robots, others.objects
+        changed.descriptors[rows] = others.descriptors
+        return changed
 
 
-@dataclass(frozen=True)
-class Made:
-    """The factor of a semantic measurement."""
-
-    named: Named
-    index: int  # in iSAM2's list of factors
-    place: Place
+NOWHERE = Places(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)))
+"""Of no measurement."""
 
 
 @dataclass(frozen=True)
 class SemanticFactors:
-    """Makes them; ``latent`` None: there are no descriptors."""
+    """Makes them; ``latent`` None: there are no descriptors, but classes."""
 
     manifold: Manifold
     model: ObservationModel
@@ -96,66 +113,52 @@ class SemanticFactors:
         assert self.latent is not None
         return self.latent.prior_of(object_id)
 
-    def make(self, named: Sequence[Named], states: States) -> tuple[list[Any], list[Place]]:
-        """Factors of (n,) measurements at ``states``, one evaluation for all of a kind, and where that was."""
-        if not named:
-            return [], []
-        factors: list[Any] = [None] * len(named)
-        of_class = [row for row, item in enumerate(named) if item.descriptor_key is None]
-        of_descriptor = [row for row, item in enumerate(named) if item.descriptor_key is not None]
-        for rows, make in ((of_class, self._classed), (of_descriptor, self._latent)):
-            made = make([named[row] for row in rows], states) if rows else []
-            for row, factor in zip(rows, made, strict=True):
-                factors[row] = factor
-        return factors, self._places(named, states)
+    def make(self, named: Sequence[Sequence[Named]], places: Sequence[Places]) -> list[list[Any]]:
+        """Factors of sets of measurements, each at its own places; one evaluation for all."""
+        every = [item for own in named for item in own]
+        if not every:
+            return [[] for _ in named]
+        states = [_by_key(*one) for one in zip(named, places, strict=True)]
+        points = linearisation_points(self.manifold, states)
+        repeated = [point for own, point in zip(named, points, strict=True) for _ in own]
+        make = self._classed if self.latent is None else self._latent
+        factors = iter(make(every, Places.joined(places), repeated))
+        return [[next(factors) for _ in own] for own in named]
 
-    def moved(self, made: Sequence[Made], states: States) -> tuple[NDArray[np.bool_], bool]:
-        """(n,) whether linear factors have to be made anew at ``states``, and whether the map floats there."""
-        now = self._places([item.named for item in made], states)
-        before = [item.place for item in made]
-        relative = (np.array([place.relative for place in places]) for places in (before, now))
+    def moved(self, before: Places, now: Places) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(n,) whether linear factors have to be made anew, and whether that is because the map floats."""
+        relative = (self.manifold.between(at.robots, at.objects) for at in (before, now))
         moved = np.asarray(self.model.view_change(*relative) > MOVED_RAD)
-        rows = [row for row, place in enumerate(before) if len(place.descriptor)]
-        if not rows:
-            return moved, False
-        poses, descriptors = (
-            [np.array([getattr(places[row], name) for row in rows]) for places in (before, now)]
-            for name in ("poses", "descriptor")
-        )
+        if self.latent is None:
+            return moved, np.zeros_like(moved)
+        poses = (np.stack([at.robots, at.objects], axis=1) for at in (before, now))
         floats = np.abs(self.manifold.local(*poses)).max(axis=(1, 2)) > MOVED_POSE
-        change = np.abs(descriptors[1] - descriptors[0]) / self._prior_sigma
-        moved[rows] |= floats | (change.max(axis=1) > MOVED_DESCRIPTOR)
-        return moved, bool(floats.any())
+        change = np.abs(now.descriptors - before.descriptors) / self._prior_sigma
+        return moved | floats | (change.max(axis=1) > MOVED_DESCRIPTOR), floats
 
-    def _places(self, named: Sequence[Named], states: States) -> list[Place]:
-        x, o = _poses(named, states)
-        relative, poses = self.manifold.between(x, o), np.stack([x, o], axis=1)
-        none = np.zeros(0)
-        return [
-            Place(own, pair, none if item.descriptor_key is None else states[item.descriptor_key])
-            for own, pair, item in zip(relative, poses, named, strict=True)
-        ]
-
-    def _classed(self, named: Sequence[Named], states: States) -> list[Any]:
-        keys = [(item.robot_key, item.object_key) for item in named]
+    def _classed(self, named: Sequence[Named], at: Places, points: Sequence[Any]) -> list[Any]:
+        seen = self.model.collect([item.detection for item in named])
         classes = np.array([item.assigned_class for item in named])
-        detections = [item.detection for item in named]
-        return self.model.semantic_factors(detections, keys, classes, *_poses(named, states))
+        part = self.model.semantics(seen, at.robots, at.objects, classes)
+        jacobians = [part.jacobian_robot, part.jacobian_object]
+        return linear_factors([item.keys for item in named], jacobians, part.residual, points)
 
-    def _latent(self, named: Sequence[Named], states: States) -> list[Any]:
+    def _latent(self, named: Sequence[Named], at: Places, points: Sequence[Any]) -> list[Any]:
         assert self.latent is not None
-        keys = [(item.robot_key, item.object_key, item.descriptor_key or 0) for item in named]
-        x, o = _poses(named, states)
-        e = np.array([states[key] for _, _, key in keys])
-        part = self.latent.linearise(PlanarDetections.of([item.detection for item in named]), x, o, e)
-        factors = linear_factors(part, keys, x, o, e)
+        seen = PlanarDetections.of([item.detection for item in named])
+        part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
+        jacobians = [part.by_robot, part.by_object, part.by_descriptor]
+        factors = linear_factors([item.keys for item in named], jacobians, part.residual, points)
         for row, item in enumerate(named):
             if item.exact:
-                factors[row] = exact_factor(self.latent, item.detection, keys[row])
+                factors[row] = exact_factor(self.latent, item.detection, item.keys)
         return factors
 
 
-def _poses(named: Sequence[Named], states: States) -> tuple[Array, Array]:
-    """(n, d) robots and objects."""
-    x = np.array([states[item.robot_key] for item in named])
-    return x, np.array([states[item.object_key] for item in named])
+def _by_key(named: Sequence[Named], places: Places) -> dict[int, Array]:
+    """The state of every variable, once."""
+    states: dict[int, Array] = {}
+    rows = zip(named, places.robots, places.objects, places.descriptors, strict=True)
+    for item, *own in rows:
+        states.update(zip(item.keys, own, strict=False))
+    return states

@@ -6,7 +6,6 @@ object) carries an independent standard normal that no measurement touches, so t
 """
 
 import copy
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,12 +57,11 @@ class Rows:
 class Stack:
     """The likelihood of n detections over y (B, (1 + n) d), for the candidates of ``rows``."""
 
-    def __init__(
-        self, manifold: Manifold, model: ObservationModel, predicted: Predicted, detections: Sequence[Any], rows: Rows
-    ):
+    def __init__(self, manifold: Manifold, model: ObservationModel, predicted: Predicted, seen: Any, rows: Rows):
+        """``seen``: the n detections as ``model`` collects them."""
         self.manifold, self.model, self.rows = manifold, model, rows
         self.dimension = manifold.dimension
-        self.seen = model.collect(detections[: rows.objects.shape[1]])
+        self.seen = seen
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
         self._full = bool(self.active.all())
@@ -88,10 +86,15 @@ class Stack:
 
     def select(self, selection: Index) -> "Stack":
         """Some of the candidates, without gathering their priors again."""
+        part = self._of(selection)
+        part.mean, part.root = self.mean[selection], self.root[selection]
+        return part
+
+    def _of(self, selection: Index) -> "Stack":
+        """The same with the priors of all."""
         part = copy.copy(self)
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
-        part.mean, part.root = self.mean[selection], self.root[selection]
         return part
 
     def tangent(self, y: Array) -> Array:
@@ -108,8 +111,8 @@ class Stack:
         covariance = self.root @ np.linalg.solve(hessian, np.swapaxes(self.root, -1, -2))
         count, dimension = self.mean.shape[1], self.dimension
         diagonal = np.einsum("bnpnq->bnpq", covariance.reshape(len(y), count, dimension, count, dimension))
-        chart = self.manifold.retract_jacobian(tangent)
-        return self.manifold.retract(self.mean, tangent), chart @ diagonal @ np.swapaxes(chart, -1, -2)
+        moved, chart = self.manifold.exp_and_jacobian(tangent)
+        return self.manifold.compose(self.mean, moved), chart @ diagonal @ np.swapaxes(chart, -1, -2)
 
     def coordinates(self, states: Array) -> Array:
         """(B, n) whitened y of (B, 1 + n, d) states."""
@@ -132,6 +135,15 @@ class Stack:
         x, o = self._pairs(self.states(y))
         return np.asarray(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())).sum(-1))
 
+    def log_joint(self, y: Array) -> Array:
+        """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
+        tangent = (y @ np.swapaxes(self.root, 1, 2)).reshape(*y.shape[:2], *self.mean.shape[1:])
+        states = self.manifold.retract(self.mean[:, None], tangent).reshape(-1, *self.mean.shape[1:])
+        many = self._of(np.repeat(np.arange(len(y)), y.shape[1]))
+        x, o = many._pairs(states)
+        logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(self.seen, x, o, many._classes())
+        return np.asarray(many._by_row(logs).sum(-1).reshape(y.shape[:2]) - 0.5 * (y**2).sum(-1))
+
     def energy(self, y: Array) -> Array:
         """(B,) -log P(Z | y) + |y|^2 / 2."""
         return np.asarray(0.5 * (y**2).sum(-1) - self.log_likelihood(y))
@@ -140,27 +152,27 @@ class Stack:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
         energy = 0.5 * (y**2).sum(-1)
-        parts = self._parts(self.manifold.retract(self.mean, tangent))
+        moved, chart = self.manifold.exp_and_jacobian(tangent)
+        parts = self._parts(self.manifold.compose(self.mean, moved))
         if not parts:
             return energy, y, np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size))
         for part in parts:
             energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
         residual = self._by_row(np.concatenate([part.residual for part in parts], axis=1)).reshape(len(y), -1)
-        jacobian = self._in_y(tangent, parts)
+        jacobian = self._in_y(chart, parts)
         transposed = np.swapaxes(jacobian, -1, -2)
         gradient = y + (transposed @ residual[..., None])[..., 0]
         hessian = transposed @ jacobian
         hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
         return energy, gradient, hessian
 
-    def _in_y(self, tangent: Array, parts: list[Linearisation]) -> Array:
-        """(B, n m, size) derivatives of all residuals."""
+    def _in_y(self, chart: Array, parts: list[Linearisation]) -> Array:
+        """(B, n m, size) derivatives of all residuals, given those of the states (B, 1 + n, d, d)."""
         by_robot = self._by_row(np.concatenate([part.jacobian_robot for part in parts], axis=1))
         by_object = self._by_row(np.concatenate([part.jacobian_object for part in parts], axis=1))
-        chart = self.manifold.retract_jacobian(tangent)  # (B, 1 + n, d, d)
         slopes = chart @ self.root.reshape(*self.mean.shape, self.size)
         own = slopes[:, 1:] if self._distinct else slopes[np.arange(len(slopes))[:, None], 1 + self.slots]
-        return (by_robot @ slopes[:, :1] + by_object @ own).reshape(len(tangent), -1, self.size)
+        return (by_robot @ slopes[:, :1] + by_object @ own).reshape(len(chart), -1, self.size)
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) over the associated objects."""

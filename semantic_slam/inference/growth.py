@@ -1,0 +1,43 @@
+"""Components grow together: the children of one keyframe, whose smoothers settle in the same rounds."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semantic_slam.inference.component import Component, Continued, Motion, Observed
+from semantic_slam.inference.settling import extend_all
+from semantic_slam.inference.smoother import LostComponentError
+
+Grown = Component | LostComponentError
+
+
+def grow_all(
+    parents: Sequence[Component],
+    motion: Motion,
+    observed: Sequence[Sequence[Observed]],
+    continued: Sequence[Continued],
+) -> list[Grown]:
+    """A child of each parent, which stays as it was; an error stands for one that is indeterminate."""
+    if not parents:
+        return []
+    rows = list(zip(parents, observed, continued, strict=True))
+    manifold = parents[0].manifold
+    predicted = manifold.compose(np.array([parent.newest_robot() for parent in parents]), motion.control)
+    moved = np.abs(manifold.local(predicted, np.array([what.robot for what in continued]))).max(axis=-1).tolist()
+    extensions = [
+        parent.extension(motion, seen, what, state, change)
+        for (parent, seen, what), state, change in zip(rows, predicted, moved, strict=True)
+    ]
+    smoothers = extend_all([parent.smoother for parent in parents], extensions)
+    return [
+        own if isinstance(own, LostComponentError) else parent.child(seen, what, own)
+        for (parent, seen, what), own in zip(rows, smoothers, strict=True)
+    ]
+
+
+def grow(parent: Component, motion: Motion, observed: Sequence[Observed], continued: Continued) -> Component:
+    """One child. Raises LostComponentError."""
+    child = grow_all([parent], motion, [observed], [continued])[0]
+    if isinstance(child, LostComponentError):
+        raise child
+    return child

@@ -1,0 +1,184 @@
+"""Smoothers that grow together, and descriptors that settle where the decoder bends."""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+import pytest
+from harmonic_model import HarmonicModel
+
+from semantic_slam.geometry import se2
+from semantic_slam.inference import settling
+from semantic_slam.inference.latent_factor import exact_factor
+from semantic_slam.inference.latent_observation import LatentObservation
+from semantic_slam.inference.linear_factors import linearisation_points
+from semantic_slam.inference.manifold import PlanarPoses
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility, viewpoints_in_plane
+from semantic_slam.inference.semantic_factors import Named, SemanticFactors
+from semantic_slam.inference.settling import Extension, extend, extend_all
+from semantic_slam.inference.smoother import LostComponentError, Smoother
+from semantic_slam.latent.model import LatentPrediction
+from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.parametric import ParametricModel
+
+MANIFOLD = PlanarPoses()
+CLASSES = PlanarObservation(ParametricModel(0.25, 10.0), PlanarVisibility())
+GEOMETRY = PlanarObservation(None, PlanarVisibility())
+ROBOT = [gtsam.symbol("x", k) for k in range(8)]
+TARGET, LOOK = gtsam.symbol("o", 0), gtsam.symbol("e", 0)
+OBJECT = np.array([2.0, 0.3, 1.0])
+STEP, STEP_SIGMA = np.array([0.2, 0.0, 0.15]), 0.03
+
+
+@dataclass(frozen=True)
+class Swinging:
+    """A decoder that bends as e^3: Gauss-Newton from afar overshoots."""
+
+    num_features: int = 4
+    num_dimensions: int = 1
+    noise: float = 0.05
+    class_names: tuple[str, ...] = ()
+
+    @property
+    def prior(self):
+        return HarmonicModel(num_dimensions=1).prior
+
+    def predict(self, viewpoints: Viewpoints, descriptors: np.ndarray) -> LatentPrediction:
+        azimuth = np.asarray(viewpoints.azimuth_rad)[:, None]
+        e = descriptors[:, :1]
+        orders = np.arange(1, 1 + self.num_features)
+        wave, slope = np.cos(orders * azimuth), -orders * np.sin(orders * azimuth)
+        bend, bend_slope = np.sin(4.0 * e), 4.0 * np.cos(4.0 * e)
+        by_direction = np.stack([slope * bend, np.zeros_like(slope)], axis=-1)
+        return LatentPrediction(
+            wave * bend, np.full_like(wave, self.noise), by_direction, (wave * bend_slope)[..., None]
+        )
+
+
+def root(semantics: SemanticFactors) -> Smoother:
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for key, mean, sigma in ((ROBOT[0], np.zeros(3), 0.1), (TARGET, OBJECT, 0.1)):
+        graph.add(MANIFOLD.prior_factor(key, mean, sigma**2 * np.eye(3)))
+        MANIFOLD.insert(values, key, mean)
+    return Smoother.of(MANIFOLD, semantics, graph, values)
+
+
+def detection(x: np.ndarray, feature: np.ndarray) -> PlanarDetection:
+    d = se2.between(x, OBJECT)
+    size = len(feature)
+    noise = np.diag([0.1, 0.05]) ** 2
+    spread = 0.01 * np.eye(size) if size == 2 else np.zeros((size, size))
+    return PlanarDetection(np.hypot(*d[:2]), np.arctan2(d[1], d[0]), noise, np.zeros(2), feature, spread)
+
+
+def step(k: int, named: list[Named], seen: PlanarDetection, guess: np.ndarray) -> Extension:
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(MANIFOLD.between_factor(ROBOT[k], ROBOT[k + 1], STEP, STEP_SIGMA**2 * np.eye(3)))
+    graph.add(CLASSES.geometry_factor(seen, (ROBOT[k + 1], TARGET)))
+    MANIFOLD.insert(values, ROBOT[k + 1], guess)
+    return Extension(graph, values, named, {ROBOT[k + 1]: guess, TARGET: OBJECT})
+
+
+def classed(k: int, offset: float, jumped: bool = False) -> Extension:
+    x = path(k + 1)
+    seen = detection(x, np.array([0.3 + offset, 0.2]))
+    extension = step(k, [Named(ROBOT[k + 1], TARGET, seen, 0)], seen, se2.compose(x, np.array([offset, 0.0, 0.0])))
+    return Extension(extension.graph, extension.values, extension.named, extension.start, jumped)
+
+
+def path(length: int) -> np.ndarray:
+    x = np.zeros(3)
+    for _ in range(length):
+        x = se2.compose(x, STEP)
+    return x
+
+
+def estimate(smoother: Smoother) -> np.ndarray:
+    return MANIFOLD.states(smoother.isam.calculateEstimate())
+
+
+def test_together_is_as_one_by_one() -> None:
+    semantics = SemanticFactors(MANIFOLD, CLASSES)
+    offsets = (-0.4, 0.0, 0.1, 0.5)
+    alone, together = [root(semantics)] * 4, [root(semantics)] * 4
+    for k in range(5):
+        alone = [extend(one, classed(k, f, k == 2)) for one, f in zip(alone, offsets, strict=True)]
+        together = extend_all(together, [classed(k, f, k == 2) for f in offsets])
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_allclose(estimate(one), estimate(other), atol=1e-10)
+        np.testing.assert_allclose(
+            one.joint_covariance([ROBOT[5], TARGET]), other.joint_covariance([ROBOT[5], TARGET]), atol=1e-12
+        )
+
+
+def test_growing_leaves_the_parent_as_it_was() -> None:
+    parent = root(SemanticFactors(MANIFOLD, CLASSES))
+    before = estimate(parent)
+    extend_all([parent, parent], [classed(0, 0.0), classed(0, 0.5, jumped=True)])
+    assert np.array_equal(estimate(parent), before)
+
+
+def test_a_lost_one_does_not_take_the_others_along() -> None:
+    parent = root(SemanticFactors(MANIFOLD, CLASSES))
+    broken = classed(0, 0.0)
+    broken.graph.add(MANIFOLD.prior_factor(ROBOT[7], np.zeros(3), np.eye(3)))  # of a variable that is not there
+    found = extend_all([parent] * 3, [classed(0, 0.0), broken, classed(0, 0.2)])
+    assert [isinstance(one, LostComponentError) for one in found] == [False, True, False]
+    with pytest.raises(LostComponentError, match="update failed"):
+        broken = classed(0, 0.0)
+        broken.graph.add(MANIFOLD.prior_factor(ROBOT[7], np.zeros(3), np.eye(3)))
+        extend(parent, broken)
+
+
+@pytest.mark.parametrize(("jumped", "updates"), [(False, 8), (False, 1), (True, 8)])
+@pytest.mark.parametrize("start", [0.05, 0.33, 0.8])
+def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
+    start: float, jumped: bool, updates: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By updates alone, where they do not suffice, and where the whole is optimised at once."""
+    monkeypatch.setattr(settling, "MAX_UPDATES", updates)
+    model = Swinging()
+    latent = LatentObservation(model)
+    smoother = root(SemanticFactors(MANIFOLD, GEOMETRY, latent))
+    true = np.array([0.37])
+    for k in range(4):
+        x = path(k + 1)
+        views = viewpoints_in_plane(x[None], OBJECT[None], np.zeros(2))
+        seen = detection(x, model.predict(views, true[None]).mean[0] + 0.02)
+        extension = step(k, [Named(ROBOT[k + 1], TARGET, seen, -1, LOOK)], seen, x)
+        begin = np.array([start]) if k == 0 else smoother.descriptors([LOOK])[0]
+        if k == 0:
+            prior = latent.prior_of(0)
+            sigma = gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])
+            extension.graph.add(gtsam.PriorFactorVector(LOOK, prior.mean[0], sigma))
+            extension.values.insert(LOOK, begin)
+        began = {**extension.start, LOOK: begin}
+        smoother = extend(smoother, Extension(extension.graph, extension.values, extension.named, began, jumped))
+    factors = gtsam.NonlinearFactorGraph(smoother.isam.getFactorsUnsafe())
+    assert sum(factors.exists(i) for i in range(factors.size())) == 2 + 1 + 4 * 3
+    graph = smoother.kept()
+    assert graph.size() == 2 + 1 + 4 * 2
+    for named in smoother.made.named:
+        graph.add(exact_factor(latent, named.detection, named.keys))
+    found = smoother.isam.calculateEstimate()
+    best = gtsam.LevenbergMarquardtOptimizer(graph, found).optimize()
+    np.testing.assert_allclose(found.atVector(LOOK), best.atVector(LOOK), atol=0.05)
+    np.testing.assert_allclose(MANIFOLD.states(found), MANIFOLD.states(best), atol=0.01)
+    assert abs(found.atVector(LOOK)[0] - true[0]) < 0.1
+
+
+def test_linearisation_points_are_the_states() -> None:
+    states = [{ROBOT[0]: path(3), TARGET: OBJECT, LOOK: np.array([0.3, -1.0])}, {ROBOT[0]: path(1), LOOK: np.zeros(2)}]
+    points = linearisation_points(MANIFOLD, states)
+    for own, point in zip(states, points, strict=True):
+        for key, state in own.items():
+            found = point.atVector(key) if key == LOOK else MANIFOLD.state(point, key)
+            np.testing.assert_allclose(found, state, atol=1e-12)
+
+
+def test_a_part_of_a_known_joint_covariance_is_that_of_gtsam() -> None:
+    smoother = extend(root(SemanticFactors(MANIFOLD, CLASSES)), classed(0, 0.1))
+    smoother.joint_covariance([ROBOT[1], TARGET, ROBOT[0]])
+    expected = smoother.isam.jointMarginalCovariance([ROBOT[0], ROBOT[1]]).fullMatrix()
+    np.testing.assert_allclose(smoother.joint_covariance([ROBOT[0], ROBOT[1]]), expected, atol=1e-12)
