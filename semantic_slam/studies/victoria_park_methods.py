@@ -52,8 +52,8 @@ FRONT_END = OpenWorldConfiguration(
 NUM_HYPOTHESES = {"ours": 10, "joint_assignment": 1, "nearest_neighbour": 1}
 NOISE_FACTORS = (1.0, 4.0, 16.0)
 """On the odometry covariance that is given: a belief of several hypotheses chooses by evidence, the others cannot."""
-ONE_TRUNK = ((3, 19), (4, 18), (9, 50))
-"""Landmarks, counted from 0 by first sight, of which each pair is almost surely one trunk with two numbers."""
+ONE_TRUNK = {"189": "34", "179": "41", "756": "108"}
+"""Numbers of the file that almost surely mean a trunk that has another number already: they lie 0.2 m apart."""
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,7 @@ def scores(associations: Sequence[tuple[int, ...]], labels: Sequence[tuple[str, 
 
 def one_trunk(labels: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
     """The file's numbers of a drive with :data:`ONE_TRUNK` made one."""
-    names = list(dict.fromkeys(name for own in labels for name in own))
-    same = {names[second]: names[first] for first, second in ONE_TRUNK if second < len(names)}
-    return [tuple(same.get(name, name) for name in own) for own in labels]
+    return [tuple(ONE_TRUNK.get(name, name) for name in own) for own in labels]
 
 
 def _numbers(labels: Sequence[tuple[str, ...]]) -> list[int]:
