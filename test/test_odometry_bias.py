@@ -38,7 +38,7 @@ def test_slopes_are_derivatives_of_the_composed_arcs(number: int) -> None:
             se2.log(se2.between(control, biased(control, step))) / 1e-6, slopes(control)[:, number], atol=1e-5
         )
         total, with_bias = se2.compose(total, control), se2.compose(with_bias, biased(control, step))
-        found = composed_slopes(found, control)
+        found = composed_slopes(found, control, slopes(control))
     np.testing.assert_allclose(se2.log(se2.between(total, with_bias)) / 1e-6, found[:, number], atol=1e-5)
 
 

@@ -44,9 +44,9 @@ def slopes(control: Array) -> Array:
     return np.asarray(se2.right_jacobian(twist) @ change)
 
 
-def composed_slopes(before: Array, control: Array) -> Array:
-    """(3, 2) of a motion with ``before`` that goes on with ``control``."""
-    return np.asarray(se2.adjoint(se2.inverse(control)) @ before + slopes(control))
+def composed_slopes(before: Array, control: Array, own: Array) -> Array:
+    """(3, 2) of a motion with ``before`` that goes on with ``control``, whose ``own`` they are."""
+    return np.asarray(se2.adjoint(se2.inverse(control)) @ before + own)
 
 
 def bias_key(keyframe: int) -> int:

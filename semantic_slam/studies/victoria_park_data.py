@@ -10,7 +10,7 @@ from semantic_slam.datasets.victoria_park_import import measurements
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.odometry_bias import composed_slopes
+from semantic_slam.inference.odometry_bias import composed_slopes, slopes
 
 Array = NDArray[np.float64]
 
@@ -54,10 +54,11 @@ def make_drive(log: Log, variant: Variant) -> Drive:
     labels: list[tuple[str, ...]] = []
     positions: list[Array] = []
     controls, covariances = [], []
-    control, covariance, slopes = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
+    control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
+    by_bias_of_each = slopes(log.increments)
     for index, observations in enumerate(seen):
         if index:
-            slopes = composed_slopes(slopes, log.increments[index - 1])
+            by_bias = composed_slopes(by_bias, log.increments[index - 1], by_bias_of_each[index - 1])
             control, covariance = _composed(control, covariance, log.increments[index - 1], variances)
         if not observations:
             continue
@@ -66,12 +67,12 @@ def make_drive(log: Log, variant: Variant) -> Drive:
         spread = covariance if index else variances
         frame = measurements(own, stamp_ns, number, variant.landmark_variance_m2)
         odometry = (pose_vector_from_planar(control), covariance_from_planar(spread))
-        keyframes.append(Keyframe(number, stamp_ns, *odometry, frame, slopes))
+        keyframes.append(Keyframe(number, stamp_ns, *odometry, frame, by_bias))
         labels.append(tuple(observation.landmark for observation in observations))
         positions.append(own)
         controls.append(control)
         covariances.append(spread)
-        control, covariance, slopes = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
+        control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
         if len(keyframes) == variant.num_keyframes:
             break
     duration = (keyframes[-1].stamp_ns - int(stamps_ns[0])) / 1e9

@@ -15,8 +15,9 @@ REQUIREMENT = "project requirement"
 PASSED_F1 = 0.99
 REFERENCE = (
     "Where a path lies on the broad grey one, association was right. Known association is the minimum of half the"
-    " squared whitened residuals of odometry, detections and start under the same noise, and nothing is aligned:"
-    " both hang on the same start. The costs in the tables are that minimum under a method's own associations."
+    " squared whitened residuals of odometry (its biases being variables), detections and start under the same noise,"
+    " and nothing is aligned: both hang on the same start. The costs in the tables are that minimum under a method's"
+    " own associations."
 )
 FRAME_S = 0.222
 """From one frame of the drive to the next."""
