@@ -50,7 +50,7 @@ FRONT_END = OpenWorldConfiguration(
 )
 """Births, clutter and gates of every method; said before any label was looked at, and the same for all."""
 NUM_HYPOTHESES = {"ours": 10, "joint_assignment": 1, "nearest_neighbour": 1}
-NOISE_FACTORS = (1.0, 4.0, 16.0)
+NOISE_FACTORS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """On the odometry covariance that is given: a belief of several hypotheses chooses by evidence, the others cannot."""
 ONE_TRUNK = {"189": "34", "179": "41", "756": "108"}
 """Numbers of the file that almost surely mean a trunk that has another number already: they lie 0.2 m apart."""
