@@ -168,6 +168,26 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
     assert abs(found.atVector(LOOK)[0] - true[0]) < 0.1
 
 
+def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
+    """A bearing over a millimetre: Cholesky gives such systems up."""
+    smoother = extend(root(SemanticFactors(MANIFOLD, CLASSES)), classed(0, 0.0))
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(MANIFOLD.between_factor(ROBOT[1], ROBOT[2], se2.between(path(1), OBJECT), 0.01 * np.eye(3)))
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1e-3, 1e-3]))
+    graph.add(gtsam.BearingRangeFactorPose2(ROBOT[2], TARGET, gtsam.Rot2(), 1e-4, noise))
+    at = se2.compose(OBJECT, np.array([-1e-4, 0.0, 0.0]))
+    MANIFOLD.insert(values, ROBOT[2], at)
+    seen = classed(1, 0.0).named[0].detection
+    named = [Named(ROBOT[2], TARGET, seen, 0)]
+    extension = Extension(graph, values, named, {ROBOT[2]: at, TARGET: OBJECT})
+    with pytest.raises(RuntimeError, match="Indeterminate"):
+        gtsam.ISAM2(smoother.isam).update(graph, values)
+    grown = extend(smoother, extension)
+    assert np.linalg.norm(grown.states([ROBOT[2]])[0, :2] - OBJECT[:2]) < 0.2
+    factors = gtsam.NonlinearFactorGraph(grown.isam.getFactorsUnsafe())
+    assert sum(factors.exists(i) for i in range(factors.size())) == 2 + 3 + 3
+
+
 def test_linearisation_points_are_the_states() -> None:
     states = [{ROBOT[0]: path(3), TARGET: OBJECT, LOOK: np.array([0.3, -1.0])}, {ROBOT[0]: path(1), LOOK: np.zeros(2)}]
     points = linearisation_points(MANIFOLD, states)

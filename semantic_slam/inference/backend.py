@@ -11,7 +11,7 @@ from semantic_slam.inference.class_knowledge import ClassKnowledge, class_knowle
 from semantic_slam.inference.component import Component, Held, LostComponentError, Observed, object_key, robot_key
 from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.descriptor_knowledge import descriptor_knowledge
-from semantic_slam.inference.growth import Grown, grow, grow_all
+from semantic_slam.inference.growth import Outcome, grow, grow_all
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.objects import ObjectRegistry, Roster
 from semantic_slam.inference.open_component import OpenComponent
@@ -88,9 +88,9 @@ class Backend:
         self.committed, self._expanded = commit.keyframe, None
         return self._report(commit.keyframe, [number for number in grown if number not in kept])
 
-    def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Grown]:
+    def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
         """As they are held, grown from what was expanded, or rebuilt."""
-        survivors: dict[int, Grown] = {}
+        survivors: dict[int, Outcome] = {}
         growing, rebuilt = {}, dict[int, Component]()
         at = self._places_expanded(commit.keyframe)
         for row in rows:
@@ -116,7 +116,7 @@ class Backend:
             return {}
         return {number: at for at, number in enumerate(self._expanded[0].ids)}
 
-    def _grown(self, step: Step, found: Continuations, parent_ids: list[int], at: list[int]) -> list[Grown]:
+    def _grown(self, step: Step, found: Continuations, parent_ids: list[int], at: list[int]) -> list[Outcome]:
         """The components of some continuations. The last child of an open world's parent may use it up."""
         rows = [int(found.parents[one]) for one in at]
         parents = [self.held[parent_ids[row]].component for row in rows]
@@ -128,7 +128,7 @@ class Backend:
                 [found.continued(one) for one in at],
             )
         last = {row: place for place, row in enumerate(rows)}
-        grown: list[Grown] = []
+        grown: list[Outcome] = []
         for place, (row, parent) in enumerate(zip(rows, parents, strict=True)):
             try:
                 grown.append(self.expander.grown(parent, step, found, at[place], in_place=last[row] == place))

@@ -8,7 +8,7 @@ from semantic_slam.inference.component import Component, Continued, Motion, Obse
 from semantic_slam.inference.settling import extend_all
 from semantic_slam.inference.smoother import LostComponentError
 
-Grown = Component | LostComponentError
+Outcome = Component | LostComponentError
 
 
 def grow_all(
@@ -16,7 +16,7 @@ def grow_all(
     motion: Motion,
     observed: Sequence[Sequence[Observed]],
     continued: Sequence[Continued],
-) -> list[Grown]:
+) -> list[Outcome]:
     """A child of each parent, which stays as it was; an error stands for one that is indeterminate."""
     if not parents:
         return []

@@ -15,7 +15,13 @@ Array = NDArray[np.float64]
 DESCRIPTOR = "e"
 """Symbol of E(n), below those of objects and robots."""
 _SYMBOL_BITS = 56
-_jacobian_factor: Any = gtsam.JacobianFactor  # of any number of keys
+"""Of a key, before its letter."""
+_jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its type does not say
+
+
+def letter_of(key: int) -> str:
+    """The letter of a GTSAM key."""
+    return chr(key >> _SYMBOL_BITS)
 
 
 def is_descriptor(key: int) -> bool:

@@ -15,7 +15,7 @@ from semantic_slam.inference.smoother import Made, Smoother
 Array = NDArray[np.float64]
 
 SAME = 1e-3
-"""Change of a state, metres or radians, below which linear factors need not be made again."""
+"""Change of a state, metres, radians or a descriptor's own unit, below which linear factors need not be made again."""
 MAX_ROUNDS = 6
 MAX_EXACT_ITERATIONS = 15
 """Of an optimisation with callbacks."""
@@ -37,14 +37,17 @@ def reoptimised(
     if semantics.latent is not None and named:
         values = _exactly(semantics, kept, named, starts)
     keys = sorted({key for item in named for key in item.keys})
+    states = _states(manifold, values, keys)
     for _ in range(MAX_ROUNDS):
-        states = _states(manifold, values, keys)
         places = Places.of(named, states)
         factors = semantics.make([named], [places])[0]
         values = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), values).optimize()
-        now = _states(manifold, values, keys)
-        if all(_change(manifold, key, states[key], now[key]) < SAME for key in keys):
+        before, states = states, _states(manifold, values, keys)
+        if all(_change(manifold, key, before[key], states[key]) < SAME for key in keys):
             break
+    else:  # not there yet: the factors are those of where it is
+        places = Places.of(named, states)
+        factors = semantics.make([named], [places])[0]
     return smoother.restarted(kept, values, factors, Made(tuple(named), (), places))
 
 

@@ -114,7 +114,10 @@ class SemanticFactors:
         return self.latent.prior_of(object_id)
 
     def make(self, named: Sequence[Sequence[Named]], places: Sequence[Places]) -> list[list[Any]]:
-        """Factors of sets of measurements, each at its own places; one evaluation for all."""
+        """Factors of S sets of measurements, (n_s,) of each at its own n_s places; one evaluation for all.
+
+        In one set a variable is at one place, whichever measurement it is of.
+        """
         every = [item for own in named for item in own]
         if not every:
             return [[] for _ in named]
@@ -145,13 +148,18 @@ class SemanticFactors:
 
     def _latent(self, named: Sequence[Named], at: Places, points: Sequence[Any]) -> list[Any]:
         assert self.latent is not None
-        seen = PlanarDetections.of([item.detection for item in named])
-        part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
+        factors = [exact_factor(self.latent, item.detection, item.keys) if item.exact else None for item in named]
+        rows = [row for row, item in enumerate(named) if not item.exact]
+        if not rows:
+            return factors
+        linear, own = [named[row] for row in rows], at.take(rows)
+        seen = PlanarDetections.of([item.detection for item in linear])
+        part = self.latent.linearise(seen, own.robots, own.objects, own.descriptors)
         jacobians = [part.by_robot, part.by_object, part.by_descriptor]
-        factors = linear_factors([item.keys for item in named], jacobians, part.residual, points)
-        for row, item in enumerate(named):
-            if item.exact:
-                factors[row] = exact_factor(self.latent, item.detection, item.keys)
+        keys = [item.keys for item in linear]
+        made = linear_factors(keys, jacobians, part.residual, [points[row] for row in rows])
+        for row, factor in zip(rows, made, strict=True):
+            factors[row] = factor
         return factors
 
 

@@ -2,21 +2,21 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.reoptimisation import changed, reoptimised
-from semantic_slam.inference.semantic_factors import Named, Places
-from semantic_slam.inference.smoother import LostComponentError, Smoother, first_line
+from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places
+from semantic_slam.inference.smoother import Added, LostComponentError, Renewal, Smoother, first_line
 
 Array = NDArray[np.float64]
-Settled = Smoother | LostComponentError
+Outcome = Smoother | LostComponentError
+T = TypeVar("T")
 
 MAX_UPDATES = 8
-UNDAMPED = 2
-"""Updates after which descriptors go half-way only: Gauss-Newton through a decoder may swing about its optimum."""
 
 
 @dataclass(frozen=True)
@@ -35,24 +35,29 @@ class Extension:
     calm: Mapping[int, Array] = field(default_factory=dict)
 
 
-def extend_all(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -> list[Settled]:
+@dataclass(frozen=True)
+class _Fork:
+    """A smoother on its way to rest."""
+
+    extension: Extension
+    smoother: Smoother
+    rests: bool
+    exact: Sequence[int] = ()  # semantic measurements whose exact factors are to become linear
+    made_at: Mapping[int, Array] = field(default_factory=dict)  # descriptors of the factors made in the round before
+
+
+def extend_all(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -> list[Outcome]:
     """Forks with their extensions, updated until no state is so far from where it is linearised that it matters.
 
-    Where the estimate jumped, or does not settle, the whole is optimised. An error stands for a smoother whose system
-    is indeterminate.
+    Where the estimate jumped, does not settle, or is too poorly conditioned for an update, the whole is optimised. An
+    error stands for a smoother whose system is indeterminate.
     """
-    if not smoothers:
-        return []
-    grown: list[Settled] = [LostComponentError("")] * len(smoothers)
-    jumped = [row for row, extension in enumerate(extensions) if extension.jumped]
-    for row in jumped:
-        grown[row] = _attempt(_jumped, smoothers[row], extensions[row])
     calm = [row for row, extension in enumerate(extensions) if not extension.jumped]
-    forks = _forked([smoothers[row] for row in calm], [extensions[row] for row in calm])
-    settled = _settled(forks, [extensions[row] for row in calm])
-    for row, smoother in zip(calm, settled, strict=True):
-        grown[row] = smoother
-    return grown
+    found = _settled(_forked({row: smoothers[row] for row in calm}, {row: extensions[row] for row in calm}))
+    for row, extension in enumerate(extensions):
+        if extension.jumped or isinstance(found[row], LostComponentError):
+            found[row] = _attempt(_jumped, smoothers[row], extension)
+    return [found[row] for row in range(len(smoothers))]
 
 
 def extend(smoother: Smoother, extension: Extension) -> Smoother:
@@ -72,50 +77,54 @@ def _jumped(smoother: Smoother, extension: Extension) -> Smoother:
     return reoptimised(smoother, kept, [*smoother.made.named, *extension.named], _starts(smoother, origin, extension))
 
 
-def _forked(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -> list[Settled]:
-    """After one update."""
-    named, places = [own.named for own in extensions], [Places.of(own.named, own.start) for own in extensions]
-    made = smoothers[0].semantics.make(named, places) if smoothers else []
+def _forked(
+    smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension]
+) -> dict[int, _Fork | LostComponentError]:
+    """After one update, which also renews what has moved since it was made."""
+    if not smoothers:
+        return {}
+    before, own = list(smoothers.values()), list(extensions.values())
+    semantics, places = before[0].semantics, [Places.of(one.named, one.start) for one in own]
+    stale = _stale(before, [one.start.keys() for one in own])
+    now = [one.places(rows) if rows else NOWHERE for one, rows in zip(before, stale, strict=True)]
+    again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
+    made = semantics.make([one.named for one in own], places)
 
-    def fork(row: int) -> Smoother:
-        own = extensions[row]
-        isam = gtsam.ISAM2(smoothers[row].isam)
-        return smoothers[row].updated(isam, own.graph, own.values, own.named, made[row], places[row])
+    def fork(smoother: Smoother, extension: Extension, added: Added, renewal: Renewal) -> _Fork:
+        isam = gtsam.ISAM2(smoother.isam)
+        updated = smoother.updated(isam, extension.graph, extension.values, added, renewal)
+        certain = {item.descriptor_key for item in extension.named if not item.exact}
+        return _Fork(extension, updated, updated.rests(), updated.exact_rows(certain))
 
-    return [_attempt(fork, row) for row in range(len(smoothers))]
+    added = [Added(one.named, factors, at) for one, factors, at in zip(own, made, places, strict=True)]
+    renewals = [Renewal(*parts) for parts in zip(stale, again, now, strict=True)]
+    rows = zip(smoothers, before, own, added, renewals, strict=True)
+    return {row: _attempt(fork, *parts) for row, *parts in rows}
 
 
-def _settled(forks: list[Settled], extensions: Sequence[Extension]) -> list[Settled]:
-    """Updated on; where states were linearised anew, so are the semantic factors of the objects that were observed.
+def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outcome]:
+    """Updated on; the semantic factors of the objects that were observed are made anew where their views changed.
 
     Exact factors of descriptors that have been seen so well that new ones are linear become linear.
     """
-    exact = {
-        row: fork.exact_rows({item.descriptor_key for item in extensions[row].named if not item.exact})
-        for row, fork in enumerate(forks)
-        if isinstance(fork, Smoother)
-    }
-    for number in range(MAX_UPDATES):
-        pending = {row: fork for row in exact if isinstance(fork := forks[row], Smoother)}
-        pending = {row: fork for row, fork in pending.items() if exact[row] or fork.is_latent or not fork.rests()}
-        stale = _stale(list(pending.values()), [extensions[row].start.keys() for row in pending])
-        rows = {row: [*own, *exact[row]] for row, own in zip(pending, stale, strict=True)}
-        pending = {row: fork for row, fork in pending.items() if rows[row] or not fork.rests()}
-        if not pending:
-            return forks
-        renewed = _renewed(list(pending.values()), [rows[row] for row in pending], damped=number >= UNDAMPED)
-        exact = {row: [] for row in pending}
-        for row, fork in zip(pending, renewed, strict=True):
-            forks[row] = fork
-    for row in exact:
-        fork = forks[row]
-        forks[row] = _attempt(_restless, fork, extensions[row]) if isinstance(fork, Smoother) else fork
-    return forks
+    found: dict[int, Outcome] = {row: fork for row, fork in forks.items() if isinstance(fork, LostComponentError)}
+    pending = {row: fork for row, fork in forks.items() if isinstance(fork, _Fork)}
+    for number in range(MAX_UPDATES + 1):
+        rows = {row: [*stale, *pending[row].exact] for row, stale in _to_renew(pending).items()}
+        settled = [row for row, fork in pending.items() if fork.rests and not rows[row]]
+        found |= {row: pending.pop(row).smoother for row in settled}
+        if not pending or number == MAX_UPDATES:
+            break
+        renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
+        found |= {row: fork for row, fork in renewed.items() if isinstance(fork, LostComponentError)}
+        pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
+    return found | {row: _attempt(_restless, fork) for row, fork in pending.items()}
 
 
-def _restless(fork: Smoother, extension: Extension) -> Smoother:
-    starts = _starts(fork, fork.isam.calculateEstimate(), extension)
-    return reoptimised(fork, fork.kept(), fork.made.named, starts)
+def _restless(fork: _Fork) -> Smoother:
+    smoother = fork.smoother
+    starts = _starts(smoother, smoother.isam.calculateEstimate(), fork.extension)
+    return reoptimised(smoother, smoother.kept(), smoother.made.named, starts)
 
 
 def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
@@ -124,9 +133,17 @@ def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> l
     return [changed(smoother.manifold, origin, own) for own in states]
 
 
-def _stale(smoothers: Sequence[Smoother], objects: Sequence[Collection[int]]) -> list[list[int]]:
-    """Which linear factors of these objects are no longer where they were made; of all where the map floats."""
-    stale, floats = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(smoothers, objects, strict=True)])
+def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
+    """Stale factors of forks that go on; under classes those of a fork at rest wait for the next keyframe."""
+    going = {row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.rests}
+    smoothers = [fork.smoother for fork in going.values()]
+    stale = _stale(smoothers, [fork.extension.start.keys() for fork in going.values()])
+    return {row: [] for row in forks} | dict(zip(going, stale, strict=True))
+
+
+def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[list[int]]:
+    """Which linear factors of what was observed are no longer where they were made; of all where the map floats."""
+    stale, floats = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(smoothers, observed, strict=True)])
     floating = [row for row, afloat in enumerate(floats) if afloat]
     afloat = [smoothers[row] for row in floating]
     for row, own in zip(floating, _moved(afloat, [one.linear_rows() for one in afloat])[0], strict=True):
@@ -151,22 +168,44 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[list[int]]) -> tuple[li
     return stale, floats
 
 
-def _renewed(smoothers: Sequence[Smoother], rows: Sequence[list[int]], *, damped: bool) -> list[Settled]:
-    """With these factors made anew, all linear, at the estimates; descriptors half-way there where ``damped``."""
-    semantics = smoothers[0].semantics
-    places = [one.places(own) for one, own in zip(smoothers, rows, strict=True)]
-    if damped:
-        places = [_halfway(one.made.places.take(own), at) for one, own, at in zip(smoothers, rows, places, strict=True)]
-    made = semantics.make([one.linear(own) for one, own in zip(smoothers, rows, strict=True)], places)
-    return [_attempt(one.renewed, *parts) for one, *parts in zip(smoothers, rows, made, places, strict=True)]
+def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | LostComponentError]:
+    """With these factors made anew, all linear, at the estimates; the second time on half-way there.
+
+    Gauss-Newton through a decoder may swing about its optimum.
+    """
+    semantics = forks[0].smoother.semantics
+    named = [fork.smoother.linear(own) for fork, own in zip(forks, rows, strict=True)]
+    places = [
+        _halfway(fork.smoother.places(own), fork, what) for fork, own, what in zip(forks, rows, named, strict=True)
+    ]
+    made = semantics.make(named, places)
+
+    def renew(fork: _Fork, own: list[int], what: list[Named], factors: Sequence[Any], at: Places) -> _Fork:
+        renewed = fork.smoother.renewed(Renewal(own, factors, at))
+        keys = [item.descriptor_key for item in what if item.descriptor_key is not None]
+        made_at = {**fork.made_at, **dict(zip(keys, at.descriptors, strict=False))}
+        return _Fork(fork.extension, renewed, renewed.rests(), made_at=made_at)
+
+    return [_attempt(renew, *parts) for parts in zip(forks, rows, named, made, places, strict=True)]
 
 
-def _halfway(before: Places, now: Places) -> Places:
-    return replace(now, descriptors=0.5 * (before.descriptors + now.descriptors))
+def _halfway(now: Places, fork: _Fork, named: Sequence[Named]) -> Places:
+    """Between the estimates ``now`` and where the descriptors' factors were made in the round before."""
+    if not fork.made_at:
+        return now
+    descriptors = now.descriptors.copy()
+    for row, item in enumerate(named):
+        before = fork.made_at.get(item.descriptor_key) if item.descriptor_key is not None else None
+        if before is not None:
+            descriptors[row] = 0.5 * (before + descriptors[row])
+    return replace(now, descriptors=descriptors)
 
 
-def _attempt(make: Callable[..., Smoother], *arguments: object) -> Settled:
+def _attempt(make: Callable[..., T], *arguments: object) -> T | LostComponentError:
+    """What GTSAM throws where a system is indeterminate; what else is wrong is nobody's to swallow."""
     try:
         return make(*arguments)
+    except (NotImplementedError, RecursionError):
+        raise
     except RuntimeError as fault:
         return LostComponentError(f"an update failed ({first_line(fault)})")

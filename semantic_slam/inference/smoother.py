@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor
+from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor, letter_of
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.odometry_bias import BIAS_LETTER, bias_prior
 from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places, SemanticFactors
@@ -26,11 +26,9 @@ WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
-SYMBOL_BITS = 56
-"""Of a key, before its letter."""
 AT_REST = 1.5
-"""Thresholds of relinearisation that a state may be off: the next keyframe's update relinearises what is over one, but
-one more update now, for a state hardly over it, costs as much as the keyframe's."""
+"""Thresholds of relinearisation that a state may be off at the end of a keyframe: the next update relinearises what is
+over one, while an update now, for a state hardly over it, costs as much as the keyframe's."""
 STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
 back-substitution stops, metres or radians."""
@@ -68,6 +66,28 @@ class Made:
 
 
 @dataclass(frozen=True)
+class Added:
+    """New semantic measurements, their factors and where these are made."""
+
+    named: Sequence[Named]
+    factors: Sequence[Any]
+    places: Places
+
+
+@dataclass(frozen=True)
+class Renewal:
+    """Semantic measurements whose factors are replaced by linear ones, and where these are made."""
+
+    rows: Sequence[int]
+    factors: Sequence[Any]
+    places: Places
+
+
+NOTHING = Renewal((), (), NOWHERE)
+"""Is made anew."""
+
+
+@dataclass(frozen=True)
 class Smoother:
     """iSAM2 and the semantic measurements in it."""
 
@@ -102,11 +122,6 @@ class Smoother:
     def vector(self, key: int) -> Array:
         """(n,) estimate of a variable that is no pose."""
         return np.asarray(self.isam.calculateEstimateVector(key))
-
-    @property
-    def is_latent(self) -> bool:
-        """Whether objects have descriptors."""
-        return self.semantics.latent is not None
 
     def has(self, key: int) -> bool:
         """Whether there is such a variable."""
@@ -173,7 +188,8 @@ class Smoother:
         isam = self.isam if in_place else gtsam.ISAM2(self.isam)
         try:
             places = Places.of(named, start)
-            child = self.updated(isam, graph, values, named, self.semantics.make([named], [places])[0], places)
+            added = Added(named, self.semantics.make([named], [places])[0], places)
+            child = self.updated(isam, graph, values, added)
             if again:
                 isam.update(force_relinearize=True)
         except RuntimeError as fault:
@@ -207,44 +223,55 @@ class Smoother:
         isam: gtsam.ISAM2,
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
-        named: Sequence[Named],
-        factors: Sequence[Any],
-        places: Places,
+        added: Added,
+        renewal: Renewal = NOTHING,
     ) -> "Smoother":
-        """``isam``, a fork or this one's own, after one update with ``graph`` and ``factors`` made at ``places``."""
-        for factor in factors:
-            graph.add(factor)
-        last = _last([*self.last, *values.keys()], named) if self.last else ()
-        result = isam.update(graph, values, [], _groups(last))
-        indices = result.getNewFactorsIndices()[graph.size() - len(factors) :] if factors else ()
-        made = self.made.added(named, indices, places)
+        """``isam``, a fork or this one's own, after one update with ``graph`` and semantic factors, new and renewed."""
+        together = gtsam.NonlinearFactorGraph(graph)
+        for factor in (*added.factors, *renewal.factors):
+            together.add(factor)
+        removed = [self.made.indices[row] for row in renewal.rows]
+        last = _last([*self.last, *values.keys()], added.named) if self.last else ()
+        indices = isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
+        split = len(added.factors)
+        made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
+        made = made.added(added.named, indices[:split], added.places)
         new_descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, made, self.num_descriptors + new_descriptors, last)
 
-    def renewed(self, rows: Sequence[int], factors: Sequence[Any], places: Places) -> "Smoother":
+    def renewed(self, renewal: Renewal) -> "Smoother":
         """After an update that relinearises, in which some semantic factors are replaced by linear ones.
 
         It uses up this smoother.
         """
-        named = self.linear(rows)
         graph = gtsam.NonlinearFactorGraph()
-        for factor in factors:
+        for factor in renewal.factors:
             graph.add(factor)
-        removed = [self.made.indices[row] for row in rows]
+        removed = [self.made.indices[row] for row in renewal.rows]
         result = self.isam.update(graph, gtsam.Values(), removed, _groups(self.last))
-        made = self.made.replaced(rows, named, result.getNewFactorsIndices(), places)
+        named = self.linear(renewal.rows)
+        made = self.made.replaced(renewal.rows, named, result.getNewFactorsIndices(), renewal.places)
         return replace(self, made=made, _known={})
 
     def restarted(
         self, kept: gtsam.NonlinearFactorGraph, values: gtsam.Values, factors: Sequence[Any], made: Made
     ) -> "Smoother":
-        """A new iSAM2 of the factors ``kept`` and the semantic ones, linearised at ``values``."""
+        """A new iSAM2 of the factors ``kept`` and the semantic ones, linearised at ``values``.
+
+        It factorises by QR where Cholesky finds the system too poorly conditioned: where the robot stands on an object,
+        a bearing tells thousands of times as much across it as the rest tells along.
+        """
         graph = gtsam.NonlinearFactorGraph(kept)
         for factor in factors:
             graph.add(factor)
-        isam = _new_isam(self.manifold, self.semantics)
         last = _last(values.keys())
-        indices = isam.update(graph, values, [], _groups(last)).getNewFactorsIndices()[kept.size() :]
+        isam = _new_isam(self.manifold, self.semantics)
+        try:
+            result = isam.update(graph, values, [], _groups(last))
+        except RuntimeError:
+            isam = _new_isam(self.manifold, self.semantics, "QR")
+            result = isam.update(graph, values, [], _groups(last))
+        indices = result.getNewFactorsIndices()[kept.size() :]
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(self.manifold, self.semantics, isam, replace(made, indices=tuple(indices)), descriptors, last)
 
@@ -259,19 +286,21 @@ class Smoother:
         split = self.num_descriptors * len(limit)
         if (deltas[split:].reshape(-1, self.manifold.dimension) > self.manifold.relinearize_threshold).any():
             return False
-        if not any(item.exact for item in self.made.named):
+        if not self.num_descriptors or not any(item.exact for item in self.made.named):
             return True
         return bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
         """Which semantic measurements of these descriptors have exact factors."""
-        named = self.made.named
+        named = self.made.named if self.num_descriptors else ()
         return [row for row, item in enumerate(named) if item.exact and item.descriptor_key in descriptor_keys]
 
     def linear_rows(self, objects: Collection[int] | None = None) -> list[int]:
         """Which semantic measurements, of some objects' keys or of all, have linear factors."""
         named = self.made.named
-        return [row for row, item in enumerate(named) if not item.exact and (not objects or item.object_key in objects)]
+        return [
+            row for row, item in enumerate(named) if not item.exact and (objects is None or item.object_key in objects)
+        ]
 
     def linear(self, rows: Sequence[int]) -> list[Named]:
         """Some semantic measurements, to have linear factors."""
@@ -282,13 +311,12 @@ class Smoother:
         """Estimates of the variables of some semantic measurements."""
         named = [self.made.named[row] for row in rows]
         estimate = self.isam.calculateEstimate()
-        poses, keys = self.manifold.states(estimate), estimate.keys()
-        at = {key: row for row, key in enumerate(keys[len(keys) - len(poses) :])}
+        at = _places_of(tuple(estimate.keys()))
+        poses = self.manifold.states(estimate)
         descriptors = np.zeros((len(rows), 0))
         if self.num_descriptors:
-            row_of: dict[int | None, int] = {key: row for row, key in enumerate(keys[: self.num_descriptors])}
             known = gtsam.utilities.extractVectors(estimate, DESCRIPTOR)
-            descriptors = known[[row_of[item.descriptor_key] for item in named]]
+            descriptors = known[[at[item.keys[2]] for item in named]]
         robots, objects = [at[item.robot_key] for item in named], [at[item.object_key] for item in named]
         return Places(poses[robots], poses[objects], descriptors)
 
@@ -308,8 +336,9 @@ def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
     return np.argsort(np.argsort(keys))
 
 
-def _new_isam(manifold: Manifold, semantics: SemanticFactors) -> gtsam.ISAM2:
+def _new_isam(manifold: Manifold, semantics: SemanticFactors, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
     parameters = gtsam.ISAM2Params()
+    parameters.setFactorization(factorization)
     parameters.relinearizeSkip = 1
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol in "xo":
@@ -323,10 +352,17 @@ def _new_isam(manifold: Manifold, semantics: SemanticFactors) -> gtsam.ISAM2:
     return gtsam.ISAM2(parameters)
 
 
+@lru_cache(maxsize=256)
+def _places_of(keys: tuple[int, ...]) -> dict[int, int]:
+    """Where each variable is among those of its kind, poses or descriptors; keys ascend."""
+    split = sum(is_descriptor(key) for key in keys)
+    return {key: row if row < split else row - split for row, key in enumerate(keys)}
+
+
 def _last(keys: Sequence[int], named: Sequence[Named] = ()) -> tuple[int, ...]:
     """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
-    objects = [key for key in keys if key >> SYMBOL_BITS == ord("o")]
-    robot = max(key for key in keys if key >> SYMBOL_BITS == ord("x"))
+    objects = [key for key in keys if letter_of(key) == "o"]
+    robot = max(key for key in keys if letter_of(key) == "x")
     if len(objects) >= MOST_JOINT:
         return ()
     return (*objects, robot, *(item.descriptor_key for item in named if item.descriptor_key is not None))
