@@ -179,6 +179,18 @@ class OdometryConfiguration:
     sigma_rotation_per_rad: float = parameter(0.05, "standard deviation of yaw [rad] per radian turned", minimum=0.0)
     sigma_translation_floor_m: float = parameter(0.01, "least standard deviation of x and y per keyframe", minimum=1e-6)
     sigma_rotation_floor_rad: float = parameter(0.005, "least standard deviation of yaw per keyframe", minimum=1e-6)
+    noise_factors: tuple[float, ...] = parameter(
+        (1.0,), "association: open: factors on the covariance, of which every hypothesis has one; evidence decides"
+    )
+    estimate_bias: bool = parameter(
+        False, "estimate a constant error per metre with the poses; for association: open with settle: false"
+    )
+    sigma_bias_rad_per_m: float = parameter(
+        0.003, "estimate_bias: standard deviation of the heading error per metre before the drive", minimum=1e-9
+    )
+    sigma_bias_scale: float = parameter(
+        0.02, "estimate_bias: standard deviation of the relative error of the distance before the drive", minimum=1e-9
+    )
 
 
 @dataclass(frozen=True)

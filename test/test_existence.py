@@ -23,7 +23,7 @@ def test_misses_follow_bayes_rule_in_closed_form() -> None:
 
 def test_an_object_that_would_surely_be_seen_does_not_exist() -> None:
     factor, after = missed(np.array([1.0, 0.4]), np.array([1.0, 1.0]))
-    assert factor[0] == -np.inf
+    assert factor[0] < -600.0
     np.testing.assert_allclose(factor[1], np.log(0.6))
     assert after.tolist() == [0.0, 0.0]
 

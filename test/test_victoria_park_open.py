@@ -11,10 +11,11 @@ from semantic_slam.datasets.victoria_park import Log, dead_reckoning, example_pa
 from semantic_slam.geometry import se2
 from semantic_slam.studies import victoria_park
 from semantic_slam.studies.victoria_park_data import FILE_VARIANCES, Drive, Variant, make_drive
-from semantic_slam.studies.victoria_park_methods import drive_with, one_trunk, scores
+from semantic_slam.studies.victoria_park_methods import NOISE_FACTORS, drive_with, one_trunk, scores
 from semantic_slam.studies.victoria_park_reference import from_poses, known_association, rms_distance
 
 NUM_KEYFRAMES = 250
+BIAS_SIGMAS = np.array([0.003, 0.02])
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def log() -> Log:
 
 @pytest.fixture(scope="module")
 def drive(log: Log) -> Drive:
-    return make_drive(log, Variant(num_keyframes=NUM_KEYFRAMES))
+    return make_drive(log, Variant(16.0, num_keyframes=NUM_KEYFRAMES))
 
 
 def test_keyframes_are_the_frames_with_detections(log: Log) -> None:
@@ -59,12 +60,12 @@ def test_detections_can_be_dropped_and_stretches_blinded(log: Log) -> None:
 
 
 def test_doubtful_pairs_count_as_one_trunk() -> None:
-    """3 and 19, and 4 and 18, by first sight: one cluster for both is wrong by the file and right when merged.
+    """One cluster for both numbers is wrong by the file and right when merged, wherever in the drive they come first.
 
-    Four detections of 3 and 19, two each, and one each of 4 and 18: six pairs and one, of which the file has two.
+    Four detections of 34 and 189, two each, and one each of 41 and 179: six pairs and one, of which the file has two.
     """
-    labels = [(f"t{number}",) for number in range(20)] + [("t3",), ("t19",)]
-    estimate = [(number,) for number in range(18)] + [(4,), (3,), (3,), (3,)]
+    labels = [("41",), ("34",), ("7",), ("179", "189"), ("34",), ("189",)]
+    estimate = [(0,), (1,), (2,), (0, 1), (1,), (1,)]
     found = scores(estimate, labels)
     assert found["association_f1_merged"] == 1.0
     assert found["association_f1"] == pytest.approx(2 * 2 / (7 + 2))
@@ -73,13 +74,13 @@ def test_doubtful_pairs_count_as_one_trunk() -> None:
 def test_first_keyframes_are_associated_as_in_the_file(drive: Drive) -> None:
     """Against the numbers with doubtful pairs as one: by the file's the drive meets nothing again so early."""
     labels = one_trunk(drive.labels)
-    reference = known_association(replace(drive, labels=labels), 0.4)
-    again = from_poses(drive, labels, 0.4, reference.poses)
+    reference = known_association(replace(drive, labels=labels), 0.4, BIAS_SIGMAS)
+    again = from_poses(drive, labels, 0.4, BIAS_SIGMAS, reference.poses)
     assert again.cost == pytest.approx(reference.cost, rel=1e-6)
     ours, alone = drive_with("ours", drive), drive_with("nearest_neighbour", drive)
     assert not ours.fault
     assert ours.metrics["association_f1_merged"] > 0.995
-    assert rms_distance(ours.poses, reference.poses) < 0.3
+    assert rms_distance(ours.poses, reference.poses) < 1.0
     assert ours.hypotheses.max() > 1
     assert alone.hypotheses.max() == 1
     assert len(ours.milliseconds) == NUM_KEYFRAMES
@@ -94,4 +95,4 @@ def test_the_study_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.Mo
     fields |= {"real_time_factor", "ms_per_keyframe_p50", "ms_per_keyframe_p95", "peak_rss_mb"}
     for method in ("ours", "nearest_neighbour", "joint_assignment"):
         assert fields <= result["methods"][method].keys()
-    assert set(result["noise"]["log_evidence"]) and len(result["claims"]) == 6
+    assert result["noise"]["odometry_factor"] in NOISE_FACTORS and len(result["claims"]) == 6

@@ -19,6 +19,8 @@ def matched_moments(weights: Array, poses: Array, covariances: Array) -> tuple[A
 
 def matched_moments_of_many(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
     """:func:`matched_moments` of O mixtures at once: ``poses`` (H, O, 7), ``covariances`` (H, O, 6, 6) -> (O, ...)."""
+    if len(poses) == 1:
+        return poses[0].copy(), covariances[0].copy()
     count = poses.shape[1]
     present = np.isfinite(poses).all(-1) & (weights > 0.0)[:, None]  # (H, O)
     number = present.sum(axis=0)

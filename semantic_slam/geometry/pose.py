@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 PLANAR_AXES = (0, 1, 5)
 """Rows of a 3-D covariance (x, y, rz) that a planar engine fills."""
+PLANAR_ENTRIES = np.array([6 * row + column for row in PLANAR_AXES for column in PLANAR_AXES])
+"""Of its 36 entries."""
 
 
 def wrap_angle(angle: Array) -> Array:
@@ -45,8 +47,7 @@ def covariance_from_planar(planar: Array) -> Array:
     """(..., 3, 3) over x, y, yaw to (..., 6, 6); the axes that are not estimated are zero."""
     planar = np.asarray(planar, dtype=np.float64)
     covariance = np.zeros((*planar.shape[:-2], 6, 6))
-    for row, axis in enumerate(PLANAR_AXES):
-        covariance[..., axis, list(PLANAR_AXES)] = planar[..., row, :]
+    covariance.reshape(*planar.shape[:-2], 36)[..., PLANAR_ENTRIES] = planar.reshape(*planar.shape[:-2], 9)
     return covariance
 
 

@@ -3,6 +3,8 @@
 Perturbations act on the right: x = mean * Exp(e). Closed forms as in Sola et al., "A micro Lie theory", 2018.
 """
 
+from math import cos, floor, pi, sin
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from semantic_slam.geometry.pose import wrap_angle
 
 Array = NDArray[np.float64]
 
+TURN = 2.0 * pi
 SMALL_ANGLE = 1e-4
 """Below it a term is that of its series: the next one is a millionth of a millionth."""
 SMALLEST_ANGLE = 1e-9
@@ -26,25 +29,33 @@ def sine_cosine(angle: Array) -> tuple[Array, Array]:
 
 def compose(a: Array, b: Array) -> Array:
     """T_a b: pose b, given in the frame of a, in the frame of a's parent."""
-    sin, cos = sine_cosine(a[..., 2])
-    x = a[..., 0] + cos * b[..., 0] - sin * b[..., 1]
-    y = a[..., 1] + sin * b[..., 0] + cos * b[..., 1]
+    if a.ndim == b.ndim == 1:
+        return np.array(_composed(*a.tolist(), *b.tolist()))
+    sine, cosine = sine_cosine(a[..., 2])
+    x = a[..., 0] + cosine * b[..., 0] - sine * b[..., 1]
+    y = a[..., 1] + sine * b[..., 0] + cosine * b[..., 1]
     return _columns(x, y, wrap_angle(a[..., 2] + b[..., 2]))
 
 
 def inverse(a: Array) -> Array:
     """The pose of the parent frame in the frame of a."""
-    sin, cos = sine_cosine(a[..., 2])
-    return _columns(-cos * a[..., 0] - sin * a[..., 1], sin * a[..., 0] - cos * a[..., 1], -a[..., 2])
+    if a.ndim == 1:
+        return np.array(_inverse(*a.tolist()))
+    sine, cosine = sine_cosine(a[..., 2])
+    return _columns(-cosine * a[..., 0] - sine * a[..., 1], sine * a[..., 0] - cosine * a[..., 1], -a[..., 2])
 
 
 def between(a: Array, b: Array) -> Array:
     """Pose of b in the frame of a."""
+    if a.ndim == b.ndim == 1:
+        return np.array(_composed(*_inverse(*a.tolist()), *b.tolist()))
     return compose(inverse(a), b)
 
 
 def exp(tangent: Array) -> Array:
     """Group element of a tangent vector."""
+    if tangent.ndim == 1:
+        return np.array(_element(*tangent.tolist()))
     a, b = _sine_terms(tangent[..., 2])
     x = a * tangent[..., 0] - b * tangent[..., 1]
     y = b * tangent[..., 0] + a * tangent[..., 1]
@@ -53,6 +64,8 @@ def exp(tangent: Array) -> Array:
 
 def retract(pose: Array, tangent: Array) -> Array:
     """pose Exp(tangent)."""
+    if pose.ndim == tangent.ndim == 1:
+        return np.array(_composed(*pose.tolist(), *_element(*tangent.tolist())))
     a, b = _sine_terms(tangent[..., 2])
     moved = _columns(
         a * tangent[..., 0] - b * tangent[..., 1], b * tangent[..., 0] + a * tangent[..., 1], tangent[..., 2]
@@ -72,10 +85,13 @@ def log(pose: Array) -> Array:
 
 def adjoint(pose: Array) -> Array:
     """(..., 3, 3) with pose Exp(e) = Exp(Ad e) pose."""
-    sin, cos = sine_cosine(pose[..., 2])
+    if pose.ndim == 1:
+        x, y, angle = pose.tolist()
+        return np.array([[cos(angle), -sin(angle), y], [sin(angle), cos(angle), -x], [0.0, 0.0, 1.0]])
+    sine, cosine = sine_cosine(pose[..., 2])
     matrix = np.zeros((*pose.shape[:-1], 3, 3))
-    matrix[..., 0, 0] = matrix[..., 1, 1] = cos
-    matrix[..., 0, 1], matrix[..., 1, 0] = -sin, sin
+    matrix[..., 0, 0] = matrix[..., 1, 1] = cosine
+    matrix[..., 0, 1], matrix[..., 1, 0] = -sine, sine
     matrix[..., 0, 2], matrix[..., 1, 2] = pose[..., 1], -pose[..., 0]
     matrix[..., 2, 2] = 1.0
     return matrix
@@ -109,6 +125,27 @@ def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True)
     rotation[..., 0, 1], rotation[..., 1, 0] = -np.sin(angle), np.sin(angle)
     rotation[..., 2, 2] = 1.0
     return np.asarray(rotation @ covariance @ np.swapaxes(rotation, -1, -2))
+
+
+def _composed(ax: float, ay: float, turn: float, bx: float, by: float, other: float) -> tuple[float, float, float]:
+    """:func:`compose` of one pose, for which NumPy takes ten times as long.
+
+    Of one alone, never of a few: rows of a batch must not depend on how many there are, to the last bit.
+    """
+    sine, cosine, angle = sin(turn), cos(turn), turn + other
+    return ax + cosine * bx - sine * by, ay + sine * bx + cosine * by, angle - TURN * floor((angle + pi) / TURN)
+
+
+def _inverse(x: float, y: float, turn: float) -> list[float]:
+    sine, cosine = sin(turn), cos(turn)
+    return [-cosine * x - sine * y, sine * x - cosine * y, -turn]
+
+
+def _element(x: float, y: float, turn: float) -> list[float]:
+    half = 0.5 * turn
+    ratio = sin(half) / half if abs(half) >= SMALLEST_ANGLE else 1.0
+    a, b = ratio * cos(half), ratio * sin(half)
+    return [a * x - b * y, b * x + a * y, turn - TURN * floor((turn + pi) / TURN)]
 
 
 def _columns(x: Array, y: Array, theta: Array) -> Array:

@@ -42,14 +42,19 @@ class Backend:
         self.expander: Expander | OpenExpander = Expander(self.problem, self.registry)
         if self.problem.association == "open":
             self.expander = OpenExpander(self.problem, self.registry)
-        self.held: dict[int, Held] = {ROOT_ID: Held(self._root(), 0.0)}
+        self.held: dict[int, Held] = {
+            ROOT_ID + number: Held(self._root(number), log_weight)
+            for number, log_weight in enumerate(self.problem.log_root_weights)
+        }
         self.steps: list[Step] = []
         self.committed = -1
         self._expanded: tuple[Continuations, list[int]] | None = None
+        self._roster = Roster(self.problem.objects, len(self.problem.class_names), ())
 
-    def _root(self) -> Component:
+    def _root(self, number: int) -> Component:
+        """Before any keyframe; in an open world under the odometry noise of that number."""
         is_open = isinstance(self.expander, OpenExpander)
-        return OpenComponent.before_any_keyframe(self.problem) if is_open else self.problem.root()
+        return OpenComponent.before_any_keyframe(self.problem, number) if is_open else self.problem.root()
 
     def expand(self, keyframe: Any) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
@@ -135,7 +140,8 @@ class Backend:
         """A component from its lineage alone; trunks that lineages share are replayed once."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        number, component = ROOT_ID, self._root()
+        number = ROOT_ID + (lineage[0].mode if len(self.problem.noise_factors) > 1 else 0)
+        component = self._root(number - ROOT_ID)
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             if child not in rebuilt:
@@ -244,16 +250,21 @@ class Backend:
         if self.problem.association != "open":
             return self.registry
         alive = frozenset[int]().union(*(held.component.object_ids for held in self.held.values()))
-        return Roster(self.problem.objects, len(self.problem.class_names), alive)
+        self._roster = self._roster.with_only(alive)
+        return self._roster
 
     def _component_row(
         self, component: Component, registry: ObjectRegistry
     ) -> tuple[Array, Array, ClassKnowledge, Array]:
         """States (1 + O, d) and covariances, the robot's first, NaN for what is absent; classes; existence."""
-        present = [i for i, n in enumerate(registry.ids) if n in component.object_ids]
-        keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
-        states, covariances = component.corrected(keys)
-        rows, size = [0, *(1 + i for i in present)], states.shape[1]
+        if isinstance(component, OpenComponent):
+            present = np.searchsorted(registry.ids, component.objects.ids)
+            states, covariances = component.robot_and_objects()
+        else:
+            present = np.flatnonzero([n in component.object_ids for n in registry.ids])
+            keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
+            states, covariances = component.corrected(keys)
+        rows, size = np.concatenate([[0], 1 + present]).astype(int), states.shape[1]
         every = np.full((1 + len(registry.ids), size), np.nan)
         spread = np.full((1 + len(registry.ids), size, size), np.nan)
         every[rows], spread[rows] = states, covariances

@@ -53,6 +53,5 @@ def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_vie
     noise[:2, :2] = polar @ detection.covariance @ polar.T
     spread = noise.copy()
     spread[:2, :2] *= WIDTH**2
-    peak = -0.5 * np.linalg.slogdet(2.0 * np.pi * detection.covariance)[1]
-    stand_in = float(peak - np.log1p(WIDTH**2))  # the stand-in is WIDTH^2 times the noise
+    stand_in = float(detection.log_normaliser - np.log1p(WIDTH**2))  # the stand-in is WIDTH^2 times the noise
     return Birth(prior, gain, spread, noise, float(np.log(reach)), stand_in)

@@ -58,6 +58,7 @@ class Motion:
 
     control: Array  # (d,)
     covariance: Array  # (d, d)
+    by_bias: Array | None = None  # (d, p) change of the control by what odometry always gets wrong, where estimated
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from semantic_slam.geometry.pose import wrap_angle
 Array = NDArray[np.float64]
 
 NO_SIGHT = np.zeros((0, 2))
+LEAST_PROBABILITY = 1e-300
 LEAST_SIGMA = 1e-6
 """Metres and radians: the softest edge is never quite sharp."""
 
@@ -34,11 +35,10 @@ def missed(existence: Array, detected: Array) -> tuple[Array, Array]:
     """Log probability that an object is not detected, and its existence after that.
 
     1 - r p_d and r (1 - p_d) / (1 - r p_d), with p_d = ``detected`` the probability of its detection if it exists.
+    What cannot be has a log probability far below all others.
     """
-    factor = 1.0 - existence * detected
-    with np.errstate(divide="ignore"):
-        log_factor = np.log(factor)
-    return log_factor, np.where(factor > 0.0, existence * (1.0 - detected) / np.where(factor > 0.0, factor, 1.0), 0.0)
+    factor = np.maximum(1.0 - existence * detected, LEAST_PROBABILITY)
+    return np.log(factor), existence * (1.0 - detected) / factor
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.murty import k_best
 from semantic_slam.inference.observation import Linearisation, ObservationModel
 from semantic_slam.inference.stack import Predicted
@@ -50,8 +51,9 @@ def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Arr
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
     prior = np.tile(joint, (len(detections), 1, 1))
     spread = jacobian @ prior @ np.swapaxes(jacobian, 1, 2) + np.eye(part.residual.shape[-1])
-    squared = (part.residual * np.linalg.solve(spread, part.residual[..., None])[..., 0]).sum(-1)
-    log_density = part.log_normaliser - 0.5 * squared - 0.5 * np.linalg.slogdet(spread)[1]
+    root = cholesky(spread)
+    squared = (forward(root, part.residual[..., None])[..., 0] ** 2).sum(-1)
+    log_density = part.log_normaliser - 0.5 * squared - np.log(np.einsum("bii->bi", root)).sum(-1)
     distance = np.sqrt(np.maximum(squared, 0.0)).reshape(-1, count)
     parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
     return Pairs(log_density.reshape(-1, count), distance, parts)

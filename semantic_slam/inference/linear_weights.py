@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.small_matrices import inverted
 from semantic_slam.inference.births import Birth
 from semantic_slam.inference.gating import Pairs
 from semantic_slam.inference.manifold import Manifold
@@ -70,7 +71,7 @@ class Linear:
 
     def _row(self, columns: Index, result: Evaluated, row: int) -> None:
         size = self.dimension
-        seen = [number for number, column in enumerate(columns) if column < self.known]
+        seen = [number for number, column in enumerate(columns.tolist()) if column < self.known]
         blocks = np.array([0, *(1 + int(columns[number]) for number in seen)])
         places = (blocks[:, None] * size + np.arange(size)).ravel()
         prior = self.covariance[places[:, None], places]
@@ -78,14 +79,13 @@ class Linear:
         if seen:
             residual, jacobian, log_normaliser = self._system(columns, seen)
             cross = jacobian @ prior
-            innovation = cross @ jacobian.T + np.eye(len(residual))
-            inverse = np.linalg.inv(innovation)
+            innovation = cross @ jacobian.T
+            innovation.flat[:: len(residual) + 1] += 1.0
+            inverse, log_determinant = inverted(innovation)
             weighted = inverse @ residual
             shift = -weighted @ cross
             after = prior - cross.T @ inverse @ cross
-            result.log_evidence[row] = (
-                log_normaliser - 0.5 * residual @ weighted - 0.5 * np.linalg.slogdet(innovation)[1]
-            )
+            result.log_evidence[row] = log_normaliser - 0.5 * float(residual @ weighted) - 0.5 * log_determinant
         self._fill(result, row, columns, seen, shift.reshape(-1, size), after)
         if seen:
             result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)
@@ -122,7 +122,7 @@ class Linear:
         for place, number in enumerate(seen, start=1):
             block = slice(place * size, (place + 1) * size)
             result.objects[row, number], result.object_covariances[row, number] = states[place], after[block, block]
-        for number in set(range(len(columns))) - set(seen):
+        for number in [number for number, column in enumerate(columns) if column >= self.known]:
             born = self.births[number]
             result.objects[row, number] = self.manifold.retract(born.prior.mean, born.gain @ shift[0])
             result.object_covariances[row, number] = born.gain @ after[:size, :size] @ born.gain.T + born.noise

@@ -5,7 +5,7 @@ Gaussian of robot and neighbourhood is known, odometry and detections of the nei
 it is taken from the smoother again when another object comes near, when the estimate jumps, and after a while.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,35 +28,41 @@ class Seen:
 
 @dataclass(frozen=True)
 class LocalMap:
-    """M objects; d dimensions of a state."""
+    """M objects; d dimensions of a state, p biases of odometry."""
 
     ids: Index  # (M,)
-    covariance: Array  # ((1 + M) d, (1 + M) d) robot first, in the tangent spaces at the estimates
+    covariance: Array  # (d + p + M d) square: robot, biases, objects, in the tangent spaces at the estimates
     age: int = 0
+    num_biases: int = 0  # p
 
     def holds(self, object_ids: Index) -> bool:
         """Whether all of (n,) objects are here."""
-        return bool(np.isin(object_ids, self.ids).all())
+        return set(object_ids.tolist()) <= set(self.ids.tolist())
 
     def blocks(self, object_ids: Index, dimension: int) -> Index:
         """Rows of the covariance for the robot and (n,) objects."""
-        place = {int(n): row for row, n in enumerate(self.ids)}
-        numbers = np.array([0, *(1 + place[int(n)] for n in object_ids)])
-        return np.asarray((numbers[:, None] * dimension + np.arange(dimension)).ravel())
+        place = {n: row for row, n in enumerate(self.ids.tolist())}
+        first = [0, *(dimension * (1 + place[n]) + self.num_biases for n in object_ids.tolist())]
+        return np.asarray((np.array(first)[:, None] + np.arange(dimension)).ravel())
 
     def of(self, object_ids: Index, dimension: int) -> Array:
         """((1 + n) d, (1 + n) d) of the robot and (n,) objects."""
         rows = self.blocks(object_ids, dimension)
         return self.covariance[rows[:, None], rows]
 
-    def moved(self, transition: Array, noise: Array) -> "LocalMap":
-        """After a motion with (d, d) F and covariance."""
-        size = len(transition)
-        covariance = self.covariance.copy()
-        covariance[:size] = transition @ covariance[:size]
-        covariance[:, :size] = covariance[:, :size] @ transition.T
+    def single(self, object_ids: Index, dimension: int) -> Array:
+        """(n, d, d) of (n,) objects."""
+        rows = self.blocks(object_ids, dimension)[dimension:].reshape(-1, dimension)
+        return self.covariance[rows[:, :, None], rows[:, None, :]]
+
+    def moved(self, before: Array, transition: Array, noise: Array) -> "LocalMap":
+        """After a motion with (d, d + p) [F G] and covariance, ``before`` being the covariance until then."""
+        size, width = transition.shape
+        covariance = before.copy()
+        covariance[:size] = transition @ covariance[:width]
+        covariance[:, :size] = covariance[:, :width] @ transition.T
         covariance[:size, :size] += noise
-        return LocalMap(self.ids, covariance, self.age + 1)
+        return replace(self, covariance=covariance, age=self.age + 1)
 
     def updated(self, seen: list[Seen]) -> "LocalMap":
         """After detections of objects that are here."""
@@ -73,7 +79,7 @@ class LocalMap:
             at = rows.stop
         cross = jacobian @ self.covariance
         innovation = cross @ jacobian.T + np.eye(at)
-        return LocalMap(self.ids, self.covariance - cross.T @ np.linalg.solve(innovation, cross), self.age)
+        return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
     def with_new(self, object_id: int, gain: Array, noise: Array) -> "LocalMap":
         """With an object that follows from the robot: o = G x + e."""
@@ -81,4 +87,4 @@ class LocalMap:
         cross = gain @ self.covariance[:size]
         own = cross[:, :size] @ gain.T + noise
         covariance = np.block([[self.covariance, cross.T], [cross, own]])
-        return LocalMap(np.append(self.ids, object_id), covariance, self.age)
+        return replace(self, ids=np.append(self.ids, object_id), covariance=covariance)

@@ -52,7 +52,10 @@ class HypothesisManager:
         self.problem, self.pool, self.run_id = problem or problem_of(run), pool, run.run_id
         pool.start(run)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
-        self.live = {ROOT_ID: Live(pool.backend_ids[0], 0.0, ROOT_ID, ())}
+        self.live = {
+            ROOT_ID + number: Live(pool.backend_ids[0], log_weight, ROOT_ID + number, ())
+            for number, log_weight in enumerate(self.problem.log_root_weights)
+        }
         self.open_rounds = OpenRounds(self.problem) if self.problem.association == "open" else None
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         self.log_kept_mass = 0.0  # log prod_k (1 - d_k)

@@ -16,6 +16,7 @@ class Manifold(Protocol):
 
     dimension: int
     relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
+    far: Array  # (d,) the same where updates are not iterated: what moves without turning stays where it is linear
 
     def __hash__(self) -> int:
         """What is made once for a manifold is kept."""
@@ -68,6 +69,7 @@ class PlanarPoses:
 
     dimension = 3
     relinearize_threshold = np.array([0.1, 0.1, 0.05])
+    far = np.array([5.0, 5.0, 0.1])
 
     def compose(self, state: Array, control: Array) -> Array:
         return se2.compose(state, control)
@@ -120,6 +122,7 @@ class PlanarPositions:
 
     dimension = 2
     relinearize_threshold = np.array([0.1, 0.1])
+    far = np.array([5.0, 5.0])
 
     def compose(self, state: Array, control: Array) -> Array:
         return np.asarray(state + control)

@@ -58,6 +58,8 @@ def epistemic_part(weights: Array, by_hypothesis: Array) -> Array:
 
 def matched_descriptors(weights: Array, means: Array, variances: Array) -> tuple[Array, Array]:
     """(O, L) means and variances of the mixture of (H,) Gaussians; NaN where a hypothesis has no such object."""
+    if not means.shape[-1]:
+        return means[0], variances[0]
     share = weights[:, None, None] * np.isfinite(means)
     share /= np.maximum(share.sum(axis=0), 1e-300)
     known, spread = np.nan_to_num(means), np.nan_to_num(variances)

@@ -87,9 +87,14 @@ class Roster(ObjectRegistry):
         uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
         known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
         super().__init__((), num_classes)
+        self._entries = entries
         self.ids = sorted(alive)
         self.names = [known[n][0] if n in known else str(n) for n in self.ids]
         self._class_priors = [known[n][1] if n in known else uniform for n in self.ids]
+
+    def with_only(self, alive: Collection[int]) -> "Roster":
+        """Of other objects; the same one where they are the same."""
+        return self if sorted(alive) == self.ids else Roster(self._entries, len(self._uniform), alive)
 
     def indices(self, object_ids: NDArray[np.int64]) -> NDArray[np.int32]:
         """Positions in ``ids``; -1 for what is not there."""

@@ -7,10 +7,19 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import JUMP, Component, Observed, descriptor_views, object_key, robot_key
+from semantic_slam.inference.component import (
+    JUMP,
+    Component,
+    Motion,
+    Observed,
+    descriptor_views,
+    object_key,
+    robot_key,
+)
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.local_map import LocalMap
 from semantic_slam.inference.object_views import Correction, ObjectViews
+from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, biased_factor
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.semantic_factors import Named
@@ -29,6 +38,7 @@ class Grown:
     observed: Sequence[Observed]
     objects: Sequence[Array]  # (d,) mode of the object of each entry of ``observed``
     robot: Array  # (d,) mode
+    predicted: Array  # (d,) of the robot, by odometry alone
     new_objects: dict[int, GaussianPrior]
     views: dict[int, ObjectViews]
     robot_correction: Correction | None
@@ -43,6 +53,8 @@ class OpenComponent(Component):
     population: Population | None = None
     settle: bool = True
     local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
+    noise: int = 0  # which of the noises that odometry may have
+    noise_factor: float = 1.0  # of that one, on the covariance
 
     @property
     def objects(self) -> Population:
@@ -51,12 +63,12 @@ class OpenComponent(Component):
         return self.population
 
     @classmethod
-    def before_any_keyframe(cls, problem: Problem) -> "OpenComponent":
-        """The prior of Eq. 4.3 with what existence the map states."""
+    def before_any_keyframe(cls, problem: Problem, noise: int = 0) -> "OpenComponent":
+        """The prior of Eq. 4.3 with what existence the map states, under one of the noises of odometry."""
         plain, settle = problem.root(), problem.open_world.settle
         smoother = plain.smoother
         if not settle:
-            smoother = smoother.with_single_steps()
+            smoother = smoother.with_single_steps(problem.num_biases)
         entries = sorted(problem.objects, key=lambda entry: entry.object_id)
         dimension = problem.manifold.dimension
         states = np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension)
@@ -70,6 +82,8 @@ class OpenComponent(Component):
             robot=problem.robot.mean,
             robot_covariance=problem.robot.covariance,
             trail=np.zeros((0, dimension)),
+            bias=np.zeros(problem.num_biases),
+            bias_covariance=_with_unit_bias(problem.robot.covariance, problem.num_biases),
         )
         return cls(
             problem.manifold,
@@ -79,6 +93,8 @@ class OpenComponent(Component):
             object_ids=plain.object_ids,
             population=population,
             settle=settle,
+            noise=noise,
+            noise_factor=problem.noise_factors[noise],
         )
 
     def grown(self, step: Step, added: Grown, max_fresh: int, *, in_place: bool) -> "OpenComponent":
@@ -87,8 +103,9 @@ class OpenComponent(Component):
         ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
         """
         keyframe = self.keyframe + 1
-        predicted = self.manifold.compose(self.objects.robot, step.motion.control)
-        jumped = float(np.abs(self.manifold.local(predicted, added.robot)).max()) > JUMP
+        change = np.abs(self.manifold.local(added.predicted, added.robot))
+        limit = JUMP if self.settle else np.maximum(JUMP, self.manifold.far)
+        jumped = bool((change > limit).any())
         smoother = self._smoothed(step, added, jumped, in_place=in_place)
         account = added.account
         alive = frozenset((*self.objects.ids[account.kept].tolist(), *account.new_ids.tolist()))
@@ -112,8 +129,8 @@ class OpenComponent(Component):
         """
         key = robot_key(self.keyframe + 1)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        motion = step.motion
-        graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
+        motion = self.scaled(step.motion)
+        self._add_odometry(graph, values, motion)
         self.manifold.insert(values, key, added.robot)
         for number, prior in added.new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
@@ -129,16 +146,36 @@ class OpenComponent(Component):
             entering = descriptor_views(added.views)
             turned = self.turned(added.views)
             start |= self.with_descriptors(graph, values, added.views, entering, start)
-            predicted = self.manifold.compose(self.objects.robot, motion.control)
-            calm = {key: predicted} | self.calm(added.views)
+            calm = {key: added.predicted} | self.calm(added.views)
             extension = Extension(graph, values, [*named, *entering], start, jumped or turned, calm)
             return extend(self.smoother, extension)
         return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
 
-    def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
-        """As the population has them: the robot first, then all objects."""
+    def scaled(self, motion: Motion) -> Motion:
+        """Odometry with the noise that this hypothesis takes it to have."""
+        if self.noise_factor == 1.0:
+            return motion
+        return Motion(motion.control, self.noise_factor * motion.covariance, motion.by_bias)
+
+    def control(self, motion: Motion) -> Array:
+        """(d,) odometry without what it always gets wrong, as far as that is known."""
+        if motion.by_bias is None:
+            return motion.control
+        return self.manifold.retract(motion.control, motion.by_bias @ self.objects.bias)
+
+    def _add_odometry(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, motion: Motion) -> None:
+        keyframe = self.keyframe + 1
+        keys = robot_key(self.keyframe), robot_key(keyframe)
+        if motion.by_bias is None:
+            graph.add(self.manifold.between_factor(*keys, motion.control, motion.covariance))
+            return
+        if begins_stretch(keyframe):
+            bias_change(keyframe, self.objects.bias, graph, values)
+        graph.add(biased_factor((*keys, bias_key(keyframe)), motion.control, motion.covariance, motion.by_bias))
+
+    def robot_and_objects(self) -> tuple[Array, Array]:
+        """(1 + O, d) states as the population has them, the robot first, and their covariances, corrected."""
         population = self.objects
-        assert len(keys) == 1 + len(population.ids)
         states = np.concatenate([population.robot[None], population.states])
         covariances = np.concatenate([population.robot_covariance[None], population.covariances])
         corrections = [self.robot_correction]
@@ -166,8 +203,8 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
     fresh = np.arange(len(ids))
     if len(ids) > max_fresh:
         fresh = np.unique(np.searchsorted(ids, [item.object_id for item in added.observed])).astype(int)
-    own = smoother.covariances([robot_key(keyframe), *(keys[row] for row in fresh)])
-    covariances[fresh], sigmas[fresh] = own[1:], position_sigmas(own[1:])
+    together, covariances[fresh] = _joint(smoother, keyframe, parent, added.local, ids[fresh])
+    sigmas[fresh] = position_sigmas(covariances[fresh])
     return Population(
         ids=ids,
         existence=np.concatenate([account.existence[kept], account.new_existence]),
@@ -175,6 +212,29 @@ def _population(smoother: Smoother, keyframe: int, parent: Population, added: Gr
         covariances=covariances,
         sigmas=sigmas,
         robot=states[-1],
-        robot_covariance=own[0],
+        robot_covariance=together[: manifold.dimension, : manifold.dimension],
         trail=np.concatenate([parent.trail, states[-1:]]),
+        bias=smoother.vector(bias_key(keyframe)) if len(parent.bias) else parent.bias,
+        bias_covariance=together if len(parent.bias) else None,
     )
+
+
+def _joint(
+    smoother: Smoother, keyframe: int, parent: Population, local: LocalMap | None, object_ids: Index
+) -> tuple[Array, Array]:
+    """(d + p, d + p) of robot and biases, and (n, d, d) of objects: from the local map where that holds them."""
+    size, biases = smoother.manifold.dimension, len(parent.bias)
+    if local is not None and local.holds(object_ids):
+        return local.covariance[: size + biases, : size + biases], local.single(object_ids, size)
+    robot = [robot_key(keyframe), *[bias_key(keyframe)][:biases]]
+    return smoother.joint_covariance(robot), smoother.covariances([object_key(n) for n in object_ids.tolist()])
+
+
+def _with_unit_bias(robot: Array, num_biases: int) -> Array | None:
+    """Covariance of the robot and biases that nothing is known of yet."""
+    if not num_biases:
+        return None
+    size = len(robot)
+    together = np.eye(size + num_biases)
+    together[:size, :size] = robot
+    return together

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import PruningConfiguration
+from semantic_slam.inference.identity import ROOT_ID
 from semantic_slam.inference.merging import Looks, Merged, merge_copies
 from semantic_slam.inference.objects import Roster
 from semantic_slam.inference.problem import Problem
@@ -31,6 +32,7 @@ class Recent:
     classes: Index  # (R,) -1 where classes are not enumerated
     settles: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
     sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of the objects that are likely to exist
+    noise: int = 0  # of odometry, under which the hypothesis began
     tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
 
 
@@ -41,7 +43,10 @@ class OpenRounds:
         self.problem, self.settings = problem, problem.open_world
         self.roster = Roster(problem.objects, len(problem.class_names), ())
         self.num_merged = 0
-        self._recent: dict[int, Recent] = {}
+        nothing = Recent(np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
+        self._recent = {
+            ROOT_ID + number: replace(nothing, noise=number) for number in range(len(problem.noise_factors))
+        }
 
     def merge(
         self,
@@ -59,10 +64,10 @@ class OpenRounds:
         if len(likely) < 2:
             self.num_merged = 0
             return Merged(np.arange(len(log_weights)), log_weights, 0)
-        nothing = Recent(np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
-        recent = [self._recent.get(int(parent_ids[row]), nothing) for row in likely]
+        recent = [self._recent[int(parent_ids[row])] for row in likely]
+        noise = np.array([[item.noise] for item in recent])
         parents, numbers = np.unique(parent_ids[likely], return_inverse=True)
-        alike = self._alike([self._recent.get(int(n), nothing) for n in parents])
+        alike = self._alike([self._recent[int(n)] for n in parents])
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
         known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
         settled = np.array([item.settles for item in recent], dtype=bool).reshape(len(likely), -1)
@@ -71,7 +76,7 @@ class OpenRounds:
         looks = Looks(
             poses[likely],
             np.concatenate([before, object_poses[likely, :, :3]], axis=1),
-            np.concatenate([known, classes[likely]], axis=1),
+            np.concatenate([known, classes[likely], noise], axis=1),
             np.concatenate([settled, now], axis=1),
             numbers,
             alike,
@@ -97,9 +102,10 @@ class OpenRounds:
 
     def aligned(self, answers: list[Components]) -> list[Components]:
         """Answers over the same objects: all that some hypothesis holds."""
-        alive = {int(n) for answer in answers for n in answer.object_ids}
-        self.roster = Roster(self.problem.objects, len(self.problem.class_names), alive)
+        self.roster = self.roster.with_only({n for answer in answers for n in answer.object_ids.tolist()})
         ids = np.array(self.roster.ids, dtype=np.uint32)
+        if all(np.array_equal(ids, answer.object_ids) for answer in answers):
+            return answers
         priors = self.roster.class_prior()
         return [_over(answer, ids, priors) for answer in answers]
 
@@ -121,8 +127,9 @@ class OpenRounds:
             settles[row] = found >= first_new and times[found] == 1
             times[found] += 1
         tentative = {found for found, count in times.items() if found >= first_new and count == 1}
-        sure = {self.roster.ids[row]: object_poses[row, :3] for row in np.flatnonzero(existence > SURE)}
-        self._recent[number] = Recent(padded[places], classes, settles, sure, tentative)
+        likely = () if self.settings.merge_ghosts else np.flatnonzero(existence > SURE)
+        sure = {self.roster.ids[row]: object_poses[row, :3] for row in likely}
+        self._recent[number] = Recent(padded[places], classes, settles, sure, lineage[0].mode, tentative)
 
     def forget(self) -> None:
         """Drop what is remembered of hypotheses before the newest keyframe."""
@@ -163,8 +170,6 @@ class TimeBudget:
 
 def _over(answer: Components, ids: NDArray[np.uint32], class_prior: Array) -> Components:
     """One backend's answer over ``ids`` (O,); NaN, and the prior over classes, where it holds no such object."""
-    if np.array_equal(ids, answer.object_ids):
-        return answer
     places = np.searchsorted(ids, answer.object_ids)
     shape = (len(answer.ids), len(ids))
 

@@ -6,7 +6,7 @@ and their hypothesis weight, by the same probabilities.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from semantic_slam.inference.component import Component, Held, LostComponentError, Observed
 from semantic_slam.inference.continuation import Continuations
 from semantic_slam.inference.enumeration import Enumerated, Setting, enumerate_classes
-from semantic_slam.inference.existence import missed
+from semantic_slam.inference.existence import LEAST_PROBABILITY, missed
 from semantic_slam.inference.gating import Chosen, Pairs, best_assignments, pair_densities
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import hypothesis_id
-from semantic_slam.inference.laplace import find_modes, search_start
+from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, find_modes, search_start
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
 from semantic_slam.inference.local_map import LocalMap, Seen
 from semantic_slam.inference.objects import ObjectRegistry
@@ -95,6 +95,8 @@ class OpenExpander:
             weighable = self._with_classes(step, outlooks, candidates, components, path)
         else:
             weighable = self._geometric(step, outlooks, candidates)
+        if step.index == 0:
+            weighable = _with_noise(weighable, [outlook.component.noise for outlook in outlooks])
         return self._weighed(step, parent_ids, outlooks, weighable, candidates.pairs)
 
     def grown(
@@ -113,6 +115,7 @@ class OpenExpander:
             [Observed(detection, number, cls) for detection, number, cls in pairs],
             list(found.objects[at]),
             found.robot[at],
+            found.outlooks[parent].predicted.mean[0, 0],
             {int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in account.new_ids},
             found.views[at],
             found.robot_corrections[at],
@@ -191,7 +194,7 @@ class OpenExpander:
         if bent and len(step.detections):
             chosen = np.array(bent)
             small = self._small(step, outlooks, candidates.parents[chosen], ids[chosen])
-            mode = find_modes(small.stack, search_start(small.stack))
+            mode = find_modes(small.stack, search_start(small.stack), tolerance=WEIGHING_TOLERANCE)
             result = result.replaced(chosen, evaluated(small.stack, mode))
         none = (-1,) * len(step.detections)
         steps = [LineageStep(tuple(row), none) for row in ids.tolist()]
@@ -327,40 +330,48 @@ class OpenExpander:
         for parent, outlook in enumerate(outlooks):
             rows = np.flatnonzero(found.parents == parent)
             detected = self._detected(step, outlook, found.result, rows)
+            log_missed, after = missed(outlook.population.existence, detected)
             for at, row in enumerate(rows):
+                own = at if len(detected) > 1 else 0
                 association = np.array(found.steps[row].association, dtype=int)
-                added, accounts[row] = self._account(outlook, association, born, detected[at])
+                if_missed = detected[own], log_missed[own], after[own].copy()
+                added, accounts[row] = self._account(outlook, association, born, *if_missed)
                 factors[row] += added
         return factors, [account for account in accounts if account is not None]
 
     def _detected(self, step: Step, outlook: Outlook, result: Evaluated, rows: Index) -> Array:
-        """(K, O) detection probabilities at the modes; at the prediction where that tells as much."""
+        """(K, O) detection probabilities at the modes; (1, O) at the prediction where that tells as much."""
+        if not outlook.is_lost and self.region.occluder_radius_m <= 0.0:
+            return outlook.detected[None]
         ranges = np.array([detection.range_m for detection in step.detections], dtype=np.float64)
         bearings = np.array([detection.bearing_rad for detection in step.detections], dtype=np.float64)
         shown = Shown(ranges, bearings, step.sight)
         detected = np.zeros((len(rows), len(outlook.detected)))
-        if not outlook.is_lost and self.region.occluder_radius_m <= 0.0:
-            detected[:] = outlook.detected
-            return detected
         robot, covariance = result.robot[rows], result.robot_covariance[rows]
         detected[:, outlook.in_reach] = detection_probabilities(
             self.region, outlook.prediction, robot, covariance, shown
         )
         return detected
 
-    def _account(self, outlook: Outlook, association: Index, born: Index, detected: Array) -> tuple[float, Account]:
-        """Log factor and account of one continuation; ``detected`` (O,) probabilities of its parent's objects."""
-        before = outlook.population.existence
+    def _account(
+        self, outlook: Outlook, association: Index, born: Index, detected: Array, log_missed: Array, after: Array
+    ) -> tuple[float, Account]:
+        """Log factor and account of one continuation.
+
+        Of its parent's objects: (O,) probabilities of being ``detected``, log factors of not being, and existence
+        ``after`` that, which is used up.
+        """
         is_new = association >= born[0] if len(born) else np.zeros(0, dtype=bool)
-        observed = outlook.population.rows(association[~is_new])
-        log_factor, after = missed(before, detected)
+        population = outlook.population
+        observed = population.rows(association[~is_new])
         least = np.maximum(detected[observed], self._least_detected)
-        log_factor[observed] = np.log(np.maximum(before[observed] * least, 1e-300))
+        found = np.log(np.maximum(population.existence[observed] * least, LEAST_PROBABILITY))
+        total = float(log_missed.sum() + (found - log_missed[observed]).sum())
         after[observed] = 1.0
-        kept = after >= self.settings.least_existence
         new = np.flatnonzero(is_new)
-        births = sum(outlook.births[n].log_area - outlook.births[n].log_stand_in for n in new)
-        total = float(log_factor.sum() + outlook.log_intensity[new].sum() + births)
+        total += sum(outlook.births[n].log_area - outlook.births[n].log_stand_in for n in new)
+        total += float(outlook.log_intensity[new].sum())
+        kept = after >= self.settings.least_existence
         return total, Account(after, kept, association[new], outlook.birth_existence[new])
 
 
@@ -376,6 +387,12 @@ def _local_after(outlook: Outlook, pairs: Pairs, association: tuple[int, ...], b
         if object_id in births:
             local = local.with_new(object_id, outlook.births[number].gain, outlook.births[number].noise)
     return local
+
+
+def _with_noise(found: _Weighable, noises: list[int]) -> _Weighable:
+    """The first steps of lineages, which say under which noise of odometry these began."""
+    steps = [replace(step, mode=noises[parent]) for step, parent in zip(found.steps, found.parents, strict=True)]
+    return replace(found, steps=steps)
 
 
 def _lineage_steps(rows: Rows, object_ids: Sequence[int]) -> list[LineageStep]:

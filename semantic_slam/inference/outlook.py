@@ -15,6 +15,7 @@ from semantic_slam.inference.component import Component, Motion, object_key, rob
 from semantic_slam.inference.existence import SensorRegion, birth, missed
 from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.odometry_bias import bias_key, with_changed_bias
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, object_in_body
 from semantic_slam.inference.population import Population, position_sigmas
@@ -74,16 +75,23 @@ class Lookout:
     def outlook(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Outlook:
         """Raises LostComponentError."""
         assert isinstance(component, OpenComponent)
+        motion = component.scaled(motion)
         population, manifold = component.objects, component.manifold
-        robot = manifold.compose(population.robot, motion.control)
-        transition = manifold.propagation(motion.control)
-        spread = transition @ population.robot_covariance @ transition.T + motion.covariance
+        control = component.control(motion)
+        robot = manifold.compose(population.robot, control)
+        transition = manifold.propagation(control)
+        if motion.by_bias is not None:
+            transition = np.concatenate([transition, motion.by_bias], axis=1)
+        before = with_changed_bias(population.motion_covariance, component.keyframe + 1, len(population.bias))
+        spread = transition @ before @ transition.T + motion.covariance
         births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
         sigma = float(position_sigmas(spread[None])[0])
         errors = self.settings.gate_sigma * np.hypot(sigma, population.sigmas)
         reach = np.flatnonzero(_distances(population.states, robot) < self.region.max_range_m + errors)
         near, beyond = self._near(population, robot, spread, births, detections, reach)
-        local = _local(component, robot, near).moved(transition, motion.covariance)
+        local = _local(component, robot, near)
+        wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
+        local = local.moved(wider, transition, motion.covariance)
         predicted = _predicted(population, robot, near, local)
         prediction = _prediction(population, reach, near, predicted)
         intensity, existence = self._births(population, births, detections)
@@ -111,7 +119,7 @@ class Lookout:
         excess = away.min(axis=0, initial=np.inf)
         order = np.argsort(excess, kind="stable")
         order = order[excess[order] < gate]
-        peaks = np.array([-0.5 * np.linalg.slogdet(2.0 * np.pi * _noise(d))[1] for d in detections])
+        peaks = np.array([detection.log_normaliser for detection in detections])
         detected = population.existence[order[limit:]] * self.region.detection_probability
         weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
@@ -150,8 +158,10 @@ def _local(component: OpenComponent, robot: Array, near: Index) -> LocalMap:
     if not component.settle:
         around = np.argsort(_distances(population.states, robot), kind="stable")[:LOCAL_OBJECTS]
         ids = population.ids[np.union1d(near, around)]
-    keys = [robot_key(component.keyframe), *(object_key(int(n)) for n in ids)]
-    return LocalMap(ids, component.joint_covariance(keys) if len(ids) else population.robot_covariance.copy())
+    biases = len(population.bias)
+    keys = [robot_key(component.keyframe), *[bias_key(component.keyframe)][:biases], *(object_key(int(n)) for n in ids)]
+    together = component.joint_covariance(keys) if len(ids) else population.motion_covariance.copy()
+    return LocalMap(ids, together, num_biases=biases)
 
 
 def _predicted(population: Population, robot: Array, near: Index, local: LocalMap) -> Predicted:
@@ -192,11 +202,6 @@ def _sigmas_away(population: Population, robot: Array, spread: Array, born: Birt
     across = (sigma**2 + population.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
     turn = np.abs(wrap_angle(bearing - detection.bearing_rad))
     return np.asarray(turn / np.sqrt(detection.covariance[1, 1] + spread[2, 2] + across))
-
-
-def _noise(detection: Any) -> Array:
-    """Covariance of what a detection measures."""
-    return np.asarray(detection.covariance if detection.has_range else detection.covariance[1:, 1:])
 
 
 def _distances(states: Array, point: Array) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from math import log, sqrt
 from typing import Any
 
 import gtsam
@@ -33,16 +34,18 @@ class PlanarDetection:
     @cached_property
     def whiten(self) -> Array:
         """(2, 2) residuals of [range, bearing] to unit covariance, no row for a range that is missing."""
-        whiten = np.zeros((2, 2))
-        rows = slice(0, 2) if self.has_range else slice(1, 2)
-        whiten[rows, rows] = np.linalg.inv(np.linalg.cholesky(self.covariance[rows, rows]))
-        return whiten
+        (a, b), (_, c) = self.covariance.tolist()
+        if not self.has_range:
+            return np.array([[0.0, 0.0], [0.0, 1.0 / sqrt(c)]])
+        first, below = sqrt(a), b / sqrt(a)
+        second = sqrt(c - below**2)  # of the lower Cholesky factor
+        return np.array([[1.0 / first, 0.0], [-below / (first * second), 1.0 / second]])
 
     @cached_property
     def log_normaliser(self) -> float:
         """Of the density of range and bearing, or of the bearing alone."""
-        diagonal = np.diag(self.whiten)
-        return float(np.log(diagonal[diagonal > 0.0]).sum() - 0.5 * np.count_nonzero(diagonal) * LOG_2PI)
+        (by_range, _), (_, by_bearing) = self.whiten.tolist()
+        return log(by_bearing) - 0.5 * LOG_2PI + (log(by_range) - 0.5 * LOG_2PI if self.has_range else 0.0)
 
     @cached_property
     def noise(self) -> Any:

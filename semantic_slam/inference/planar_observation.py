@@ -6,6 +6,7 @@ perturbations give dd/dx = [-I, -S d], dd/do = [R_x^T R_o, 0], dv/dx = R_o^T R_x
 where S turns by a quarter.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import NewObjectConfiguration
+from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.geometry.small_matrices import cholesky, forward
@@ -67,10 +69,13 @@ class PlanarObservation:
         self.visibility = visibility
         self.new_objects = new_objects or NewObjectConfiguration()
         self.num_classes = len(model.class_names) if model is not None else 0
+        self._collected: tuple[Sequence[PlanarDetection], PlanarDetections] | None = None
 
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
-        """Detections as arrays."""
-        return PlanarDetections.of(detections)
+        """Detections as arrays; the same ones are asked for by one hypothesis after the other."""
+        if self._collected is None or self._collected[0] is not detections:
+            self._collected = detections, PlanarDetections.of(detections)
+        return self._collected[1]
 
     def geometry(self, seen: PlanarDetections, x: Array, o: Array) -> Linearisation:
         """Residual of [range, bearing], the range's 0 where there is only a bearing."""
@@ -152,9 +157,9 @@ class PlanarObservation:
         new = self.new_objects
         distance = detection.range_m if detection.has_range else new.range_m
         sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
-        rotation = np.array([[np.cos(x[2]), -np.sin(x[2])], [np.sin(x[2]), np.cos(x[2])]])
-        along = np.array([np.cos(detection.bearing_rad), np.sin(detection.bearing_rad)])
-        mean = np.append(x[:2] + rotation @ (detection.origin + distance * along), x[2])
+        origin_x, origin_y = detection.origin.tolist()
+        ahead, aside = math.cos(detection.bearing_rad), math.sin(detection.bearing_rad)
+        mean = se2.compose(x, np.array([origin_x + distance * ahead, origin_y + distance * aside, 0.0]))
         return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
 
     def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:

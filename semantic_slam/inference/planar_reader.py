@@ -1,5 +1,7 @@
 """Keyframes of semantic measurements as steps of the planar engine."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,7 @@ from semantic_slam.geometry.pose import (
 from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.odometry_bias import slopes
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.step import Step
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -21,10 +24,13 @@ Array = NDArray[np.float64]
 
 
 class PlanarReader:
-    """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none."""
+    """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none.
 
-    def __init__(self, num_features: int):
-        self.num_features = num_features
+    ``bias_sigmas`` (2,) or none: prior standard deviations of odometry's biases, where they are estimated.
+    """
+
+    def __init__(self, num_features: int, bias_sigmas: Sequence[float] = ()):
+        self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError when the measurements' features are not those of the class models."""
@@ -37,9 +43,7 @@ class PlanarReader:
         return Step(
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
-            motion=Motion(
-                planar_from_pose_vector(keyframe.odometry), planar_from_covariance(keyframe.odometry_covariance)
-            ),
+            motion=self._motion(keyframe),
             detections=[_detection(measurements, i) for i in range(len(measurements))],
             detection_ids=measurements.detection_ids,
             scores=measurements.scores,
@@ -48,6 +52,14 @@ class PlanarReader:
             dropped=measurements.dropped,
             sight=measurements.sight,
         )
+
+    def _motion(self, keyframe: Keyframe) -> Motion:
+        control = planar_from_pose_vector(keyframe.odometry)
+        covariance = planar_from_covariance(keyframe.odometry_covariance)
+        if not len(self.bias_sigmas):
+            return Motion(control, covariance)
+        given = keyframe.odometry_slopes
+        return Motion(control, covariance, (slopes(control) if given is None else given) * self.bias_sigmas)
 
     def poses(self, states: Array) -> Array:
         """(..., 3) planar poses to pose vectors."""

@@ -1,6 +1,6 @@
 """The objects of one hypothesis in an open world: how surely each exists, and where it was after the last update."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,13 @@ class Population:
     robot: Array  # (d,) after the newest update
     robot_covariance: Array  # (d, d)
     trail: Array  # (T, d) robot at each keyframe, as estimated then
+    bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry, after the newest update
+    bias_covariance: Array | None = None  # (d + p, d + p) of robot and bias; None: p is 0
+
+    @property
+    def motion_covariance(self) -> Array:
+        """(d + p, d + p) of the newest robot and what odometry always gets wrong."""
+        return self.robot_covariance if self.bias_covariance is None else self.bias_covariance
 
     def rows(self, object_ids: Index) -> Index:
         """Where (n,) objects stand; all of them must be there."""

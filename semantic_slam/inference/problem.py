@@ -61,6 +61,14 @@ class Problem:
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
+    num_biases: int = 0  # of odometry, that are estimated with the poses
+    noise_factors: tuple[float, ...] = (1.0,)  # on odometry's covariance, in an open world one for each hypothesis
+
+    @property
+    def log_root_weights(self) -> list[float]:
+        """Of the hypotheses before any measurement: one for each noise that odometry may have."""
+        count = len(self.noise_factors)
+        return [-float(np.log(count))] * count
 
     def root(self) -> Component:
         """The component before any keyframe."""

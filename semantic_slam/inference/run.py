@@ -19,6 +19,7 @@ from semantic_slam.inference.latent_tables import CarriedDescriptors
 from semantic_slam.inference.latent_views import LatentViews
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior, parse_map_prior
+from semantic_slam.inference.odometry_bias import bias_sigmas
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.planar_tracks import CorrelatedTracks
@@ -61,6 +62,7 @@ def make_run_configuration(
             " or set association: open to map as you go, or given for detections that carry ids"
         )
     _check_open_world(configuration)
+    _check_odometry(configuration)
     latent = load_latent_model(configuration.semantic_model)
     if latent is not None:  # so that backends, reports and queries know the space of the descriptors
         noted = replace(configuration.semantic_model, space=latent.space)
@@ -94,6 +96,18 @@ def _check_open_world(configuration: Configuration) -> None:
         raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
 
 
+def _check_odometry(configuration: Configuration) -> None:
+    factors, is_open = configuration.odometry.noise_factors, configuration.association == "open"
+    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not is_open):
+        raise InputError("odometry.noise_factors must be positive, and other than [1.0] only with association: open")
+    single_steps = is_open and not configuration.open_world.settle
+    if configuration.odometry.estimate_bias and not single_steps:
+        raise InputError(
+            "odometry.estimate_bias works only where updates are not iterated;"
+            " set association: open and open_world.settle: false"
+        )
+
+
 def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
     """Planar initial pose (7,) and covariance (6, 6) of the configuration."""
     mean, sigma = np.array(configuration.initial_pose.mean), np.array(configuration.initial_pose.sigma)
@@ -111,7 +125,10 @@ def problem_of(run: RunConfiguration) -> Problem:
     objects = tuple(_entry(item, run.class_names) for item in prior.objects)
     descriptors = load_latent_model(configuration.semantic_model)
     latent = _latent(configuration, descriptors, prior, objects) if descriptors is not None else None
+    biases = bias_sigmas(configuration.odometry)
     return Problem(
+        num_biases=len(biases),
+        noise_factors=configuration.odometry.noise_factors,
         manifold=PlanarPoses(),
         model=PlanarObservation(
             model if _in_graph(configuration) else None,
@@ -119,7 +136,7 @@ def problem_of(run: RunConfiguration) -> Problem:
             configuration.new_objects,
             _correlated_views(configuration.semantic_model),
         ),
-        reader=PlanarReader(_num_features(model or descriptors)),
+        reader=PlanarReader(_num_features(model or descriptors), biases.tolist()),
         robot=_planar_prior(run.initial_pose, run.initial_covariance),
         objects=objects,
         class_names=run.class_names,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor, letter_of
 from semantic_slam.inference.manifold import Manifold
+from semantic_slam.inference.odometry_bias import BIAS_LETTER, bias_prior
 from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places, SemanticFactors
 
 Array = NDArray[np.float64]
@@ -28,9 +29,9 @@ MOST_JOINT = 24
 AT_REST = 1.5
 """Thresholds of relinearisation that a state may be off at the end of a keyframe: the next update relinearises what is
 over one, while an update now, for a state hardly over it, costs as much as the keyframe's."""
-STEPPED_SKIP, STEPPED_THRESHOLD, STEPPED_WILDFIRE = 10, 0.1, 5e-3
-"""Where updates are not iterated: keyframes from one relinearisation to the next, change of a state from which on it
-takes part, and change below which back-substitution stops, metres or radians."""
+STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
+"""Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
+back-substitution stops, metres or radians."""
 
 
 class LostComponentError(SemanticSlamError):
@@ -118,6 +119,10 @@ class Smoother:
         """(n, L) estimates of descriptors."""
         return np.array([self.isam.calculateEstimateVector(key) for key in keys])
 
+    def vector(self, key: int) -> Array:
+        """(n,) estimate of a variable that is no pose."""
+        return np.asarray(self.isam.calculateEstimateVector(key))
+
     def has(self, key: int) -> bool:
         """Whether there is such a variable."""
         return bool(self.isam.valueExists(key))
@@ -191,17 +196,26 @@ class Smoother:
             raise LostComponentError(f"an update failed ({first_line(fault)})") from None
         return child
 
-    def with_single_steps(self) -> "Smoother":
-        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres."""
+    def with_single_steps(self, num_biases: int) -> "Smoother":
+        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
+
+        With biases of odometry as a variable of its own, in which all is linear.
+        """
         parameters = gtsam.ISAM2Params()
         parameters.relinearizeSkip = STEPPED_SKIP
-        parameters.setRelinearizeThreshold(STEPPED_THRESHOLD)
+        thresholds = gtsam.ISAM2ThresholdMap()
+        for symbol in "xo":
+            thresholds.insert((symbol, self.manifold.far))
+        thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
+        parameters.setRelinearizeThreshold(thresholds)
         parameters.enablePartialRelinearizationCheck = True
         solver = gtsam.ISAM2GaussNewtonParams()
         solver.setWildfireThreshold(STEPPED_WILDFIRE)
         parameters.setOptimizationParams(solver)
         isam = gtsam.ISAM2(parameters)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
+        if num_biases:
+            isam.update(*bias_prior(num_biases))
         return replace(self, isam=isam, _known={})
 
     def updated(

@@ -10,6 +10,7 @@ from semantic_slam.datasets.victoria_park_import import measurements
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.odometry_bias import composed_slopes, slopes
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ LANDMARK_VARIANCE_M2 = 0.4
 class Variant:
     """What is done to the data; nothing by default."""
 
-    odometry_factor: float = 16.0  # on the file's odometry covariance
+    odometry_factor: float = 1.0  # on the file's odometry covariance
     landmark_variance_m2: float = LANDMARK_VARIANCE_M2
     dropped_share: float = 0.0  # of the detections, at random
     blind_m: float = 0.0  # length of each stretch without detections ...
@@ -53,9 +54,11 @@ def make_drive(log: Log, variant: Variant) -> Drive:
     labels: list[tuple[str, ...]] = []
     positions: list[Array] = []
     controls, covariances = [], []
-    control, covariance = np.zeros(3), np.zeros((3, 3))
+    control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
+    by_bias_of_each = slopes(log.increments)
     for index, observations in enumerate(seen):
         if index:
+            by_bias = composed_slopes(by_bias, log.increments[index - 1], by_bias_of_each[index - 1])
             control, covariance = _composed(control, covariance, log.increments[index - 1], variances)
         if not observations:
             continue
@@ -64,12 +67,12 @@ def make_drive(log: Log, variant: Variant) -> Drive:
         spread = covariance if index else variances
         frame = measurements(own, stamp_ns, number, variant.landmark_variance_m2)
         odometry = (pose_vector_from_planar(control), covariance_from_planar(spread))
-        keyframes.append(Keyframe(number, stamp_ns, *odometry, frame))
+        keyframes.append(Keyframe(number, stamp_ns, *odometry, frame, by_bias))
         labels.append(tuple(observation.landmark for observation in observations))
         positions.append(own)
         controls.append(control)
         covariances.append(spread)
-        control, covariance = np.zeros(3), np.zeros((3, 3))
+        control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
         if len(keyframes) == variant.num_keyframes:
             break
     duration = (keyframes[-1].stamp_ns - int(stamps_ns[0])) / 1e9

@@ -3,13 +3,13 @@
 import time
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.datasets.victoria_park import range_bearing
+from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, bias_prior, biased_factor
 from semantic_slam.studies.victoria_park_data import Drive
 
 Array = NDArray[np.float64]
@@ -27,13 +27,14 @@ class Solution:
     seconds: float = 0.0  # of the thread for the incremental part: what any method pays on this machine
 
 
-def known_association(drive: Drive, variance_m2: float) -> Solution:
-    """Incremental first, for a search from dead reckoning ends in a wrong minimum, then Levenberg-Marquardt."""
-    problem = _Problem(drive, drive.labels, variance_m2)
+def known_association(drive: Drive, variance_m2: float, bias_sigmas: Array) -> Solution:
+    """Incremental first, for a search from dead reckoning ends in a wrong minimum, then Levenberg-Marquardt.
+
+    Odometry's biases come with the latter: what the former takes is what any method pays on this machine.
+    """
+    problem = _Problem(drive, drive.labels, variance_m2, np.zeros(0))
     isam = gtsam.ISAM2(_parameters())
-    poses = gtsam.Values()
-    poses.insert(_pose(-1), gtsam.Pose2())
-    isam.update(problem.anchor(), poses)
+    isam.update(problem.graph, problem.values)
     known: set[Hashable] = set()
     begin = time.thread_time()
     for k in range(len(drive.keyframes)):
@@ -42,18 +43,20 @@ def known_association(drive: Drive, variance_m2: float) -> Solution:
         problem.add(graph, values, k, before.compose(gtsam.Pose2(*drive.controls[k])), known)
         isam.update(graph, values)
     seconds = time.thread_time() - begin
-    return replace(problem.optimised(isam.calculateEstimate()), seconds=seconds)
+    poses = problem.poses(isam.calculateEstimate())
+    return replace(from_poses(drive, drive.labels, variance_m2, bias_sigmas, poses), seconds=seconds)
 
 
-def from_poses(drive: Drive, clusters: Sequence[tuple[Hashable, ...]], variance_m2: float, poses: Array) -> Solution:
+def from_poses(
+    drive: Drive, clusters: Sequence[tuple[Hashable, ...]], variance_m2: float, bias_sigmas: Array, poses: Array
+) -> Solution:
     """The minimum near ``poses`` (K, 3) with detections associated as ``clusters`` says."""
-    problem = _Problem(drive, clusters, variance_m2)
-    values = gtsam.Values()
-    values.insert(_pose(-1), gtsam.Pose2())
+    problem = _Problem(drive, clusters, variance_m2, bias_sigmas)
     known: set[Hashable] = set()
     for k, pose in enumerate(poses):
-        problem.add(gtsam.NonlinearFactorGraph(), values, k, gtsam.Pose2(*pose), known)
-    return problem.optimised(values)
+        problem.add(gtsam.NonlinearFactorGraph(), problem.values, k, gtsam.Pose2(*pose), known)
+    optimum = gtsam.LevenbergMarquardtOptimizer(problem.graph, problem.values).optimize()
+    return Solution(problem.poses(optimum), float(problem.graph.error(optimum)))
 
 
 def rms_distance(poses: Array, reference: Array) -> float:
@@ -62,27 +65,42 @@ def rms_distance(poses: Array, reference: Array) -> float:
 
 
 class _Problem:
-    def __init__(self, drive: Drive, clusters: Sequence[tuple[Hashable, ...]], variance_m2: float):
-        self.drive, self.clusters, self.variance_m2 = drive, clusters, variance_m2
+    """``bias_sigmas`` (2,): odometry's biases are variables, with these standard deviations; none: they are not."""
+
+    def __init__(self, drive: Drive, clusters: Sequence[tuple[Hashable, ...]], variance_m2: float, bias_sigmas: Array):
+        self.drive, self.clusters, self.variance_m2, self.bias_sigmas = drive, clusters, variance_m2, bias_sigmas
         names = dict.fromkeys(name for own in clusters for name in own)
         self.keys = {name: gtsam.symbol("l", number) for number, name in enumerate(names)}
-        self.graph = self.anchor()
+        empty = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self.graph, self.values = bias_prior(len(bias_sigmas)) if len(bias_sigmas) else empty
+        noise = gtsam.noiseModel.Diagonal.Sigmas(ANCHOR_SIGMAS)
+        self.graph.add(gtsam.PriorFactorPose2(_pose(-1), gtsam.Pose2(), noise))
+        self.values.insert(_pose(-1), gtsam.Pose2())
         self.num_keyframes = 0
 
-    def anchor(self) -> gtsam.NonlinearFactorGraph:
-        graph = gtsam.NonlinearFactorGraph()
-        noise = gtsam.noiseModel.Diagonal.Sigmas(ANCHOR_SIGMAS)
-        graph.add(gtsam.PriorFactorPose2(_pose(-1), gtsam.Pose2(), noise))
+    def poses(self, values: gtsam.Values) -> Array:
+        """(K, 3) of all keyframes."""
+        poses = [values.atPose2(_pose(k)) for k in range(self.num_keyframes)]
+        return np.array([[p.x(), p.y(), p.theta()] for p in poses])
+
+    def _odometry(self, k: int, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
+        graph, keys = gtsam.NonlinearFactorGraph(), (_pose(k - 1), _pose(k))
+        control, covariance = self.drive.controls[k], self.drive.covariances[k]
+        if not len(self.bias_sigmas):
+            noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+            graph.add(gtsam.BetweenFactorPose2(*keys, gtsam.Pose2(*control), noise))
+            return graph
+        if begins_stretch(k):
+            bias_change(k, np.zeros(len(self.bias_sigmas)), graph, values)
+        by_bias = self.drive.keyframes[k].odometry_slopes * self.bias_sigmas
+        graph.add(biased_factor((*keys, bias_key(k)), control, covariance, by_bias))
         return graph
 
     def add(
         self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, k: int, pose: gtsam.Pose2, known: set[Hashable]
     ) -> None:
         """Factors and first values of keyframe ``k`` to ``graph`` and ``values``, and the factors to the whole."""
-        noise = gtsam.noiseModel.Gaussian.Covariance(self.drive.covariances[k])
-        factors: list[Any] = [
-            gtsam.BetweenFactorPose2(_pose(k - 1), _pose(k), gtsam.Pose2(*self.drive.controls[k]), noise)
-        ]
+        own = self._odometry(k, values)
         values.insert(_pose(k), pose)
         positions = self.drive.positions[k]
         ranges, bearings, covariances = range_bearing(positions, self.variance_m2)
@@ -92,16 +110,10 @@ class _Problem:
                 values.insert(self.keys[name], pose.transformFrom(positions[number]))
             noise = gtsam.noiseModel.Gaussian.Covariance(covariances[number][::-1, ::-1])
             bearing = gtsam.Rot2.fromAngle(bearings[number])
-            factors.append(gtsam.BearingRangeFactor2D(_pose(k), self.keys[name], bearing, ranges[number], noise))
-        for factor in factors:
-            graph.add(factor)
-            self.graph.add(factor)
+            own.add(gtsam.BearingRangeFactor2D(_pose(k), self.keys[name], bearing, ranges[number], noise))
+        graph.push_back(own)
+        self.graph.push_back(own)
         self.num_keyframes = k + 1
-
-    def optimised(self, values: gtsam.Values) -> Solution:
-        optimum = gtsam.LevenbergMarquardtOptimizer(self.graph, values).optimize()
-        poses = [optimum.atPose2(_pose(k)) for k in range(self.num_keyframes)]
-        return Solution(np.array([[p.x(), p.y(), p.theta()] for p in poses]), float(self.graph.error(optimum)))
 
 
 def _pose(keyframe: int) -> int:
