@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.linear_factors import is_descriptor
+from semantic_slam.inference.made_factors import NO_FACTORS
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
-from semantic_slam.inference.smoother import Made, Smoother
+from semantic_slam.inference.smoother import Smoother
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def reoptimised(
     keys = sorted({key for item in named for key in item.keys})
     places = Places.of(named, _states(semantics.manifold, values, keys))
     factors = semantics.make([named], [places])[0]
-    return smoother.restarted(kept, values, factors, Made(tuple(named), (), places))
+    return smoother.restarted(kept, values, factors, NO_FACTORS.added(named, (), places))
 
 
 def _by_rounds(

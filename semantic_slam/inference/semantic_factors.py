@@ -75,7 +75,7 @@ class Places:
             np.concatenate([part.descriptors for part in some]),
         )
 
-    def take(self, rows: Sequence[int]) -> "Places":
+    def take(self, rows: Sequence[int] | NDArray[np.int_]) -> "Places":
         """Of some measurements."""
         return Places(self.robots[rows], self.objects[rows], self.descriptors[rows])
 

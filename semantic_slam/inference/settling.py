@@ -8,11 +8,13 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.inference.made_factors import Added, Renewal
 from semantic_slam.inference.reoptimisation import changed, reoptimised
 from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places
-from semantic_slam.inference.smoother import Added, LostComponentError, Renewal, Smoother, first_line
+from semantic_slam.inference.smoother import LostComponentError, Smoother, first_line
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int_]
 Outcome = Smoother | LostComponentError
 T = TypeVar("T")
 
@@ -151,9 +153,9 @@ def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -
     return stale
 
 
-def _moved(smoothers: Sequence[Smoother], rows: Sequence[list[int]]) -> tuple[list[list[int]], list[bool]]:
+def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> tuple[list[list[int]], list[bool]]:
     """Of the given linear factors those that are to be made anew, and whether the map floats."""
-    some = [number for number, own in enumerate(rows) if own]
+    some = [number for number, own in enumerate(rows) if len(own)]
     stale: list[list[int]] = [[] for _ in rows]
     floats = [False] * len(rows)
     if not some:
@@ -163,7 +165,7 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[list[int]]) -> tuple[li
     moved, floating = smoothers[0].semantics.moved(before, now)
     ends = np.cumsum([len(rows[n]) for n in some])[:-1]
     for n, own, afloat in zip(some, np.split(moved, ends), np.split(floating, ends), strict=True):
-        stale[n] = [row for row, is_stale in zip(rows[n], own, strict=True) if is_stale]
+        stale[n] = rows[n][own].tolist()
         floats[n] = bool(afloat.any())
     return stale, floats
 

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor, letter_of
+from semantic_slam.inference.made_factors import NO_FACTORS, NOTHING, Added, Made, Renewal
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.odometry_bias import BIAS_LETTER, bias_prior
-from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places, SemanticFactors
+from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int_]
 
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
@@ -39,62 +41,13 @@ class LostComponentError(SemanticSlamError):
 
 
 @dataclass(frozen=True)
-class Made:
-    """The semantic measurements in a graph, with one factor each."""
-
-    named: tuple[Named, ...] = ()
-    indices: tuple[int, ...] = ()  # in iSAM2's list of factors
-    places: Places = NOWHERE  # where linear factors were made
-
-    def __len__(self) -> int:
-        return len(self.named)
-
-    def added(self, named: Sequence[Named], indices: Sequence[int], places: Places) -> "Made":
-        """With more of them."""
-        if not named:
-            return self
-        return Made((*self.named, *named), (*self.indices, *indices), Places.joined([self.places, places]))
-
-    def replaced(self, rows: Sequence[int], named: Sequence[Named], indices: Sequence[int], places: Places) -> "Made":
-        """With some made anew."""
-        if not rows:
-            return self
-        all_named, all_indices = list(self.named), list(self.indices)
-        for row, item, index in zip(rows, named, indices, strict=True):
-            all_named[row], all_indices[row] = item, index
-        return Made(tuple(all_named), tuple(all_indices), self.places.replaced(rows, places))
-
-
-@dataclass(frozen=True)
-class Added:
-    """New semantic measurements, their factors and where these are made."""
-
-    named: Sequence[Named]
-    factors: Sequence[Any]
-    places: Places
-
-
-@dataclass(frozen=True)
-class Renewal:
-    """Semantic measurements whose factors are replaced by linear ones, and where these are made."""
-
-    rows: Sequence[int]
-    factors: Sequence[Any]
-    places: Places
-
-
-NOTHING = Renewal((), (), NOWHERE)
-"""Is made anew."""
-
-
-@dataclass(frozen=True)
 class Smoother:
     """iSAM2 and the semantic measurements in it."""
 
     manifold: Manifold
     semantics: SemanticFactors
     isam: gtsam.ISAM2
-    made: Made = Made()
+    made: Made = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
@@ -297,30 +250,32 @@ class Smoother:
         named = self.made.named if self.num_descriptors else ()
         return [row for row, item in enumerate(named) if item.exact and item.descriptor_key in descriptor_keys]
 
-    def linear_rows(self, objects: Collection[int] | None = None) -> list[int]:
+    def linear_rows(self, objects: Collection[int] | None = None) -> Index:
         """Which semantic measurements, of some objects' keys or of all, have linear factors."""
-        named = self.made.named
-        return [
-            row for row, item in enumerate(named) if not item.exact and (objects is None or item.object_key in objects)
-        ]
+        made, linear = self.made, np.ones(len(self.made), dtype=bool)
+        if self.num_descriptors:
+            linear = np.array([not item.exact for item in made.named], dtype=bool)
+        if objects is not None and len(made):
+            linear &= (made.keys[:, 1:2] == np.array(list(objects), dtype=int)).any(axis=1)
+        return np.flatnonzero(linear)
 
     def linear(self, rows: Sequence[int]) -> list[Named]:
         """Some semantic measurements, to have linear factors."""
         named = [self.made.named[row] for row in rows]
         return [replace(item, exact=False) if item.exact else item for item in named]
 
-    def places(self, rows: Sequence[int]) -> Places:
+    def places(self, rows: Sequence[int] | Index) -> Places:
         """Estimates of the variables of some semantic measurements."""
-        named = [self.made.named[row] for row in rows]
+        keys = self.made.keys[rows]
         estimate = self.isam.calculateEstimate()
-        at = _places_of(tuple(estimate.keys()))
-        poses = self.manifold.states(estimate)
-        descriptors = np.zeros((len(rows), 0))
+        poses, all_keys = self.manifold.states(estimate), _ascending(tuple(estimate.keys()))
+        split = len(all_keys) - len(poses)
+        at = np.searchsorted(all_keys[split:], keys[:, :2])
+        descriptors = np.zeros((len(keys), 0))
         if self.num_descriptors:
             known = gtsam.utilities.extractVectors(estimate, DESCRIPTOR)
-            descriptors = known[[at[item.keys[2]] for item in named]]
-        robots, objects = [at[item.robot_key] for item in named], [at[item.object_key] for item in named]
-        return Places(poses[robots], poses[objects], descriptors)
+            descriptors = known[np.searchsorted(all_keys[:split], keys[:, 2])]
+        return Places(poses[at[:, 0]], poses[at[:, 1]], descriptors)
 
     def kept(self) -> gtsam.NonlinearFactorGraph:
         """All factors but the semantic ones."""
@@ -355,10 +310,9 @@ def _new_isam(manifold: Manifold, semantics: SemanticFactors, factorization: str
 
 
 @lru_cache(maxsize=256)
-def _places_of(keys: tuple[int, ...]) -> dict[int, int]:
-    """Where each variable is among those of its kind, poses or descriptors; keys ascend."""
-    split = sum(is_descriptor(key) for key in keys)
-    return {key: row if row < split else row - split for row, key in enumerate(keys)}
+def _ascending(keys: tuple[int, ...]) -> Index:
+    """Of all variables, descriptors first."""
+    return np.array(keys, dtype=int)
 
 
 def _last(keys: Sequence[int], named: Sequence[Named] = ()) -> tuple[int, ...]:
