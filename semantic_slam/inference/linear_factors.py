@@ -53,8 +53,11 @@ def linear_factors(
 def linearisation_points(manifold: Manifold, states: Sequence[Mapping[int, Array]]) -> list[gtsam.Values]:
     """GTSAM's values of each set of states, (d,) of a pose and (L,) of a descriptor.
 
-    Values take a pose in 15 us, but other values in 2 and a tangent vector from the origin in 5.
+    Values take a pose in 15 us, but other values in 2 and a tangent vector from the origin in 5, once all tangent
+    vectors are known.
     """
+    if len(states) == 1:
+        return [_values(manifold, states[0])]
     origin = gtsam.Values()
     for key, size in {key: len(state) for own in states for key, state in own.items()}.items():
         origin.insert(_at_origin(manifold, key, size))
@@ -69,12 +72,17 @@ def linearisation_points(manifold: Manifold, states: Sequence[Mapping[int, Array
     return points
 
 
+def _values(manifold: Manifold, states: Mapping[int, Array]) -> gtsam.Values:
+    values = gtsam.Values()
+    for key, state in states.items():
+        if is_descriptor(key):
+            values.insert(key, state)
+        else:
+            manifold.insert(values, key, state)
+    return values
+
+
 @lru_cache(maxsize=4096)
 def _at_origin(manifold: Manifold, key: int, size: int) -> gtsam.Values:
     """One variable."""
-    values = gtsam.Values()
-    if is_descriptor(key):
-        values.insert(key, np.zeros(size))
-    else:
-        manifold.insert(values, key, np.zeros(size))
-    return values
+    return _values(manifold, {key: np.zeros(size)})
