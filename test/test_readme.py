@@ -1,14 +1,26 @@
 """The README says what is there: its example is the one that is tested, its links and commands exist."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_example_is_the_tested_one() -> None:
-    assert (ROOT / "examples" / "print_belief.py").read_text(encoding="utf-8").strip() in README
+@pytest.mark.parametrize("name", ["print_belief.py", "offline.py"])
+def test_examples_are_the_tested_ones(name: str) -> None:
+    assert (ROOT / "examples" / name).read_text(encoding="utf-8").strip() in README
+
+
+def test_the_offline_example_runs(tmp_path: Path) -> None:
+    command = [sys.executable, "examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")]
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert told[-9] == "5 keyframes, dropped: {}"
+    assert told[-8].startswith("object_1 {'cabinet': ")
 
 
 def test_links_lead_somewhere() -> None:
