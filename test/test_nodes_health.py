@@ -95,11 +95,9 @@ def test_topic_that_falls_silent_is_named(listener: Listener) -> None:
     listener.wait_for(1, "/image/compressed has been silent", within_s=WITHIN_S)
 
 
-def test_terminated_nodes_end_at_once_and_quietly() -> None:
+def test_terminated_nodes_end_at_once_and_quietly(listener: Listener) -> None:
     """Whatever they were about to publish: nobody is left to take it."""
     command = ["backend_node", "--ros-args", "-p"]
-    rclpy.init()
-    ears = Listener()
     nodes = [
         subprocess.Popen(
             [*command, f"backend_id:={n}", "-r", f"__node:=backend_{n}"], stderr=subprocess.PIPE, text=True
@@ -108,7 +106,7 @@ def test_terminated_nodes_end_at_once_and_quietly() -> None:
     ]
     try:
         for n in range(3):
-            ears.wait_for(0, f"backend_{n}", within_s=30.0)
+            listener.wait_for(0, f"backend_{n}", within_s=30.0)
         for node in nodes:
             node.terminate()
         for node in nodes:
@@ -117,5 +115,3 @@ def test_terminated_nodes_end_at_once_and_quietly() -> None:
     finally:
         for node in nodes:
             node.kill()
-        ears.node.destroy_node()
-        rclpy.try_shutdown()
