@@ -120,7 +120,8 @@ def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outco
         renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
         found |= {row: fork for row, fork in renewed.items() if isinstance(fork, LostComponentError)}
         pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
-    return found | {row: _attempt(_restless, fork) for row, fork in pending.items()}
+    # Poses at rest, and descriptors on their way: the next keyframe goes on.
+    return found | {row: fork.smoother if fork.rests else _attempt(_restless, fork) for row, fork in pending.items()}
 
 
 def _restless(fork: _Fork) -> Smoother:
