@@ -159,9 +159,8 @@ class Component:
         Its robot's mode is ``moved`` metres or radians from the state ``predicted`` by the motion alone.
         """
         key = robot_key(self.keyframe + 1)
-        graph, values = self._new(motion, observed, continued)
-        classed = [item for item in observed if item.assigned_class >= 0]
-        named = [Named(key, object_key(item.object_id), item.detection, item.assigned_class) for item in classed]
+        graph, values = self._new(motion, observed, continued.robot, continued.new_objects)
+        named = self._classed(observed)
         start = {key: continued.robot} | continued.smoothed
         start |= {object_key(item.object_id): o for item, o in zip(observed, continued.objects, strict=True)}
         jumped = self._jumped(moved, continued)
@@ -243,19 +242,30 @@ class Component:
         return float(np.abs(wrap_angle(self.states([key])[0, -1] - heading_rad)))
 
     def _new(
-        self, motion: Motion, observed: Sequence[Observed], continued: Continued
+        self, motion: Motion, observed: Sequence[Observed], robot: Array, new_objects: Mapping[int, GaussianPrior]
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """Odometry, priors of new objects and geometry; and values of the new keys."""
+        """Odometry, priors of new objects and geometry; and values of the new keys, the robot's (d,) where it is."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         key = robot_key(self.keyframe + 1)
-        graph.add(self.manifold.between_factor(robot_key(self.keyframe), key, motion.control, motion.covariance))
-        self.manifold.insert(values, key, continued.robot)
-        for number, prior in continued.new_objects.items():
+        self._add_odometry(graph, values, motion)
+        self.manifold.insert(values, key, robot)
+        for number, prior in new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
             self.manifold.insert(values, object_key(number), prior.mean)
         for item in observed:
             graph.add(self.model.geometry_factor(item.detection, (key, object_key(item.object_id))))
         return graph, values
+
+    def _add_odometry(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, motion: Motion) -> None:
+        """The motion to the next keyframe, and values of variables that it needs besides the poses."""
+        keys = robot_key(self.keyframe), robot_key(self.keyframe + 1)
+        graph.add(self.manifold.between_factor(*keys, motion.control, motion.covariance))
+
+    def _classed(self, observed: Sequence[Observed]) -> list[Named]:
+        """The semantic measurements of the next keyframe under a class."""
+        key = robot_key(self.keyframe + 1)
+        classed = [item for item in observed if item.assigned_class >= 0]
+        return [Named(key, object_key(item.object_id), item.detection, item.assigned_class) for item in classed]
 
     def _jumped(self, moved: float, continued: Continued) -> bool:
         """Whether the continuation's mode is elsewhere than the estimate, or should be met exactly."""

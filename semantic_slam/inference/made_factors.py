@@ -72,5 +72,4 @@ class Renewal:
     places: Places
 
 
-NOTHING = Renewal((), (), NOWHERE)
-"""Is made anew."""
+NONE_ADDED, NONE_RENEWED = Added((), (), NOWHERE), Renewal((), (), NOWHERE)

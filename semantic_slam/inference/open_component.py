@@ -22,7 +22,6 @@ from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, biased_factor
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
-from semantic_slam.inference.semantic_factors import Named
 from semantic_slam.inference.settling import Extension, extend
 from semantic_slam.inference.smoother import Smoother
 from semantic_slam.inference.step import Step
@@ -128,20 +127,10 @@ class OpenComponent(Component):
         Descriptors then stay with their records: they enter with a turn of their object, which one update cannot make.
         """
         key = robot_key(self.keyframe + 1)
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        motion = self.scaled(step.motion)
-        self._add_odometry(graph, values, motion)
-        self.manifold.insert(values, key, added.robot)
-        for number, prior in added.new_objects.items():
-            graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
-            self.manifold.insert(values, object_key(number), prior.mean)
-        start, named = {key: added.robot}, []
-        for item, state in zip(added.observed, added.objects, strict=True):
-            own = object_key(item.object_id)
-            graph.add(self.model.geometry_factor(item.detection, (key, own)))
-            start[own] = state
-            if item.assigned_class >= 0:
-                named.append(Named(key, own, item.detection, item.assigned_class))
+        graph, values = self._new(self.scaled(step.motion), added.observed, added.robot, added.new_objects)
+        named = self._classed(added.observed)
+        start = {key: added.robot}
+        start |= {object_key(item.object_id): o for item, o in zip(added.observed, added.objects, strict=True)}
         if self.settle:
             entering = descriptor_views(added.views)
             turned = self.turned(added.views)
@@ -164,14 +153,14 @@ class OpenComponent(Component):
         return self.manifold.retract(motion.control, motion.by_bias @ self.objects.bias)
 
     def _add_odometry(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, motion: Motion) -> None:
-        keyframe = self.keyframe + 1
-        keys = robot_key(self.keyframe), robot_key(keyframe)
         if motion.by_bias is None:
-            graph.add(self.manifold.between_factor(*keys, motion.control, motion.covariance))
+            super()._add_odometry(graph, values, motion)
             return
+        keyframe = self.keyframe + 1
         if begins_stretch(keyframe):
             bias_change(keyframe, self.objects.bias, graph, values)
-        graph.add(biased_factor((*keys, bias_key(keyframe)), motion.control, motion.covariance, motion.by_bias))
+        keys = robot_key(self.keyframe), robot_key(keyframe), bias_key(keyframe)
+        graph.add(biased_factor(keys, motion.control, motion.covariance, motion.by_bias))
 
     def robot_and_objects(self) -> tuple[Array, Array]:
         """(1 + O, d) states as the population has them, the robot first, and their covariances, corrected."""

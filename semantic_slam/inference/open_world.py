@@ -5,7 +5,7 @@ objects not detected so far against false alarms. Objects that should have been 
 and their hypothesis weight, by the same probabilities.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,7 +20,6 @@ from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import hypothesis_id
 from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, find_modes, search_start
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
-from semantic_slam.inference.local_map import LocalMap, Seen
 from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.open_component import Grown, OpenComponent
 from semantic_slam.inference.outlook import Lookout, Outlook
@@ -110,7 +109,7 @@ class OpenExpander:
         parent = found.parents[at]
         births, local = found.new_objects[parent], None
         if not self.settings.settle:
-            local = _local_after(found.outlooks[parent], found.pairs[parent], taken.association, births)
+            local = found.outlooks[parent].local_after(found.pairs[parent], taken.association, births)
         added = Grown(
             [Observed(detection, number, cls) for detection, number, cls in pairs],
             list(found.objects[at]),
@@ -373,20 +372,6 @@ class OpenExpander:
         total += float(outlook.log_intensity[new].sum())
         kept = after >= self.settings.least_existence
         return total, Account(after, kept, association[new], outlook.birth_existence[new])
-
-
-def _local_after(outlook: Outlook, pairs: Pairs, association: tuple[int, ...], births: Collection[int]) -> LocalMap:
-    """The parent's local map with the detections of one continuation, and the objects that it starts."""
-    seen, local = [], outlook.local
-    for number, object_id in enumerate(association):
-        if object_id not in births:
-            part, column = pairs.parts[number], int(np.searchsorted(outlook.near_ids, object_id))
-            seen.append(Seen(object_id, part.jacobian_robot[column], part.jacobian_object[column]))
-    local = local.updated(seen)
-    for number, object_id in enumerate(association):
-        if object_id in births:
-            local = local.with_new(object_id, outlook.births[number].gain, outlook.births[number].noise)
-    return local
 
 
 def _with_noise(found: _Weighable, noises: list[int]) -> _Weighable:

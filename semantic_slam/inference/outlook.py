@@ -1,6 +1,6 @@
 """What one hypothesis expects of a keyframe: the robot, the objects that detections may be of, and births."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,8 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, Motion, object_key, robot_key
 from semantic_slam.inference.existence import SensorRegion, birth, missed
-from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap
+from semantic_slam.inference.gating import Pairs
+from semantic_slam.inference.local_map import LARGEST_AGE, LocalMap, Seen
 from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.odometry_bias import bias_key, with_changed_bias
 from semantic_slam.inference.open_component import OpenComponent
@@ -62,6 +63,19 @@ class Outlook:
         spread = self.prediction.robot_covariance
         far = float(position_sigmas(spread[None])[0]) > LOST_SIGMA_M
         return far or float(spread[2, 2]) > LOST_SIGMA_RAD**2
+
+    def local_after(self, pairs: Pairs, association: tuple[int, ...], births: Collection[int]) -> LocalMap:
+        """The local map with the detections of one continuation (D,), and the objects that it starts."""
+        seen, local = [], self.local
+        for number, object_id in enumerate(association):
+            if object_id not in births:
+                part, column = pairs.parts[number], int(np.searchsorted(self.near_ids, object_id))
+                seen.append(Seen(object_id, part.jacobian_robot[column], part.jacobian_object[column]))
+        local = local.updated(seen)
+        for number, object_id in enumerate(association):
+            if object_id in births:
+                local = local.with_new(object_id, self.births[number].gain, self.births[number].noise)
+        return local
 
 
 class Lookout:

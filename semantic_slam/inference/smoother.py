@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor, letter_of
-from semantic_slam.inference.made_factors import NO_FACTORS, NOTHING, Added, Made, Renewal
+from semantic_slam.inference.made_factors import NO_FACTORS, NONE_ADDED, NONE_RENEWED, Added, Made, Renewal
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.odometry_bias import BIAS_LETTER, bias_prior
 from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
@@ -177,14 +177,14 @@ class Smoother:
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
         added: Added,
-        renewal: Renewal = NOTHING,
+        renewal: Renewal = NONE_RENEWED,
     ) -> "Smoother":
         """``isam``, a fork or this one's own, after one update with ``graph`` and semantic factors, new and renewed."""
         together = gtsam.NonlinearFactorGraph(graph)
         for factor in (*added.factors, *renewal.factors):
             together.add(factor)
         removed = [self.made.indices[row] for row in renewal.rows]
-        last = _last([*self.last, *values.keys()], added.named) if self.last else ()
+        last = _last([*self.last, *values.keys()], added.named) if self.last and values.size() else self.last
         indices = isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
         split = len(added.factors)
         made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
@@ -193,18 +193,8 @@ class Smoother:
         return Smoother(self.manifold, self.semantics, isam, made, self.num_descriptors + new_descriptors, last)
 
     def renewed(self, renewal: Renewal) -> "Smoother":
-        """After an update that relinearises, in which some semantic factors are replaced by linear ones.
-
-        It uses up this smoother.
-        """
-        graph = gtsam.NonlinearFactorGraph()
-        for factor in renewal.factors:
-            graph.add(factor)
-        removed = [self.made.indices[row] for row in renewal.rows]
-        result = self.isam.update(graph, gtsam.Values(), removed, _groups(self.last))
-        named = self.linear(renewal.rows)
-        made = self.made.replaced(renewal.rows, named, result.getNewFactorsIndices(), renewal.places)
-        return replace(self, made=made, _known={})
+        """After an update that relinearises, in which semantic factors are replaced. It uses up this smoother."""
+        return self.updated(self.isam, gtsam.NonlinearFactorGraph(), gtsam.Values(), NONE_ADDED, renewal)
 
     def restarted(
         self, kept: gtsam.NonlinearFactorGraph, values: gtsam.Values, factors: Sequence[Any], made: Made
