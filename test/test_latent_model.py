@@ -95,7 +95,7 @@ def test_tangents_agree_with_torch() -> None:
     point = torch.randn(4)
     expected = torch.autograd.functional.jacobian(network, point).numpy()
     _, tangents = exported(network).value_and_tangents(point.double().numpy()[None], np.eye(4)[None])
-    np.testing.assert_allclose(tangents[0], expected, atol=1e-6)
+    np.testing.assert_allclose(tangents[0].T, expected, atol=1e-6)
 
 
 def test_parts_that_do_not_fit_are_refused(model: LatentModel) -> None:

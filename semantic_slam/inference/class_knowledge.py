@@ -28,15 +28,16 @@ def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnow
     information = np.full(len(registry.ids), np.nan)
     inside = np.ones(len(registry.ids), dtype=np.bool_)
     forgotten = np.zeros(len(registry.ids), dtype=np.uint32)
-    known = component.classes.keys() | component.views.keys()
-    for row, number in enumerate(registry.ids if known else ()):
-        views = component.views.get(number)
-        if number in component.classes:
-            probabilities[row] = 0.0
-            probabilities[row, component.classes[number]] = 1.0
-        elif views is not None and probabilities.shape[1]:
-            probabilities[row] = class_posterior(registry.log_class_prior_of([number])[0], views.log_likelihood)
-        if views is not None:
-            information[row], inside[row] = views.mutual_information, views.in_coverage
-            forgotten[row] = views.dropped
+    seen = [(registry.row_of[n], views) for n, views in component.views.items() if n in registry.row_of]
+    if seen and probabilities.shape[1]:
+        rows = [row for row, _ in seen]
+        likelihood = np.array([views.log_likelihood for _, views in seen])
+        probabilities[rows] = class_posterior(registry.log_class_prior()[rows], likelihood)
+    for row, views in seen:
+        information[row], inside[row] = views.mutual_information, views.in_coverage
+        forgotten[row] = views.dropped
+    enumerated = [(registry.row_of[n], cls) for n, cls in component.classes.items() if n in registry.row_of]
+    if enumerated:
+        rows, classes = np.array(enumerated).T
+        probabilities[rows], probabilities[rows, classes] = 0.0, 1.0
     return ClassKnowledge(probabilities, information, inside, forgotten)

@@ -63,7 +63,7 @@ class LatentObservation:
         """Of (B,) collected detections at (B, 3) robots and objects and (B, L) descriptors."""
         v = camera_in_object(x, o, seen.sensor)
         part = self.by_azimuth(seen, np.arctan2(v[:, 1], v[:, 0]), e)
-        turn = azimuth_by_poses(v, x[:, 2] - o[:, 2], seen.sensor)
+        turn = _azimuth_by_poses(v, x[:, 2] - o[:, 2], seen.sensor)
         by_poses = part.by_azimuth[:, :, None] * turn[:, None]
         return LatentLinearisation(
             part.residual,
@@ -76,9 +76,9 @@ class LatentObservation:
 
     def by_azimuth(self, seen: PlanarDetections, azimuth: Array, e: Array) -> LatentLinearisation:
         """The same with (B,) azimuths given; its Jacobians by poses are empty."""
-        elevation = (
-            seen.elevation_rad if len(seen.elevation_rad) == len(azimuth) else seen.elevation_rad + 0.0 * azimuth
-        )
+        elevation = seen.elevation_rad
+        if len(elevation) != len(azimuth):
+            elevation = np.repeat(elevation, len(azimuth))
         prediction = self.model.predict(Viewpoints(azimuth, elevation, azimuth), e)  # the range does not count
         variance = prediction.sigma**2 + seen.feature_variance
         sigma = np.sqrt(self.correlated_views * variance)
@@ -94,7 +94,12 @@ class LatentObservation:
         )
 
 
-def azimuth_by_poses(v: Array, angle: Array, sensor: Array) -> Array:
+def azimuth_slopes(x: Array, o: Array, sensor: Array) -> Array:
+    """(B, 6) derivatives of the azimuth from which (B, 3) robots see (B, 3) objects, by both poses."""
+    return _azimuth_by_poses(camera_in_object(x, o, sensor), x[:, 2] - o[:, 2], sensor)
+
+
+def _azimuth_by_poses(v: Array, angle: Array, sensor: Array) -> Array:
     """(B, 6) derivatives of the azimuth of v by the robot's pose and by the object's.
 
     With the ``angle`` of the robot's heading in the object's frame and t = d azimuth / dv: t R [I, S s] and [-t, -1].

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.latent_observation import LatentLinearisation, LatentObservation
+from semantic_slam.inference.latent_observation import LatentLinearisation, LatentObservation, azimuth_slopes
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.planar_detection import PlanarDetections
 
@@ -67,14 +67,13 @@ class LatentProblem:
 
     def azimuth_gain(self, v: Array) -> Array:
         """(B, n, V) change of the direction of view per change of v."""
-        part, chart = self._parts(v)
-        weight = (part.by_azimuth**2).sum(-1)
-        towards = part.by_azimuth / np.maximum(weight, 1e-12)[:, None]
-        by_robot, by_object = (np.einsum("bf,bfd->bd", towards, jac) for jac in (part.by_robot, part.by_object))
+        x, o, _, chart = self._placed_states(v)
         batch, count = self.active.shape
+        turn = self._by_row(azimuth_slopes(x, o, np.tile(self.seen.sensor, (batch, 1))))
+        size = self.mean.shape[2]
         placed = np.zeros((batch, count, *self.mean.shape[1:]))
-        placed[:, :, 0] = self._by_row(by_robot)
-        placed[np.arange(batch)[:, None], np.arange(count), 1 + self.slots] = self._by_row(by_object)
+        placed[:, :, 0] = turn[:, :, :size]
+        placed[np.arange(batch)[:, None], np.arange(count), 1 + self.slots] = turn[:, :, size:]
         by_tangent = np.einsum("bncd,bcde->bnce", placed, chart).reshape(batch, count, -1)
         return np.asarray(by_tangent @ self.gain[:, : self.num_tangent])
 
@@ -86,6 +85,13 @@ class LatentProblem:
 
     def _parts(self, v: Array) -> tuple[LatentLinearisation, Array]:
         """Of all detections of all rows, (B n), and (B, 1 + n, d, d) charts of the tangent vectors."""
+        x, o, e, chart = self._placed_states(v)
+        batch, count = self.active.shape
+        part = self.observation.linearise(self.seen.take(np.tile(np.arange(count), batch)), x, o, e)
+        return part, chart
+
+    def _placed_states(self, v: Array) -> tuple[Array, Array, Array, Array]:
+        """(B n, d) robots and objects and (B n, L) descriptors of all detections, and the charts."""
         batch, count = self.active.shape
         rows = np.arange(batch)[:, None]
         variables = self._variables(v)
@@ -95,8 +101,7 @@ class LatentProblem:
         x = np.repeat(states[:, 0], count, axis=0)
         o = states[rows, 1 + self.slots].reshape(len(x), -1)
         e = variables[:, self.num_tangent :].reshape(batch, count, -1)[rows, self.slots].reshape(len(x), -1)
-        part = self.observation.linearise(self.seen.take(np.tile(np.arange(count), batch)), x, o, e)
-        return part, chart
+        return x, o, e, chart
 
     def _by_row(self, values: Array) -> Array:
         """(B n, ...) values of the detections to (B, n, ...), 0 for clutter."""

@@ -20,6 +20,7 @@ class Made:
     indices: tuple[int, ...] = ()  # in iSAM2's list of factors
     places: Places = NOWHERE  # where linear factors were made
     keys: Index = field(default_factory=lambda: np.zeros((0, 2), dtype=int), compare=False)  # (n, 2 or 3) of variables
+    exact: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool), compare=False)  # (n,) callbacks
 
     def __len__(self) -> int:
         return len(self.named)
@@ -34,16 +35,17 @@ class Made:
             (*self.indices, *indices),
             Places.joined([self.places, places]),
             np.concatenate([self.keys, keys]) if len(self.keys) else keys,
+            np.append(self.exact, [item.exact for item in named]),
         )
 
     def replaced(self, rows: Sequence[int], named: Sequence[Named], indices: Sequence[int], places: Places) -> "Made":
         """With some made anew."""
         if not rows:
             return self
-        all_named, all_indices = list(self.named), list(self.indices)
+        all_named, all_indices, exact = list(self.named), list(self.indices), self.exact.copy()
         for row, item, index in zip(rows, named, indices, strict=True):
-            all_named[row], all_indices[row] = item, index
-        return Made(tuple(all_named), tuple(all_indices), self.places.replaced(rows, places), self.keys)
+            all_named[row], all_indices[row], exact[row] = item, index, item.exact
+        return Made(tuple(all_named), tuple(all_indices), self.places.replaced(rows, places), self.keys, exact)
 
 
 NO_FACTORS = Made()

@@ -100,7 +100,7 @@ class PlanarPoses:
         return se2.adjoint(se2.inverse(control))
 
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
-        values.insert(key, gtsam.Pose2(*state))
+        values.insert(key, gtsam.Pose2(*state.tolist()))
 
     def state(self, values: gtsam.Values, key: int) -> Array:
         pose = values.atPose2(key)

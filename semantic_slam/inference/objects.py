@@ -25,7 +25,15 @@ class ObjectRegistry:
         self._uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
         self._by_name = {name: n for n, name in zip(self.ids, self.names, strict=True)}
         self._by_name |= {str(n): n for n in self.ids}
+        self._tabulate()
         self._first_new = [max(self.ids, default=-1) + 1]  # by keyframe
+
+    def _tabulate(self) -> None:
+        """What is asked for every hypothesis."""
+        self.row_of = {n: row for row, n in enumerate(self.ids)}  # id -> position in ``ids``
+        self._class_prior = np.array(self._class_priors).reshape(len(self.ids), len(self._uniform))
+        with np.errstate(divide="ignore"):
+            self._log_class_prior = np.log(self._class_prior)
 
     def identify(self, name: str) -> int:
         """Object id of an identity given with a detection; a new identity becomes a new object, "" is no object."""
@@ -38,6 +46,7 @@ class ObjectRegistry:
             self._class_priors.append(self._uniform)
             self._existence.append(1.0)
             self._by_name[name] = number
+            self._tabulate()
         return self._by_name[name]
 
     def introduce(self, index: int, num_detections: int) -> None:
@@ -51,23 +60,22 @@ class ObjectRegistry:
 
     def log_class_prior_of(self, object_ids: Sequence[int]) -> Array:
         """(n, C) natural logs; what no map knows may be of any class."""
-        place = {n: i for i, n in enumerate(self.ids)}
-        known = [self._class_priors[place[n]] if n in place else self._uniform for n in object_ids]
+        known = [self._class_priors[self.row_of[n]] if n in self.row_of else self._uniform for n in object_ids]
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._uniform))))
 
     def index(self, object_id: int) -> int:
         """Position of an object in ``ids``."""
-        return self.ids.index(object_id)
+        return self.row_of[object_id]
 
     def indices(self, object_ids: NDArray[np.int64]) -> NDArray[np.int32]:
         """Positions in ``ids`` of an array of object ids; -1 stays -1."""
-        place = {n: i for i, n in enumerate(self.ids)} | {-1: -1}
+        place = self.row_of | {-1: -1}
         return np.array([place[int(n)] for n in object_ids.ravel()], dtype=np.int32).reshape(object_ids.shape)
 
     def class_prior(self) -> Array:
         """(O, C) probabilities."""
-        return np.array(self._class_priors).reshape(len(self.ids), len(self._uniform))
+        return self._class_prior.copy()
 
     def existence(self) -> Array:
         """(O,) probabilities, as the map prior states them: a fixed number of objects is not doubted."""
@@ -75,8 +83,7 @@ class ObjectRegistry:
 
     def log_class_prior(self) -> Array:
         """(O, C) natural logs."""
-        with np.errstate(divide="ignore"):
-            return np.log(self.class_prior())
+        return self._log_class_prior
 
 
 class Roster(ObjectRegistry):
@@ -91,6 +98,7 @@ class Roster(ObjectRegistry):
         self.ids = sorted(alive)
         self.names = [known[n][0] if n in known else str(n) for n in self.ids]
         self._class_priors = [known[n][1] if n in known else uniform for n in self.ids]
+        self._tabulate()
 
     def with_only(self, alive: Collection[int]) -> "Roster":
         """Of other objects; the same one where they are the same."""
@@ -98,5 +106,5 @@ class Roster(ObjectRegistry):
 
     def indices(self, object_ids: NDArray[np.int64]) -> NDArray[np.int32]:
         """Positions in ``ids``; -1 for what is not there."""
-        place = {n: i for i, n in enumerate(self.ids)}
-        return np.array([place.get(int(n), -1) for n in object_ids.ravel()], dtype=np.int32).reshape(object_ids.shape)
+        rows = [self.row_of.get(n, -1) for n in object_ids.ravel().tolist()]
+        return np.array(rows, dtype=np.int32).reshape(object_ids.shape)

@@ -87,17 +87,22 @@ class PlanarDetections:
     def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
         """All detections of a keyframe, or of a track."""
         count, size = len(detections), detections[0].feature.size if detections else 0
+        scalars = [(item.range_m, item.bearing_rad, item.log_normaliser, item.elevation_rad) for item in detections]
+        range_m, bearing, log_normaliser, elevation = np.array(scalars).reshape(count, 4).T.copy()
+        has_range = np.isfinite(range_m)
+        range_m[~has_range] = 0.0
+        sensor = np.array([item.sensor for item in detections]).reshape(count, 2)
         return cls(
-            np.array([item.range_m if item.has_range else 0.0 for item in detections]),
-            np.array([item.bearing_rad for item in detections]),
+            range_m,
+            bearing,
             np.array([item.whiten for item in detections]).reshape(count, 2, 2),
-            np.array([item.log_normaliser for item in detections]),
-            np.array([item.has_range for item in detections], dtype=bool),
-            np.array([item.origin for item in detections]).reshape(count, 2),
-            np.array([item.sensor for item in detections]).reshape(count, 2),
+            log_normaliser,
+            has_range,
+            np.where(has_range[:, None], 0.0, sensor),
+            sensor,
             np.array([item.feature for item in detections]).reshape(count, size),
             np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
-            np.array([item.elevation_rad for item in detections]),
+            elevation,
         )
 
     def take(self, index: Any) -> "PlanarDetections":

@@ -128,16 +128,16 @@ class SemanticFactors:
         factors = iter(make(every, Places.joined(places), repeated))
         return [[next(factors) for _ in own] for own in named]
 
-    def moved(self, before: Places, now: Places) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """(n,) whether linear factors have to be made anew, and whether that is because the map floats."""
+    def change(self, before: Places, now: Places) -> tuple[Array, NDArray[np.bool_]]:
+        """(n,) how far from where linear factors were made, 1 being as far as they hold, and whether the map floats."""
         relative = (self.manifold.between(at.robots, at.objects) for at in (before, now))
-        moved = np.asarray(self.model.view_change(*relative) > MOVED_RAD)
+        change = np.asarray(self.model.view_change(*relative)) / MOVED_RAD
         if self.latent is None:
-            return moved, np.zeros_like(moved)
+            return change, np.zeros(len(change), dtype=bool)
         poses = (np.stack([at.robots, at.objects], axis=1) for at in (before, now))
-        floats = np.abs(self.manifold.local(*poses)).max(axis=(1, 2)) > MOVED_POSE
-        change = np.abs(now.descriptors - before.descriptors) / self._prior_sigma
-        return moved | floats | (change.max(axis=1) > MOVED_DESCRIPTOR), floats
+        floating = np.abs(self.manifold.local(*poses)).max(axis=(1, 2)) / MOVED_POSE
+        descriptors = np.abs(now.descriptors - before.descriptors) / (MOVED_DESCRIPTOR * self._prior_sigma)
+        return np.maximum(np.maximum(change, floating), descriptors.max(axis=1)), floating > 1.0
 
     def _classed(self, named: Sequence[Named], at: Places, points: Sequence[Any]) -> list[Any]:
         seen = self.model.collect([item.detection for item in named])
@@ -148,19 +148,24 @@ class SemanticFactors:
 
     def _latent(self, named: Sequence[Named], at: Places, points: Sequence[Any]) -> list[Any]:
         assert self.latent is not None
-        factors = [exact_factor(self.latent, item.detection, item.keys) if item.exact else None for item in named]
         rows = [row for row, item in enumerate(named) if not item.exact]
-        if not rows:
-            return factors
-        linear, own = [named[row] for row in rows], at.take(rows)
-        seen = PlanarDetections.of([item.detection for item in linear])
-        part = self.latent.linearise(seen, own.robots, own.objects, own.descriptors)
-        jacobians = [part.by_robot, part.by_object, part.by_descriptor]
-        keys = [item.keys for item in linear]
-        made = linear_factors(keys, jacobians, part.residual, [points[row] for row in rows])
-        for row, factor in zip(rows, made, strict=True):
-            factors[row] = factor
+        if len(rows) == len(named):
+            return self._with_descriptors(named, at, points)
+        factors = [exact_factor(self.latent, item.detection, item.keys) if item.exact else None for item in named]
+        if rows:
+            linear = [named[row] for row in rows]
+            made = self._with_descriptors(linear, at.take(rows), [points[row] for row in rows])
+            for row, factor in zip(rows, made, strict=True):
+                factors[row] = factor
         return factors
+
+    def _with_descriptors(self, named: Sequence[Named], at: Places, points: Sequence[Any]) -> list[Any]:
+        """Linear ones."""
+        assert self.latent is not None
+        seen = PlanarDetections.of([item.detection for item in named])
+        part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
+        jacobians = [part.by_robot, part.by_object, part.by_descriptor]
+        return linear_factors([item.keys for item in named], jacobians, part.residual, points)
 
 
 def _by_key(named: Sequence[Named], places: Places) -> dict[int, Array]:

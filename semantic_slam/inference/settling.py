@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from semantic_slam.inference.made_factors import Added, Renewal
 from semantic_slam.inference.reoptimisation import changed, reoptimised
 from semantic_slam.inference.semantic_factors import NOWHERE, Named, Places
-from semantic_slam.inference.smoother import LostComponentError, Smoother, first_line
+from semantic_slam.inference.smoother import AT_REST, LostComponentError, Smoother, first_line
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -46,6 +46,15 @@ class _Fork:
     rests: bool
     exact: Sequence[int] = ()  # semantic measurements whose exact factors are to become linear
     made_at: Mapping[int, Array] = field(default_factory=dict)  # descriptors of the factors made in the round before
+
+
+@dataclass(frozen=True)
+class _Stale:
+    """Linear factors of one smoother that are no longer where they were made."""
+
+    rows: list[int] = field(default_factory=list)
+    floats: bool = False  # because the map floats
+    urgent: bool = False  # so far that the next keyframe's update is too late
 
 
 def extend_all(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -> list[Outcome]:
@@ -87,7 +96,7 @@ def _forked(
         return {}
     before, own = list(smoothers.values()), list(extensions.values())
     semantics, places = before[0].semantics, [Places.of(one.named, one.start) for one in own]
-    stale = _stale(before, [one.start.keys() for one in own])
+    stale = [each.rows for each in _stale(before, [one.start.keys() for one in own])]
     now = [one.places(rows) if rows else NOWHERE for one, rows in zip(before, stale, strict=True)]
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
     made = semantics.make([one.named for one in own], places)
@@ -137,38 +146,40 @@ def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> l
 
 
 def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
-    """Stale factors of forks that go on; under classes those of a fork at rest wait for the next keyframe."""
+    """Stale factors of forks that go on; those of a fork at rest wait for the next keyframe, unless far off.
+
+    Under classes they wait in any case: their variables are poses alone.
+    """
     going = {row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.rests}
     smoothers = [fork.smoother for fork in going.values()]
     stale = _stale(smoothers, [fork.extension.start.keys() for fork in going.values()])
-    return {row: [] for row in forks} | dict(zip(going, stale, strict=True))
+    due = {row: own.rows for row, own in zip(going, stale, strict=True) if own.urgent or not forks[row].rests}
+    return {row: [] for row in forks} | due
 
 
-def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[list[int]]:
+def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[_Stale]:
     """Which linear factors of what was observed are no longer where they were made; of all where the map floats."""
-    stale, floats = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(smoothers, observed, strict=True)])
-    floating = [row for row, afloat in enumerate(floats) if afloat]
+    stale = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(smoothers, observed, strict=True)])
+    floating = [row for row, own in enumerate(stale) if own.floats]
     afloat = [smoothers[row] for row in floating]
-    for row, own in zip(floating, _moved(afloat, [one.linear_rows() for one in afloat])[0], strict=True):
+    for row, own in zip(floating, _moved(afloat, [one.linear_rows() for one in afloat]), strict=True):
         stale[row] = own
     return stale
 
 
-def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> tuple[list[list[int]], list[bool]]:
-    """Of the given linear factors those that are to be made anew, and whether the map floats."""
+def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]:
+    """Of the given linear factors those that are to be made anew."""
     some = [number for number, own in enumerate(rows) if len(own)]
-    stale: list[list[int]] = [[] for _ in rows]
-    floats = [False] * len(rows)
+    stale = [_Stale() for _ in rows]
     if not some:
-        return stale, floats
+        return stale
     before = Places.joined([smoothers[n].made.places.take(rows[n]) for n in some])
     now = Places.joined([smoothers[n].places(rows[n]) for n in some])
-    moved, floating = smoothers[0].semantics.moved(before, now)
+    change, floating = smoothers[0].semantics.change(before, now)
     ends = np.cumsum([len(rows[n]) for n in some])[:-1]
-    for n, own, afloat in zip(some, np.split(moved, ends), np.split(floating, ends), strict=True):
-        stale[n] = rows[n][own].tolist()
-        floats[n] = bool(afloat.any())
-    return stale, floats
+    for n, own, afloat in zip(some, np.split(change, ends), np.split(floating, ends), strict=True):
+        stale[n] = _Stale(rows[n][own > 1.0].tolist(), bool(afloat.any()), bool((own > AT_REST).any()))
+    return stale
 
 
 def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | LostComponentError]:

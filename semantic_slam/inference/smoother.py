@@ -231,20 +231,18 @@ class Smoother:
         split = self.num_descriptors * len(limit)
         if not (deltas[split:].reshape(-1, self.manifold.dimension) <= self.manifold.relinearize_threshold).all():
             return False
-        if not self.num_descriptors or not any(item.exact for item in self.made.named):
+        if not self.made.exact.any():
             return True
         return bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
         """Which semantic measurements of these descriptors have exact factors."""
-        named = self.made.named if self.num_descriptors else ()
-        return [row for row, item in enumerate(named) if item.exact and item.descriptor_key in descriptor_keys]
+        rows: list[int] = np.flatnonzero(self.made.exact).tolist()
+        return [row for row in rows if self.made.named[row].descriptor_key in descriptor_keys]
 
     def linear_rows(self, objects: Collection[int] | None = None) -> Index:
         """Which semantic measurements, of some objects' keys or of all, have linear factors."""
-        made, linear = self.made, np.ones(len(self.made), dtype=bool)
-        if self.num_descriptors:
-            linear = np.array([not item.exact for item in made.named], dtype=bool)
+        made, linear = self.made, ~self.made.exact
         if objects is not None and len(made):
             linear &= (made.keys[:, 1:2] == np.array(list(objects), dtype=int)).any(axis=1)
         return np.flatnonzero(linear)

@@ -17,16 +17,21 @@ _ORDERS = np.arange(1, HARMONICS + 1)
 
 def encoded(viewpoints: Viewpoints) -> Array:
     """(B, NUM_INPUTS): cosines, sines, elevation. Periodic in azimuth; range and roll do not enter."""
-    turns = np.outer(viewpoints.azimuth_rad, _ORDERS)
-    elevation = (np.asarray(viewpoints.elevation_rad) - ELEVATION_MIDDLE_RAD) / ELEVATION_SCALE_RAD
-    return np.column_stack([np.cos(turns), np.sin(turns), elevation])
+    turns = viewpoints.azimuth_rad[:, None] * _ORDERS
+    return _joined(np.cos(turns), np.sin(turns), viewpoints.elevation_rad)
 
 
-def encoded_derivative(viewpoints: Viewpoints) -> Array:
-    """(B, NUM_INPUTS, 2) derivative of ``encoded`` by azimuth and elevation [1/rad]."""
-    turns = np.outer(viewpoints.azimuth_rad, _ORDERS)
-    derivative = np.zeros((len(turns), NUM_INPUTS, 2))
-    derivative[:, :HARMONICS, 0] = -_ORDERS * np.sin(turns)
-    derivative[:, HARMONICS : 2 * HARMONICS, 0] = _ORDERS * np.cos(turns)
-    derivative[:, -1, 1] = 1.0 / ELEVATION_SCALE_RAD
-    return derivative
+def encoded_with_derivative(viewpoints: Viewpoints) -> tuple[Array, Array]:
+    """``encoded`` and its (B, 2, NUM_INPUTS) derivative by azimuth and elevation [1/rad]."""
+    turns = viewpoints.azimuth_rad[:, None] * _ORDERS
+    cos, sin = np.cos(turns), np.sin(turns)
+    derivative = np.zeros((len(turns), 2, NUM_INPUTS))
+    derivative[:, 0, :HARMONICS] = -_ORDERS * sin
+    derivative[:, 0, HARMONICS : 2 * HARMONICS] = _ORDERS * cos
+    derivative[:, 1, -1] = 1.0 / ELEVATION_SCALE_RAD
+    return _joined(cos, sin, viewpoints.elevation_rad), derivative
+
+
+def _joined(cos: Array, sin: Array, elevation_rad: Array) -> Array:
+    elevation = (elevation_rad - ELEVATION_MIDDLE_RAD) / ELEVATION_SCALE_RAD
+    return np.concatenate([cos, sin, elevation[:, None]], axis=1)

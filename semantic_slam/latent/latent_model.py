@@ -1,12 +1,13 @@
 """The learned model as inference uses it: plain numpy, constant diagonal covariance (Eqs. 5.10 and 5.12)."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.latent.change_model import ChangeModel
-from semantic_slam.latent.direction import NUM_INPUTS, encoded, encoded_derivative
+from semantic_slam.latent.direction import NUM_INPUTS, encoded, encoded_with_derivative
 from semantic_slam.latent.grounding import Grounding
 from semantic_slam.latent.model import DescriptorBelief, LatentPrediction
 from semantic_slam.latent.smooth_network import SmoothNetwork
@@ -75,7 +76,7 @@ class LatentModel:
     def num_dimensions(self) -> int:
         return int(self.instances.descriptors.shape[1])
 
-    @property
+    @cached_property
     def prior(self) -> DescriptorBelief:
         descriptors = self.instances.descriptors
         return DescriptorBelief(descriptors.mean(axis=0)[None], np.maximum(descriptors.std(axis=0), 1e-3)[None])
@@ -93,14 +94,20 @@ class LatentModel:
         return self.decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))
 
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
-        count, dimensions = descriptors.shape
-        inputs = np.concatenate([encoded(viewpoints), descriptors], axis=1)
-        tangents = np.zeros((count, inputs.shape[1], 2 + dimensions))
-        tangents[:, :NUM_INPUTS, :2] = encoded_derivative(viewpoints)
-        tangents[:, NUM_INPUTS:, 2:] = np.eye(dimensions)
+        direction, by_direction = encoded_with_derivative(viewpoints)
+        tangents = np.repeat(self._tangents, len(descriptors), axis=0)
+        tangents[:, :2, :NUM_INPUTS] = by_direction
+        inputs = np.concatenate([direction, descriptors], axis=1)
         mean, slopes = self.decoder.value_and_tangents(inputs, tangents)
-        sigma = np.broadcast_to(self.noise.tempered, mean.shape)
+        slopes = slopes.transpose(0, 2, 1)
+        sigma = np.repeat(self.noise.tempered[None], len(mean), axis=0)
         return LatentPrediction(mean, sigma, slopes[:, :, :2], slopes[:, :, 2:])
+
+    @cached_property
+    def _tangents(self) -> Array:
+        """(1, 2 + L, NUM_INPUTS + L) of the decoder's input by azimuth, elevation and descriptor, these left open."""
+        directions = np.zeros((2, NUM_INPUTS + self.num_dimensions))
+        return np.concatenate([directions, np.eye(self.num_dimensions, len(directions[0]), NUM_INPUTS)])[None]
 
     def encode(self, features: Array) -> DescriptorBelief:
         outputs = self.encoder.value(np.asarray(features, dtype=np.float64))

@@ -33,6 +33,7 @@ class SmoothNetwork:
         if any(layer.bias.shape != (len(layer.weight),) for layer in layers):
             raise ValueError("a bias does not fit its weight")
         self.layers = tuple(layers)
+        self._by_input = [np.ascontiguousarray(layer.weight.T) for layer in layers]  # a third faster to multiply by
 
     @property
     def num_inputs(self) -> int:
@@ -45,21 +46,20 @@ class SmoothNetwork:
     def value(self, inputs: Array) -> Array:
         """(B, outputs) for (B, inputs)."""
         hidden = inputs
-        for layer in self.layers[:-1]:
-            hidden = np.tanh(hidden @ layer.weight.T + layer.bias)
-        return np.asarray(hidden @ self.layers[-1].weight.T + self.layers[-1].bias)
+        for layer, by_input in zip(self.layers[:-1], self._by_input[:-1], strict=True):
+            hidden = np.tanh(hidden @ by_input + layer.bias)
+        return np.asarray(hidden @ self._by_input[-1] + self.layers[-1].bias)
 
     def value_and_tangents(self, inputs: Array, tangents: Array) -> tuple[Array, Array]:
-        """(B, outputs) and its derivatives (B, outputs, T) along T directions (B, inputs, T) of the input."""
-        count, _, directions = tangents.shape
-        # One large product per layer instead of B small ones: several times faster.
-        hidden = inputs
-        slope: Array = tangents.transpose(0, 2, 1).reshape(count * directions, -1)
-        for layer in self.layers[:-1]:
-            hidden = np.tanh(hidden @ layer.weight.T + layer.bias)
-            slope = (slope @ layer.weight.T).reshape(count, directions, -1)
-            slope *= (1.0 - hidden**2)[:, None, :]
-            slope = slope.reshape(count * directions, -1)
-        last = self.layers[-1]
-        slope = (slope @ last.weight.T).reshape(count, directions, -1)
-        return np.asarray(hidden @ last.weight.T + last.bias), slope.transpose(0, 2, 1)
+        """(B, outputs) and its derivatives (B, T, outputs) along T directions (B, T, inputs) of the input."""
+        shape = (len(tangents), 1 + tangents.shape[1], -1)
+        # One large product per layer, of values and tangents, instead of many small ones: several times faster.
+        rows = np.concatenate([inputs[:, None], tangents], axis=1).reshape(shape[0] * shape[1], -1)
+        for layer, by_input in zip(self.layers[:-1], self._by_input[:-1], strict=True):
+            rows = rows @ by_input
+            split = rows.reshape(shape)
+            hidden = np.tanh(split[:, 0] + layer.bias)
+            split *= (1.0 - hidden * hidden)[:, None]
+            split[:, 0] = hidden
+        split = (rows @ self._by_input[-1]).reshape(shape)
+        return split[:, 0] + self.layers[-1].bias, split[:, 1:]
