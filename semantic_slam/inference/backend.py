@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.inference.class_knowledge import ClassKnowledge, class_knowledge
-from semantic_slam.inference.component import Component, Held, LostComponentError, Observed, object_key, robot_key
+from semantic_slam.inference.class_knowledge import class_knowledge
+from semantic_slam.inference.component import Component, Held, LostComponentError, Observed
 from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.descriptor_knowledge import descriptor_knowledge
 from semantic_slam.inference.growth import Outcome, grow, grow_all
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
+from semantic_slam.inference.located import Located, located, over_all
 from semantic_slam.inference.objects import ObjectRegistry, Roster
 from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.open_world import OpenContinuations, OpenExpander
@@ -212,37 +213,36 @@ class Backend:
         )
 
     def _report(self, keyframe: int, lost: list[int]) -> Components:
-        rows, descriptors = [], []
+        found: dict[int, Located] = {}
         registry = self._present()
         for number in sorted(self.held):
             try:
-                rows.append((number, *self._component_row(self.held[number].component, registry)))
-                descriptors.append(descriptor_knowledge(self.held[number].component, registry))
+                found[number] = located(self.held[number].component, registry)
             except LostComponentError:
                 lost.append(number)
                 del self.held[number]
-        count, objects = len(rows), len(registry.ids)
-        poses, covariances = self._in_map(rows, objects)
+        components = [self.held[number].component for number in found]
+        poses, covariances, existence = self._in_map(list(found.values()), len(registry.ids))
+        classes = class_knowledge(components, registry)
+        descriptors = [descriptor_knowledge(component, registry) for component in components]
         return Components(
             run_id=self.run_id,
             keyframe=keyframe,
             backend_id=self.backend_id,
-            ids=np.array([row[0] for row in rows], dtype=np.uint64),
+            ids=np.array(list(found), dtype=np.uint64),
             poses=poses[:, 0],
             pose_covariances=covariances[:, 0],
             object_ids=np.array(registry.ids, dtype=np.uint32),
             object_poses=poses[:, 1:],
             object_covariances=covariances[:, 1:],
-            class_probabilities=np.array([row[3].probabilities for row in rows]).reshape(
-                count, objects, len(self.problem.class_names)
-            ),
-            mutual_information=np.array([row[3].mutual_information for row in rows]).reshape(count, objects),
-            in_coverage=np.array([row[3].in_coverage for row in rows], dtype=bool).reshape(count, objects),
-            forgotten_views=np.array([row[3].forgotten_views for row in rows], dtype=np.uint32).reshape(count, objects),
-            existence=np.array([row[4] for row in rows]).reshape(count, objects),
+            class_probabilities=classes.probabilities,
+            mutual_information=classes.mutual_information,
+            in_coverage=classes.in_coverage,
+            forgotten_views=classes.forgotten_views,
+            existence=existence,
             lost_ids=np.array(sorted(lost), dtype=np.uint64),
-            descriptors=_stacked([known.mean for known in descriptors], objects),
-            descriptor_variances=_stacked([known.variance for known in descriptors], objects),
+            descriptors=_stacked([known.mean for known in descriptors], len(registry.ids)),
+            descriptor_variances=_stacked([known.variance for known in descriptors], len(registry.ids)),
         )
 
     def _present(self) -> ObjectRegistry:
@@ -253,39 +253,13 @@ class Backend:
         self._roster = self._roster.with_only(alive)
         return self._roster
 
-    def _component_row(
-        self, component: Component, registry: ObjectRegistry
-    ) -> tuple[Array, Array, ClassKnowledge, Array]:
-        """States (1 + O, d) and covariances, the robot's first, NaN for what is absent; classes; existence."""
-        if isinstance(component, OpenComponent):
-            present = np.searchsorted(registry.ids, component.objects.ids)
-            states, covariances = component.robot_and_objects()
-        else:
-            present = np.flatnonzero([n in component.object_ids for n in registry.ids])
-            keys = [robot_key(component.keyframe), *(object_key(registry.ids[i]) for i in present)]
-            states, covariances = component.corrected(keys)
-        rows, size = np.concatenate([[0], 1 + present]).astype(int), states.shape[1]
-        every = np.full((1 + len(registry.ids), size), np.nan)
-        spread = np.full((1 + len(registry.ids), size, size), np.nan)
-        every[rows], spread[rows] = states, covariances
-        existence = np.full(len(registry.ids), np.nan)
-        if isinstance(component, OpenComponent):
-            existence[present] = component.objects.existence
-        else:
-            existence[present] = registry.existence()[present]
-        return every, spread, class_knowledge(component, registry), existence
-
-    def _in_map(
-        self, rows: Sequence[tuple[int, Array, Array, ClassKnowledge, Array]], objects: int
-    ) -> tuple[Array, Array]:
-        """(S, 1 + O, 7) poses and (S, 1 + O, 6, 6) covariances as messages have them, NaN for what is absent."""
-        if not rows:
-            return np.zeros((0, 1 + objects, 7)), np.zeros((0, 1 + objects, 6, 6))
-        states, covariances = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
-        poses, spread = self.problem.reader.poses(states), self.problem.reader.covariances(states, covariances)
+    def _in_map(self, found: Sequence[Located], num_objects: int) -> tuple[Array, Array, Array]:
+        """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances and (H, O) existence, NaN for what is absent."""
+        states, spread, existence = over_all(found, num_objects, self.problem.manifold.dimension)
+        poses, covariances = self.problem.reader.poses(states), self.problem.reader.covariances(states, spread)
         absent = np.isnan(states).any(axis=-1)
-        poses[absent], spread[absent] = np.nan, np.nan
-        return poses, spread
+        poses[absent], covariances[absent] = np.nan, np.nan
+        return poses, covariances, existence
 
 
 def _observed(step: Step, found: Continuations, at: int) -> tuple[Observed, ...]:

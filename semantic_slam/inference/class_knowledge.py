@@ -1,5 +1,6 @@
-"""What one hypothesis knows of the objects' classes."""
+"""What hypotheses know of the objects' classes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,30 +15,32 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClassKnowledge:
-    """Of O objects in the order of the registry."""
+    """Of H hypotheses and O objects in the order of the registry."""
 
-    probabilities: Array  # (O, C) one-hot where the class is enumerated, the prior where nothing was seen
-    mutual_information: Array  # (O,) nats, NaN where nothing was seen
-    in_coverage: NDArray[np.bool_]  # (O,)
-    forgotten_views: NDArray[np.uint32]  # (O,)
+    probabilities: Array  # (H, O, C) one-hot where the class is enumerated, the prior where nothing was seen
+    mutual_information: Array  # (H, O) nats, NaN where nothing was seen
+    in_coverage: NDArray[np.bool_]  # (H, O)
+    forgotten_views: NDArray[np.uint32]  # (H, O)
 
 
-def class_knowledge(component: Component, registry: ObjectRegistry) -> ClassKnowledge:
+def class_knowledge(components: Sequence[Component], registry: ObjectRegistry) -> ClassKnowledge:
     """From the classes that are enumerated, or else from the records of the views."""
-    probabilities = registry.class_prior()
-    information = np.full(len(registry.ids), np.nan)
-    inside = np.ones(len(registry.ids), dtype=np.bool_)
-    forgotten = np.zeros(len(registry.ids), dtype=np.uint32)
-    seen = [(registry.row_of[n], views) for n, views in component.views.items() if n in registry.row_of]
-    if seen and probabilities.shape[1]:
-        rows = [row for row, _ in seen]
-        likelihood = np.array([views.log_likelihood for _, views in seen])
-        probabilities[rows] = class_posterior(registry.log_class_prior()[rows], likelihood)
-    for row, views in seen:
-        information[row], inside[row] = views.mutual_information, views.in_coverage
-        forgotten[row] = views.dropped
-    enumerated = [(registry.row_of[n], cls) for n, cls in component.classes.items() if n in registry.row_of]
-    if enumerated:
-        rows, classes = np.array(enumerated).T
-        probabilities[rows], probabilities[rows, classes] = 0.0, 1.0
-    return ClassKnowledge(probabilities, information, inside, forgotten)
+    shape, row_of = (len(components), len(registry.ids)), registry.row_of
+    probabilities = np.repeat(registry.class_prior()[None], len(components), axis=0)
+    known = ClassKnowledge(
+        probabilities, np.full(shape, np.nan), np.ones(shape, dtype=np.bool_), np.zeros(shape, dtype=np.uint32)
+    )
+    seen = [(h, row_of[n], views) for h, own in enumerate(components) for n, views in own.views.items() if n in row_of]
+    if seen:
+        h, rows, records = zip(*seen, strict=True)
+        known.mutual_information[h, rows] = [views.mutual_information for views in records]
+        known.in_coverage[h, rows] = [views.in_coverage for views in records]
+        known.forgotten_views[h, rows] = [views.dropped for views in records]
+        if probabilities.shape[2]:
+            likelihood = np.array([views.log_likelihood for views in records])
+            probabilities[h, rows] = class_posterior(registry.log_class_prior()[list(rows)], likelihood)
+    named = [(h, row_of[n], cls) for h, own in enumerate(components) for n, cls in own.classes.items() if n in row_of]
+    if named:
+        h, rows, classes = zip(*named, strict=True)
+        probabilities[h, rows], probabilities[h, rows, classes] = 0.0, 1.0
+    return known

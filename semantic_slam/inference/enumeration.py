@@ -73,7 +73,7 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
     for number in range(len(setting.detections)):
         rows, origin = _with_next_object(setting, rows, predicted.mean.shape[1] - 1)
         stack = _stack(setting, predicted, rows)
-        screened = screen(stack, mode.take(origin), setting.gate, len(parents))
+        screened = screen(stack, mode, origin, setting.gate, len(parents))
         rows, stack = rows.take(screened.kept), stack.select(screened.kept)
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:

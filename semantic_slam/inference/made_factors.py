@@ -35,7 +35,7 @@ class Made:
             (*self.indices, *indices),
             Places.joined([self.places, places]),
             np.concatenate([self.keys, keys]) if len(self.keys) else keys,
-            np.append(self.exact, [item.exact for item in named]),
+            np.concatenate([self.exact, np.array([item.exact for item in named], dtype=bool)]),
         )
 
     def replaced(self, rows: Sequence[int], named: Sequence[Named], indices: Sequence[int], places: Places) -> "Made":

@@ -30,15 +30,15 @@ class Screened:
     log_left_out: Array  # (P,) of the others, relative to the parent's best that one linear step tells
 
 
-def screen(stack: Stack, previous: Mode, gate: float, num_parents: int) -> Screened:
+def screen(stack: Stack, previous: Mode, origin: Index, gate: float, num_parents: int) -> Screened:
     """Drop candidates whose evidence one step from where they were puts far behind, where that step can be trusted.
 
-    ``previous`` are B modes of all detections but the newest. Of the others, the steady ones start at that step, lost
-    ones at what explains most, the rest where they were.
+    ``previous`` are modes of all detections but the newest, ``origin`` (B,) says whose each candidate goes on from. Of
+    those not dropped, the steady ones start at that step, lost ones at what explains most, the rest where they were.
     """
-    added = _added(stack, previous)
+    added = _added(stack, previous, origin)
     linear = added.sigma < STEADY_RAD
-    evidence = previous.log_evidence + added.log_density
+    evidence = previous.log_evidence[origin] + added.log_density
     best = np.full(num_parents, -np.inf)
     parents = stack.rows.parents
     np.maximum.at(best, parents[linear], evidence[linear])
@@ -64,14 +64,14 @@ class _Added:
     sigma: Array  # (B,) radians by which the direction of sight is uncertain, given the others
 
 
-def _added(stack: Stack, previous: Mode) -> _Added:
+def _added(stack: Stack, previous: Mode, origin: Index) -> _Added:
     """One Kalman update for each candidate: the others' Hessian tells what they left uncertain."""
-    rows, number = np.arange(len(previous.y)), stack.rows.objects.shape[1] - 1
+    rows, number = np.arange(len(origin)), stack.rows.objects.shape[1] - 1
     start = np.zeros((len(rows), stack.size))
-    start[:, : previous.y.shape[1]] = previous.y
+    start[:, : previous.y.shape[1]] = previous.y[origin]
     both = np.stack([np.zeros(len(rows), dtype=int), 1 + stack.slots[:, number]], axis=1)
     x, o, slopes = _newest(stack, start, both)
-    spread = _times_covariance(previous.hessian, slopes)  # (B, n, 2 d)
+    spread = _times_covariance(np.asarray(np.linalg.inv(previous.hessian)), origin, slopes)  # (B, n, 2 d)
     part = stack.model.geometry(stack.seen.take([number]), x, o)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
     covariance = slopes @ spread
@@ -95,11 +95,11 @@ def _newest(stack: Stack, y: Array, blocks: Index) -> tuple[Array, Array, Array]
     return states[:, 0], states[:, 1], slopes.reshape(len(y), -1, stack.size)
 
 
-def _times_covariance(hessian: Array, slopes: Array) -> Array:
-    """(B, n, 2 d) covariance of y times slopes: by ``hessian`` of its first coordinates, the others being free."""
-    known = hessian.shape[-1]
+def _times_covariance(known: Array, origin: Index, slopes: Array) -> Array:
+    """(B, n, 2 d) covariance of y times slopes: ``known[origin]`` of its first coordinates, the others being free."""
+    size = known.shape[-1]
     spread = np.ascontiguousarray(np.swapaxes(slopes, 1, 2))
-    spread[:, :known] = np.linalg.solve(hessian, spread[:, :known])
+    spread[:, :size] = known[origin] @ spread[:, :size]
     return spread
 
 

@@ -230,10 +230,8 @@ class Smoother:
         limit = self.semantics.descriptor_threshold
         split = self.num_descriptors * len(limit)
         if not (deltas[split:].reshape(-1, self.manifold.dimension) <= self.manifold.relinearize_threshold).all():
-            return False
-        if not self.made.exact.any():
-            return True
-        return bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
+            return False  # or it is not a number
+        return not self.made.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
         """Which semantic measurements of these descriptors have exact factors."""
@@ -305,11 +303,16 @@ def _ascending(keys: tuple[int, ...]) -> Index:
 
 def _last(keys: Sequence[int], named: Sequence[Named] = ()) -> tuple[int, ...]:
     """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
+    return _ordered(tuple(keys), tuple(item.descriptor_key for item in named if item.descriptor_key is not None))
+
+
+@lru_cache(maxsize=256)
+def _ordered(keys: tuple[int, ...], descriptors: tuple[int, ...]) -> tuple[int, ...]:
     objects = [key for key in keys if letter_of(key) == "o"]
     robot = max(key for key in keys if letter_of(key) == "x")
     if len(objects) >= MOST_JOINT:
         return ()
-    return (*objects, robot, *(item.descriptor_key for item in named if item.descriptor_key is not None))
+    return (*objects, robot, *descriptors)
 
 
 @lru_cache(maxsize=64)
