@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import broadcast_copy
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import Linearisation, ObservationModel
@@ -131,7 +132,7 @@ class Chain:
             jacobians.append(jacobian.reshape(len(y), -1, self.size))
             residuals.append(np.concatenate([part.residual for part in parts], axis=1).reshape(len(y), -1, 1))
         if not jacobians:
-            return energy, y.copy(), np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size)).copy()
+            return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
         jacobian, residual = np.concatenate(jacobians, axis=1), np.concatenate(residuals, axis=1)
         transposed = np.swapaxes(jacobian, -1, -2)
         hessian = transposed @ jacobian
@@ -167,7 +168,7 @@ class Chain:
     def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
         """(K N S, d) robot and object of S sights."""
         o = self._placed(objects, sights)
-        x = np.broadcast_to(self._timed(robots, sights), o.shape)
+        x = broadcast_copy(self._timed(robots, sights), o.shape)
         return x.reshape(-1, self.dimension), o.reshape(-1, self.dimension)
 
     def _timed(self, values: Array, sights: Index) -> Array:
@@ -187,7 +188,7 @@ class Chain:
     def _repeated(self, sights: Index, count: int) -> Index:
         """(K N S,) classes."""
         classes = self.classes[:, None, sights]
-        return np.broadcast_to(classes, (len(classes), count, len(sights))).reshape(-1)
+        return broadcast_copy(classes, (len(classes), count, len(sights))).reshape(-1)
 
     def _states(self, y: Array) -> tuple[Array, Array]:
         """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import broadcast_copy
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.murty import k_best
 from semantic_slam.inference.observation import Linearisation, ObservationModel
@@ -46,7 +47,7 @@ def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Arr
     seen = model.collect(detections)
     if len(detections) > 1:  # one row stands for any number
         seen = seen.take(np.repeat(np.arange(len(detections)), count))
-    robot, states = np.broadcast_to(mean[0], (rows, dimension)), np.tile(mean[1:], (len(detections), 1))
+    robot, states = broadcast_copy(mean[0], (rows, dimension)), np.tile(mean[1:], (len(detections), 1))
     part = model.geometry(seen, robot, states)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
     prior = np.tile(joint, (len(detections), 1, 1))

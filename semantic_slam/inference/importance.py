@@ -11,7 +11,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.special import ndtri
 
 Array = NDArray[np.float64]
@@ -22,6 +21,10 @@ LEAST_MODE_SHARE = 0.1
 """Share of the other samples that a mode gets at least, divided by the number of modes."""
 WIDENED = 1.1
 """Factor on adapted covariances, because a proposal must not be narrower than its target."""
+
+
+LEAST_EXPONENT = 10
+"""Of two: so many points of one dimension are made at once."""
 
 
 class Targets(Protocol):
@@ -151,7 +154,7 @@ def _pairs(mixture: Gaussians, total: int) -> NDArray[np.int_]:
 def _points(mixture: Gaussians, pairs: NDArray[np.int_]) -> Array:
     parts = []
     for mean, root, count in zip(mixture.means, mixture.roots, pairs, strict=True):
-        half = solve_triangular(root, normal_points(int(count), len(mean)).T, lower=True, trans=1, check_finite=False).T
+        half = normal_points(int(count), len(mean)) @ np.linalg.inv(root)
         parts += [mean + half, mean - half]
     return np.concatenate(parts)
 
@@ -162,13 +165,16 @@ def log_sum(logs: Array) -> Array:
     return np.asarray(largest + np.log(np.exp(logs - largest).sum(axis=0)))
 
 
-@lru_cache(maxsize=256)
 def normal_points(count: int, size: int) -> Array:
-    """(count, size) standard normal points of low discrepancy, always the same."""
+    """(count, size) standard normal points of low discrepancy, always the same; more of them begin with these."""
+    return _sequence(size, max(LEAST_EXPONENT, int(np.ceil(np.log2(max(count, 2))))))[:count]
+
+
+@lru_cache(maxsize=64)
+def _sequence(size: int, exponent: int) -> Array:
     from scipy.stats import qmc  # takes two seconds to import, and many processes draw nothing
 
-    exponent = int(np.ceil(np.log2(max(count, 2))))
-    uniform = qmc.Sobol(size, scramble=True, seed=size).random_base2(exponent)[:count]
+    uniform = qmc.Sobol(size, scramble=True, seed=size).random_base2(exponent)
     points: Array = ndtri(np.clip(uniform, 1e-10, 1.0 - 1e-10))
     points.setflags(write=False)
     return points

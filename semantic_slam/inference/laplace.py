@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 MAX_ITERATIONS = 30
 RANKING_ITERATIONS = 12
@@ -61,40 +62,74 @@ def find_modes(
     The damping follows the gain of each step (Nielsen, 1999): rows with large residuals settle at the damping
     they need instead of swinging about it.
     """
-    y, enough = start.copy(), np.broadcast_to(tolerance, len(start))
-    damping, growth = np.full(len(y), INITIAL_DAMPING), np.full(len(y), 2.0)
-    running = np.arange(len(y))
-    energy, gradient, hessian = (np.array(value) for value in stack.normal_equations(y))
+    search = _Search(stack, start, np.zeros(len(start)) + tolerance)
     for _ in range(max_iterations):
-        if len(running) == 0:
+        if len(search.rows) == 0:
             break
-        step, expected = _damped_step(hessian[running], gradient[running], damping[running])
-        last = (expected < enough[running]) & (damping[running] < LAST_DAMPING)
+        search.iterate()
+    return search.found()
+
+
+class _Search:
+    """Problems that are still searched; what has converged is set aside."""
+
+    def __init__(self, stack: LeastSquares, start: Array, enough: Array):
+        self.rows = np.arange(len(start))
+        self._stack, self._enough, self._y = stack, enough, start.copy()
+        self._energy, self._gradient, self._hessian = (np.array(value) for value in stack.normal_equations(start))
+        self._damping, self._growth = np.full(len(start), INITIAL_DAMPING), np.full(len(start), 2.0)
+        self._ends = np.empty_like(self._y), np.empty_like(self._energy), np.empty_like(self._hessian)
+
+    def found(self) -> Mode:
+        """Of all problems, those still searched as they are."""
+        self._end(np.ones(len(self.rows), dtype=bool))
+        y, energy, hessian = self._ends
+        return Mode(y, hessian, -energy - 0.5 * log_determinants(hessian))
+
+    def iterate(self) -> None:
+        """One step of each."""
+        step, expected = _damped_step(self._hessian, self._gradient, self._damping)
+        last = (expected < self._enough) & (self._damping < LAST_DAMPING)
         if last.any():  # what the quadratic model says is as good as looking
-            y[running[last]] += step[last]
-            energy[running[last]] -= expected[last]
-            running, step, expected = running[~last], step[~last], expected[~last]
-            if len(running) == 0:
-                break
-        trial = y[running] + step
-        new_energy, new_gradient, new_hessian = stack.select(running).normal_equations(trial)
-        gain = (energy[running] - new_energy) / np.maximum(expected, 1e-300)
-        better = new_energy <= energy[running] + 1e-12 * np.abs(energy[running])
-        accepted = running[better]
-        y[accepted], energy[accepted] = trial[better], new_energy[better]
-        gradient[accepted], hessian[accepted] = new_gradient[better], new_hessian[better]
+            self._y[last] += step[last]
+            self._energy[last] -= expected[last]
+            self._end(last)
+            step, expected = step[~last], expected[~last]
+            if len(self.rows) == 0:
+                return
+        trial = self._y + step
+        energy, gradient, hessian = self._stack.normal_equations(trial)
+        gain = (self._energy - energy) / np.maximum(expected, 1e-300)
+        better = energy <= self._energy + 1e-12 * np.abs(self._energy)
+        self._accept(better, trial, energy, gradient, hessian)
         relaxed = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 1.0) - 1) ** 3)
-        damping[running] *= np.where(better, relaxed, growth[running])
-        growth[running] = np.where(better, 2.0, 2.0 * growth[running])
-        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < enough[running]))
-        running = running[~(small | (damping[running] > LARGEST_DAMPING))]
-    return Mode(y, hessian, -energy - 0.5 * log_determinants(hessian))
+        self._damping *= np.where(better, relaxed, self._growth)
+        self._growth = np.where(better, 2.0, 2.0 * self._growth)
+        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < self._enough))
+        self._end(small | (self._damping > LARGEST_DAMPING))
+
+    def _accept(self, better: Flags, y: Array, energy: Array, gradient: Array, hessian: Array) -> None:
+        if better.all():
+            self._y, self._energy, self._gradient, self._hessian = y, energy, gradient, hessian
+            return
+        self._y[better], self._energy[better] = y[better], energy[better]
+        self._gradient[better], self._hessian[better] = gradient[better], hessian[better]
+
+    def _end(self, ended: Flags) -> None:
+        if not ended.any():
+            return
+        at = self.rows[ended]
+        for end, own in zip(self._ends, (self._y, self._energy, self._hessian), strict=True):
+            end[at] = own[ended]
+        going = np.flatnonzero(~ended)
+        self.rows, self._stack, self._enough = self.rows[going], self._stack.select(going), self._enough[going]
+        self._y, self._energy, self._gradient = self._y[going], self._energy[going], self._gradient[going]
+        self._hessian, self._damping, self._growth = self._hessian[going], self._damping[going], self._growth[going]
 
 
 def log_determinants(matrices: Array) -> Array:
     """(B,) of symmetric positive definite (B, n, n)."""
-    root = np.linalg.cholesky(matrices)
-    return np.asarray(2.0 * np.log(np.einsum("bii->bi", root)).sum(-1))
+    return np.asarray(2.0 * np.log(_diagonals(np.asarray(np.linalg.cholesky(matrices)))).sum(-1))
 
 
 def search_start(stack: Stack) -> Array:
@@ -118,8 +153,13 @@ def search_start(stack: Stack) -> Array:
 
 def _damped_step(hessian: Array, gradient: Array, damping: Array) -> tuple[Array, Array]:
     """(B, n) step and (B,) decrease of the energy that the quadratic model expects of it."""
-    added = damping[:, None] * np.einsum("bii->bi", hessian)
     damped = hessian.copy()
-    np.einsum("bii->bi", damped)[...] += added
+    added = damping[:, None] * _diagonals(hessian)
+    _diagonals(damped)[...] += added
     step = np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0], dtype=np.float64)
     return step, 0.5 * (step * (added * step - gradient)).sum(-1)
+
+
+def _diagonals(matrices: Array) -> Array:
+    """(B, n) of contiguous (B, n, n), to write to as well."""
+    return matrices.reshape(len(matrices), matrices.shape[1] ** 2)[:, :: matrices.shape[1] + 1]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import broadcast_copy
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.births import Birth, birth_of
 from semantic_slam.inference.component import Component, Motion, object_key, robot_key
@@ -189,7 +190,7 @@ def _prediction(population: Population, reach: Index, near: Index, predicted: Pr
     dimension = predicted.mean.shape[-1]
     robot, spread = predicted.mean[0, 0], predicted.covariance[0, :dimension, :dimension]
     states = population.states[reach]
-    gain = se2.adjoint(se2.between(states, np.broadcast_to(robot, states.shape)))
+    gain = se2.adjoint(se2.between(states, broadcast_copy(robot, states.shape)))
     remainder = np.zeros((len(reach), dimension, dimension))
     known = np.searchsorted(reach, near)
     inside = known < len(reach)
@@ -211,7 +212,7 @@ def _sigmas_away(population: Population, robot: Array, spread: Array, born: Birt
         swing, noise = spread[2, 2] * detection.range_m**2, float(position_sigmas(born.noise[None])[0])
         errors = np.sqrt(sigma**2 + swing + population.sigmas**2 + noise**2)
         return np.asarray(_distances(population.states, born.prior.mean) / errors)
-    body = object_in_body(np.broadcast_to(robot, population.states.shape), population.states) - detection.origin
+    body = object_in_body(broadcast_copy(robot, population.states.shape), population.states) - detection.origin
     distance, bearing = np.hypot(*body.T), np.arctan2(body[:, 1], body[:, 0])
     across = (sigma**2 + population.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
     turn = np.abs(wrap_angle(bearing - detection.bearing_rad))

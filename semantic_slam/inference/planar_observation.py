@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import broadcast_copy
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.geometry.small_matrices import cholesky, forward
@@ -82,7 +83,7 @@ class PlanarObservation:
         rows = _Rows.of(seen, x, o)
         body, d, distance, whitened = rows.polar_residual()
         by_point = rows.by_polar(d, distance)
-        log_normaliser = np.broadcast_to(seen.log_normaliser, distance.shape)
+        log_normaliser = broadcast_copy(seen.log_normaliser, distance.shape)
         turn = sine_cosine(rows.o[..., 2] - rows.x[..., 2])
         return Linearisation(
             whitened.reshape(-1, 2),
@@ -304,7 +305,7 @@ def _per_detection(values: Array, count: int) -> Array:
 def _repeated(values: Array, count: int) -> Array:
     """(S, 2) of the detections as (count, 2)."""
     shape = (count // max(len(values), 1), *values.shape)
-    return np.broadcast_to(values, shape).reshape(-1, *values.shape[1:])
+    return broadcast_copy(values, shape).reshape(-1, *values.shape[1:])
 
 
 def _log_logistic(value: Array) -> Array:

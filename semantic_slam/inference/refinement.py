@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from semantic_slam.configuration import WeightsConfiguration
+from semantic_slam.geometry.arrays import broadcast_copy
 from semantic_slam.inference.chain import Chain
 from semantic_slam.inference.component import object_key, robot_key
 from semantic_slam.inference.history import History, Region, chain_of
@@ -261,7 +262,7 @@ def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
     aside = NUDGE * normal_points(1, chain.size)
     starts = [start + aside, start - aside]
     if len(chain.links) <= SEARCHED_LINKS:
-        starts += [np.broadcast_to(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
+        starts += [broadcast_copy(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
     owners = np.repeat(np.arange(len(chain)), len(starts))
     enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
     y = np.stack(starts, axis=1).reshape(-1, chain.size)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import broadcast_copy
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import Linearisation, ObservationModel
 
@@ -155,7 +156,7 @@ class Stack:
         moved, chart = self.manifold.exp_and_jacobian(tangent)
         parts = self._parts(self.manifold.compose(self.mean, moved))
         if not parts:
-            return energy, y, np.broadcast_to(np.eye(self.size), (len(y), self.size, self.size))
+            return energy, y, broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
         for part in parts:
             energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
         residual = self._by_row(np.concatenate([part.residual for part in parts], axis=1)).reshape(len(y), -1)
@@ -184,7 +185,7 @@ class Stack:
     def _pairs(self, states: Array) -> tuple[Array, Array]:
         """(B n, d) robot and object of every detection of every candidate."""
         own = states[:, 1:] if self._distinct else states[np.arange(len(states))[:, None], 1 + self.slots]
-        robots = np.broadcast_to(states[:, :1], own.shape)
+        robots = broadcast_copy(states[:, :1], own.shape)
         return robots.reshape(-1, self.dimension), own.reshape(-1, self.dimension)
 
     def _classes(self) -> Index | None:

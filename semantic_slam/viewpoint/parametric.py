@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import broadcast_copy
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 
@@ -32,7 +33,7 @@ class ParametricModel:
         jacobian[:, 0, 0] = sign * slope
         jacobian[:, 1, 0] = -sign * slope
         covariance = np.array([[1.25, 0.5], [0.5, 1.0]]) / self.concentration**2
-        return Prediction(mean, np.broadcast_to(covariance, (len(azimuth), 2, 2)), jacobian)
+        return Prediction(mean, broadcast_copy(covariance, (len(azimuth), 2, 2)), jacobian)
 
     def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
         """Always inside: the model holds for every viewpoint."""
