@@ -73,7 +73,7 @@ def components(s=2, o=3, lost=1, length=0):
         "run", 4, 1, numbers(s, dtype=np.uint64), numbers(s, 7), numbers(s, 6, 6), numbers(o, dtype=np.uint32),
         numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, 4 if s and o else 0), numbers(s, o),
         numbers(s, o) > 1, numbers(s, o, dtype=np.uint32), numbers(s, o),
-        numbers(lost, dtype=np.uint64), numbers(s, o, length), numbers(s, o, length),
+        numbers(lost, dtype=np.uint64), ("an update failed",) * lost, numbers(s, o, length), numbers(s, o, length),
     )  # fmt: skip
 
 

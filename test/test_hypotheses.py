@@ -1,14 +1,17 @@
 """Manager and backends: the same belief however the work is divided, and rounds that can be repeated."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
 from planar_world import OBJECTS, World, make_world
 
 from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.inference import backend
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.component import LostComponentError
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.map_prior import MapPrior, parse_map_prior
 from semantic_slam.inference.ownership import assign_owners
@@ -76,6 +79,23 @@ def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> Non
     manager = HypothesisManager(world.run, ForgetfulPool(2, dies_at))
     for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
         assert_same(manager.process(keyframe), expected)
+
+
+def test_hypotheses_that_had_to_be_given_up_are_counted_by_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, grown = make_world(4, semantic_model={"kind": "none"}), backend.grow_all
+
+    def first_fails(*arguments: Any) -> list[Any]:
+        return [LostComponentError("an update failed (indeterminate)"), *grown(*arguments)[1:]]
+
+    manager = HypothesisManager(world.run, InProcessPool(1))
+    beliefs = [manager.process(keyframe) for keyframe in world.keyframes[:2]]
+    monkeypatch.setattr(backend, "grow_all", first_fails)
+    beliefs.append(manager.process(world.keyframes[2]))
+    assert manager.lost == {"hypothesis lost: an update failed (indeterminate)": 1}
+    assert beliefs[2].discarded_mass > beliefs[1].discarded_mass
+    monkeypatch.setattr(backend, "grow_all", lambda parents, *_: [LostComponentError("not finite") for _ in parents])
+    with pytest.raises(SemanticSlamError, match=r"every hypothesis was lost; check .* x hypothesis lost: not finite"):
+        manager.process(world.keyframes[3])
 
 
 class DyingPool(InProcessPool):

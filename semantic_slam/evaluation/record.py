@@ -29,7 +29,7 @@ class Record:
     odometry: Trajectory  # T_odom_body
     measurements: dict[int, SemanticMeasurements]  # by stamp_ns
     truth: GroundTruth | None
-    dropped: dict[str, int] = field(default_factory=dict)  # inputs not used, by reason
+    dropped: dict[str, int] = field(default_factory=dict)  # inputs not used and hypotheses given up, by reason
     fault: str = ""  # why the bag could not be read to its end
 
 

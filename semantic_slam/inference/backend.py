@@ -80,14 +80,14 @@ class Backend:
         if commit.keyframe < self.committed:
             return None
         if commit.keyframe == self.committed and mine == set(self.held):
-            return self._report(commit.keyframe, [])
+            return self._report(commit.keyframe, {})
         rows = np.flatnonzero(commit.owners == self.backend_id)
         grown = self._survivors(commit, rows)
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
         kept = {number: own for number, own in grown.items() if isinstance(own, Component)}
         self.held = {number: Held(own, weights[number]) for number, own in kept.items()}
         self.committed, self._expanded = commit.keyframe, None
-        return self._report(commit.keyframe, [number for number in grown if number not in kept])
+        return self._report(commit.keyframe, {n: str(own) for n, own in grown.items() if n not in kept})
 
     def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
         """As they are held, grown from what was expanded, or rebuilt."""
@@ -212,14 +212,15 @@ class Backend:
             none,
         )
 
-    def _report(self, keyframe: int, lost: list[int]) -> Components:
+    def _report(self, keyframe: int, lost: dict[int, str]) -> Components:
+        """``lost``: why hypotheses could not be grown, to which those are added whose moments are not to be had."""
         found: dict[int, Located] = {}
         registry = self._present()
         for number in sorted(self.held):
             try:
                 found[number] = located(self.held[number].component, registry)
-            except LostComponentError:
-                lost.append(number)
+            except LostComponentError as fault:
+                lost[number] = str(fault)
                 del self.held[number]
         components = [self.held[number].component for number in found]
         poses, covariances, existence = self._in_map(list(found.values()), len(registry.ids))
@@ -240,7 +241,8 @@ class Backend:
             in_coverage=classes.in_coverage,
             forgotten_views=classes.forgotten_views,
             existence=existence,
-            lost_ids=np.array(sorted(lost), dtype=np.uint64),
+            lost_ids=np.array(list(lost), dtype=np.uint64),
+            lost_reasons=tuple(lost.values()),
             descriptors=_stacked([known.mean for known in descriptors], len(registry.ids)),
             descriptor_variances=_stacked([known.variance for known in descriptors], len(registry.ids)),
         )

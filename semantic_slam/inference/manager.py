@@ -4,6 +4,7 @@ The printed algorithm normalises inside the loop over components, which loses ea
 here w psi is collected over all parents and normalised once.
 """
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -58,6 +59,7 @@ class HypothesisManager:
         }
         self.open_rounds = OpenRounds(self.problem) if self.problem.association == "open" else None
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
+        self.lost: Counter[str] = Counter()  # hypotheses that backends had to give up, by reason
         self.log_kept_mass = 0.0  # log prod_k (1 - d_k)
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
@@ -132,6 +134,7 @@ class HypothesisManager:
         if set(children) - settled and self.pool.backend_ids:
             children = self._redistributed(children)
             answers = self.pool.commit(self._commit(index, children, always_lineage=True))
+        self.lost.update(f"hypothesis lost: {reason}" for answer in answers for reason in answer.lost_reasons)
         return children, _by_id(self.open_rounds.aligned(answers) if self.open_rounds else answers)
 
     def _children(self, merged: "_Merged", pruned: Pruned) -> dict[int, Live]:
@@ -167,7 +170,8 @@ class HypothesisManager:
         """Keep the children whose components could be updated; the rest is discarded mass."""
         kept = {n: child for n, child in children.items() if n in components}
         if not kept:
-            raise SemanticSlamError("every hypothesis was lost (indeterminate systems); check the noise parameters")
+            reasons = "; ".join(f"{number} x {reason}" for reason, number in self.lost.most_common(3))
+            raise SemanticSlamError(f"every hypothesis was lost; check the noise parameters ({reasons})")
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
         self.log_kept_mass += float(np.log1p(-discarded)) + min(log_total, 0.0)
         self.live = {

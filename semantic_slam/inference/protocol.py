@@ -94,7 +94,8 @@ class Components:
     in_coverage: NDArray[np.bool_]  # (S, O) every view lay inside the class models' coverage
     forgotten_views: NDArray[np.uint32]  # (S, O) views that a new one is no longer correlated with
     existence: Array  # (S, O) NaN where the component has no such object
-    lost_ids: NDArray[np.uint64]
+    lost_ids: NDArray[np.uint64]  # (X,)
+    lost_reasons: tuple[str, ...]  # (X,)
     descriptors: Array  # (S, O, L) of a learned latent space, what is known before the first view until then
     descriptor_variances: Array  # (S, O, L)
 

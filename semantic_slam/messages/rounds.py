@@ -70,6 +70,7 @@ COMPONENTS_LAYOUT: Layout = {
     "forgotten_views": ("S", "O"),
     "existence": ("S", "O"),
     "lost_ids": ("X",),
+    "lost_reasons": ("X",),
     "descriptors": ("S", "O", "L"),
     "descriptor_variances": ("S", "O", "L"),
 }

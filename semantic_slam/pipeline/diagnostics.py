@@ -1,4 +1,4 @@
-"""What was not used, as a diagnostics message."""
+"""What was dropped, as a diagnostics message."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ def dropped_message(stamp_ns: int, dropped_by: Mapping[str, Counter[str]]) -> An
         message_class("diagnostic_msgs/msg/DiagnosticStatus")(
             level=WARNING if dropped else OK,
             name=f"semantic_slam: {part}",
-            message=f"{dropped.total()} inputs not used" if dropped else "all inputs used",
+            message=f"{dropped.total()} dropped" if dropped else "nothing dropped",
             hardware_id="semantic_slam",
             values=[key_value(key=f"dropped: {reason}", value=str(n)) for reason, n in sorted(dropped.items())],
         )

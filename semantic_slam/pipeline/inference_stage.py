@@ -1,5 +1,7 @@
 """The hypothesis manager of a run in this process, with its backends."""
 
+from collections import Counter
+
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.keyframe import Keyframe
@@ -21,6 +23,11 @@ class InferenceStage:
         self._configuration, self._prior, self._source = configuration, prior, source
         self._estimate, self._num_backends = preamble.initial_pose, num_backends
         self._manager: HypothesisManager | None = None
+
+    @property
+    def lost(self) -> Counter[str]:
+        """Hypotheses that had to be given up, by reason."""
+        return self._manager.lost if self._manager is not None else Counter()
 
     def process(self, keyframe: Keyframe, writer: BagWriter) -> None:
         """One keyframe; writes the belief, and before the first one the run's configuration."""

@@ -40,7 +40,7 @@ class RunSummary:
     belief_bag: Path
     num_frames: int
     num_keyframes: int
-    dropped: dict[str, int]  # inputs not used, by reason
+    dropped: dict[str, int]  # inputs not used and hypotheses given up, by reason
     fault: InputError | None  # why the input ended early; everything before it is in the belief bag
 
 
@@ -149,13 +149,14 @@ class OfflineRun:
         return counts[self._found.measurements or self._found.detections]
 
     def dropped_by(self) -> dict[str, Counter[str]]:
-        """Inputs not used, by part and reason."""
+        """Inputs not used and hypotheses given up, by part and reason."""
         classifier = self._classifier.dropped if self._classifier else Counter[str]()
         return {
             "bag": self._undecodable,
             "frames": self._frames.dropped,
             "classifier": classifier,
             "keyframes": self._keyframes.dropped,
+            "hypotheses": self._inference.lost,
         }
 
     def take(self, message: RawMessage, decode: Callable[[bytes, str], Any]) -> None:

@@ -35,7 +35,7 @@ READ = tuple(
     )
 )
 DROPPED = "dropped"
-"""Diagnostic values whose key begins with this word count inputs not used; the rest of the key is the reason."""
+"""Diagnostic values whose key begins with this word count what was dropped; the rest of the key is the reason."""
 
 
 @dataclass
@@ -74,7 +74,7 @@ class _Collected:
         return GroundTruth(_trajectory(self.true_odometry), self.true_objects, self.true_associations)
 
     def reasons(self, beliefs: tuple[HybridBelief, ...]) -> dict[str, int]:
-        """Inputs not used, by reason: as diagnostics name them, else the total that the last belief counted."""
+        """What was dropped, by reason: as diagnostics name them, else the total that the last belief counted."""
         reasons: dict[str, int] = {}
         for (_, reason), count in self.dropped.items():
             reasons[reason] = reasons.get(reason, 0) + count

@@ -23,7 +23,7 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     found = [analysis.record.fault] if analysis.record.fault else []
     used = {reason: count for reason, count in analysis.record.dropped.items() if count}
     if used:
-        found.append("Inputs not used: " + ", ".join(f"{count} × {reason}" for reason, count in used.items()) + ".")
+        found.append("Dropped: " + ", ".join(f"{count} × {reason}" for reason, count in used.items()) + ".")
     outside = [view.label for view in objects if not view.in_coverage]
     if outside:
         found.append(

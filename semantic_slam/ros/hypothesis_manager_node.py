@@ -122,7 +122,8 @@ class HypothesisManagerNode(PipelineNode):
             self._publisher.publish(belief, keyframe.odometry)
             self._lookalikes.belief = belief
             self._num_keyframes += 1
-        self._status = dropped_status(self._assembler.dropped + self._undecodable)
+        lost = self._manager.lost if self._manager is not None else Counter[str]()
+        self._status = dropped_status(self._assembler.dropped + self._undecodable + lost)
         self._announce(finished=False)
 
     def _start(self, stamp_ns: int) -> HypothesisManager:
