@@ -11,7 +11,7 @@ from test_hypotheses import ForgetfulPool, assert_same, beliefs
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.inference.component import Component, Continued, Motion, Observed, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
-from semantic_slam.inference.growth import grow
+from semantic_slam.inference.growth import certain, grow_all
 from semantic_slam.inference.laplace import find_modes
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.manifold import PlanarPoses
@@ -82,7 +82,7 @@ class OneObject:
         states = moment.stack.states(moment.mode.y)[0]
         observed = [Observed(step.detections[0], 0, -1)]
         continued = Continued(states[0], [states[1]], {}, weighed.views[0], weighed.robot[0], None, {}, {})
-        self.component = grow(self.component, step.motion, observed, continued)
+        self.component = certain(grow_all([self.component], step.motion, [observed], [continued])[0])
         return weighed
 
 

@@ -9,7 +9,7 @@ from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.inference.component import Component, Continued, Motion, Observed, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
-from semantic_slam.inference.growth import grow
+from semantic_slam.inference.growth import certain, grow_all
 from semantic_slam.inference.history import History, Taken
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection
@@ -136,7 +136,7 @@ def test_the_component_of_a_mode_is_where_the_mode_is() -> None:
     for mode in modes:
         robot = mode.smoothed[robot_key(0)]
         continued = Continued(robot, [OBJECT], {}, {}, None, mode.history, mode.smoothed, mode.corrections)
-        child = grow(root, given.taken[0].motion, given.taken[0].observed, continued)
+        child = certain(grow_all([root], given.taken[0].motion, [given.taken[0].observed], [continued])[0])
         np.testing.assert_allclose(child.newest_robot(), robot, atol=1e-3)
 
 
@@ -156,7 +156,7 @@ def test_moments_are_those_of_the_posterior() -> None:
     for mode in modes:
         robot = mode.smoothed[robot_key(0)]
         continued = Continued(robot, [OBJECT], {}, {}, None, mode.history, mode.smoothed, mode.corrections)
-        child = grow(root, given.taken[0].motion, given.taken[0].observed, continued)
+        child = certain(grow_all([root], given.taken[0].motion, [given.taken[0].observed], [continued])[0])
         means.append(child.corrected([robot_key(0)])[0][0])
     found = MANIFOLD.mean(np.array(means), shares / shares.sum())
     np.testing.assert_allclose(found, expected, atol=0.02)

@@ -8,7 +8,7 @@ import pytest
 from planar_world import OBJECTS, World, make_world
 
 from semantic_slam.errors import InputError, SemanticSlamError
-from semantic_slam.inference import backend
+from semantic_slam.inference import continuation
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.component import LostComponentError
@@ -82,18 +82,20 @@ def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> Non
 
 
 def test_hypotheses_that_had_to_be_given_up_are_counted_by_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    world, grown = make_world(4, semantic_model={"kind": "none"}), backend.grow_all
+    world, grown = make_world(4, semantic_model={"kind": "none"}), continuation.grow_all
 
     def first_fails(*arguments: Any) -> list[Any]:
         return [LostComponentError("an update failed (indeterminate)"), *grown(*arguments)[1:]]
 
     manager = HypothesisManager(world.run, InProcessPool(1))
     beliefs = [manager.process(keyframe) for keyframe in world.keyframes[:2]]
-    monkeypatch.setattr(backend, "grow_all", first_fails)
+    monkeypatch.setattr(continuation, "grow_all", first_fails)
     beliefs.append(manager.process(world.keyframes[2]))
     assert manager.lost == {"hypothesis lost: an update failed (indeterminate)": 1}
     assert beliefs[2].discarded_mass > beliefs[1].discarded_mass
-    monkeypatch.setattr(backend, "grow_all", lambda parents, *_: [LostComponentError("not finite") for _ in parents])
+    monkeypatch.setattr(
+        continuation, "grow_all", lambda parents, *_: [LostComponentError("not finite") for _ in parents]
+    )
     with pytest.raises(SemanticSlamError, match=r"every hypothesis was lost; check .* x hypothesis lost: not finite"):
         manager.process(world.keyframes[3])
 

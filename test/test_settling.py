@@ -16,7 +16,7 @@ from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility, viewpoints_in_plane
 from semantic_slam.inference.semantic_factors import MOVED_DESCRIPTOR, Named, SemanticFactors
-from semantic_slam.inference.settling import Extension, extend, extend_all
+from semantic_slam.inference.settling import Extension, extend_all
 from semantic_slam.inference.smoother import LostComponentError, Smoother
 from semantic_slam.latent.model import LatentPrediction
 from semantic_slam.viewpoint.model import Viewpoints
@@ -73,6 +73,14 @@ class Bent:
         mean = np.concatenate([e, e**2], axis=1)
         by_descriptor = np.stack([np.ones_like(e), 2.0 * e], axis=1)
         return LatentPrediction(mean, np.full_like(mean, 0.1), np.zeros((len(e), 2, 2)), by_descriptor)
+
+
+def extend(smoother: Smoother, extension: Extension) -> Smoother:
+    """One alone."""
+    found = extend_all([smoother], [extension])[0]
+    if isinstance(found, LostComponentError):
+        raise found
+    return found
 
 
 def root(semantics: SemanticFactors) -> Smoother:

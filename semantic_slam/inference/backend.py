@@ -8,15 +8,14 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.class_knowledge import class_knowledge
-from semantic_slam.inference.component import Component, Held, LostComponentError, Observed
+from semantic_slam.inference.component import Component, Held, LostComponentError
 from semantic_slam.inference.continuation import Continuations, Expander
 from semantic_slam.inference.descriptor_knowledge import descriptor_knowledge
-from semantic_slam.inference.growth import Outcome, grow, grow_all
+from semantic_slam.inference.growth import Outcome, certain
 from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.located import Located, located, over_all
 from semantic_slam.inference.objects import ObjectRegistry, Roster
-from semantic_slam.inference.open_component import OpenComponent
-from semantic_slam.inference.open_world import OpenContinuations, OpenExpander
+from semantic_slam.inference.open_world import OpenExpander
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep, RunConfiguration
 from semantic_slam.inference.run import problem_of
@@ -44,18 +43,13 @@ class Backend:
         if self.problem.association == "open":
             self.expander = OpenExpander(self.problem, self.registry)
         self.held: dict[int, Held] = {
-            ROOT_ID + number: Held(self._root(number), log_weight)
+            ROOT_ID + number: Held(self.expander.root(number), log_weight)
             for number, log_weight in enumerate(self.problem.log_root_weights)
         }
         self.steps: list[Step] = []
         self.committed = -1
         self._expanded: tuple[Continuations, list[int]] | None = None
         self._roster = Roster(self.problem.objects, len(self.problem.class_names), ())
-
-    def _root(self, number: int) -> Component:
-        """Before any keyframe; in an open world under the odometry noise of that number."""
-        is_open = isinstance(self.expander, OpenExpander)
-        return OpenComponent.before_any_keyframe(self.problem, number) if is_open else self.problem.root()
 
     def expand(self, keyframe: Any) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
@@ -118,45 +112,26 @@ class Backend:
         return {number: at for at, number in enumerate(self._expanded[0].ids)}
 
     def _grown(self, step: Step, found: Continuations, parent_ids: list[int], at: list[int]) -> list[Outcome]:
-        """The components of some continuations. The last child of an open world's parent may use it up."""
-        rows = [int(found.parents[one]) for one in at]
-        parents = [self.held[parent_ids[row]].component for row in rows]
-        if not isinstance(self.expander, OpenExpander) or not isinstance(found, OpenContinuations):
-            return grow_all(
-                parents,
-                step.motion,
-                [_observed(step, found, one) for one in at],
-                [found.continued(one) for one in at],
-            )
-        last = {row: place for place, row in enumerate(rows)}
-        grown: list[Outcome] = []
-        for place, (row, parent) in enumerate(zip(rows, parents, strict=True)):
-            try:
-                grown.append(self.expander.grown(parent, step, found, at[place], in_place=last[row] == place))
-            except LostComponentError as fault:
-                grown.append(fault)
-        return grown
+        """The components of some continuations, which may use up their parents."""
+        parents = [self.held[parent_ids[found.parents[one]]].component for one in at]
+        return self.expander.grow(step, found, parents, at, in_place=True)
 
     def _rebuild(self, lineage: Sequence[LineageStep], length: int, rebuilt: dict[int, Component]) -> Component:
         """A component from its lineage alone; trunks that lineages share are replayed once."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
         number = ROOT_ID + (lineage[0].mode if len(self.problem.noise_factors) > 1 else 0)
-        component = self._root(number - ROOT_ID)
+        component = self.expander.root(number - ROOT_ID)
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             if child not in rebuilt:
                 continuations = self.expander.expand(step, [number], [Held(component, 0.0)], taken)
                 if child not in continuations.ids:
                     raise LostComponentError("a lineage names an impossible continuation")
-                rebuilt[child] = self._child(component, step, continuations, continuations.ids.index(child))
+                at = [continuations.ids.index(child)]
+                rebuilt[child] = certain(self.expander.grow(step, continuations, [component], at, in_place=False)[0])
             number, component = child, rebuilt[child]
         return component
-
-    def _child(self, component: Component, step: Step, found: Continuations, at: int) -> Component:
-        if isinstance(self.expander, OpenExpander) and isinstance(found, OpenContinuations):
-            return self.expander.grown(component, step, found, at, in_place=False)
-        return grow(component, step.motion, _observed(step, found, at), found.continued(at))
 
     def _register(self, step: Step) -> None:
         self.registry.introduce(step.index, len(step.names))
@@ -262,11 +237,6 @@ class Backend:
         absent = np.isnan(states).any(axis=-1)
         poses[absent], covariances[absent] = np.nan, np.nan
         return poses, covariances, existence
-
-
-def _observed(step: Step, found: Continuations, at: int) -> tuple[Observed, ...]:
-    taken = found.steps[at]
-    return step.observed(taken.association, taken.class_assignment, found.used)
 
 
 def _stacked(rows: list[Array], num_objects: int) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from semantic_slam.inference.component import Component, Continued, Held, object_key, robot_key
+from semantic_slam.inference.component import Component, Continued, Held, Observed, object_key, robot_key
 from semantic_slam.inference.enumeration import (
     Enumerated,
     Setting,
@@ -16,6 +16,7 @@ from semantic_slam.inference.enumeration import (
     fixed_association,
 )
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.growth import Outcome, grow_all
 from semantic_slam.inference.history import History
 from semantic_slam.inference.identity import generator, hypothesis_id
 from semantic_slam.inference.importance import normal_points
@@ -81,6 +82,17 @@ class Expander:
         self.problem, self.registry = problem, registry
         if problem.association != "open" and problem.weights.method == "importance":
             normal_points(1, 1)  # what it imports takes longer than a keyframe may
+
+    def root(self, number: int) -> Component:
+        """The component before any keyframe."""
+        return self.problem.root()
+
+    def grow(
+        self, step: Step, found: Continuations, parents: Sequence[Component], at: Sequence[int], *, in_place: bool
+    ) -> list[Outcome]:
+        """The components of the continuations ``at``, each from its own of ``parents``, which stay as they are."""
+        observed = [_observed(step, found, one) for one in at]
+        return grow_all(parents, step.motion, observed, [found.continued(one) for one in at])
 
     def expand(
         self, step: Step, parent_ids: Sequence[int], held: Sequence[Held], path: LineageStep | None = None
@@ -277,6 +289,11 @@ def _predicted(
     mean = np.concatenate([mean, [[prior.mean for prior in priors] for priors in added]], axis=1)
     pairs = zip(covariance, added, strict=True)
     return Predicted(mean, np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs]))
+
+
+def _observed(step: Step, found: Continuations, at: int) -> tuple[Observed, ...]:
+    taken = found.steps[at]
+    return step.observed(taken.association, taken.class_assignment, found.used)
 
 
 def _path(path: LineageStep, used: Index, object_ids: list[int]) -> tuple[Index, Index]:

@@ -35,9 +35,8 @@ def grow_all(
     ]
 
 
-def grow(parent: Component, motion: Motion, observed: Sequence[Observed], continued: Continued) -> Component:
-    """One child. Raises LostComponentError."""
-    child = grow_all([parent], motion, [observed], [continued])[0]
-    if isinstance(child, LostComponentError):
-        raise child
-    return child
+def certain(outcome: Outcome) -> Component:
+    """The component. Raises LostComponentError where it is indeterminate."""
+    if isinstance(outcome, LostComponentError):
+        raise outcome
+    return outcome

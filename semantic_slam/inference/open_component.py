@@ -22,9 +22,9 @@ from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, biased_factor
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
-from semantic_slam.inference.settling import Extension, extend
+from semantic_slam.inference.semantic_factors import Named
+from semantic_slam.inference.settling import Extension
 from semantic_slam.inference.smoother import Smoother
-from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -96,17 +96,29 @@ class OpenComponent(Component):
             noise_factor=problem.noise_factors[noise],
         )
 
-    def grown(self, step: Step, added: Grown, max_fresh: int, *, in_place: bool) -> "OpenComponent":
-        """The child of one continuation; ``in_place`` uses up this component. Raises LostComponentError.
+    def extension_by(self, motion: Motion, added: Grown) -> Extension:
+        """What one continuation adds to the smoother, to settle there."""
+        graph, values, named, start = self._extended(motion, added)
+        entering = descriptor_views(added.views)
+        start |= self.with_descriptors(graph, values, added.views, entering, start)
+        calm = {robot_key(self.keyframe + 1): added.predicted} | self.calm(added.views)
+        jumped = self._jumped_to(added) or self.turned(added.views)
+        return Extension(graph, values, [*named, *entering], start, jumped, calm)
+
+    def stepped_by(self, motion: Motion, added: Grown, *, in_place: bool) -> Smoother:
+        """After one update, the next keyframe going on; ``in_place`` uses up this component. Raises LostComponentError.
+
+        Descriptors then stay with their records: they enter with a turn of their object, which one update cannot make.
+        """
+        again = self._jumped_to(added)
+        return self.smoother.stepped(*self._extended(motion, added), in_place=in_place, again=again)
+
+    def grown(self, added: Grown, smoother: Smoother, max_fresh: int) -> "OpenComponent":
+        """The child of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.
 
         ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
         """
-        keyframe = self.keyframe + 1
-        change = np.abs(self.manifold.local(added.predicted, added.robot))
-        limit = JUMP if self.settle else np.maximum(JUMP, self.manifold.far)
-        jumped = bool((change > limit).any())
-        smoother = self._smoothed(step, added, jumped, in_place=in_place)
-        account = added.account
+        keyframe, account = self.keyframe + 1, added.account
         alive = frozenset((*self.objects.ids[account.kept].tolist(), *account.new_ids.tolist()))
         classes = self.classes | {o.object_id: o.assigned_class for o in added.observed if o.assigned_class >= 0}
         return replace(
@@ -117,28 +129,25 @@ class OpenComponent(Component):
             object_ids=alive,
             views={number: views for number, views in (self.views | added.views).items() if number in alive},
             robot_correction=added.robot_correction,
-            local=None if jumped else added.local,
+            local=None if self._jumped_to(added) else added.local,
             population=_population(smoother, keyframe, self.objects, added, max_fresh),
         )
 
-    def _smoothed(self, step: Step, added: Grown, jumped: bool, *, in_place: bool) -> Smoother:
-        """With the keyframe's factors; without ``settle`` updated once, the next keyframe goes on.
+    def _jumped_to(self, added: Grown) -> bool:
+        """Whether the robot's mode is elsewhere than odometry has it."""
+        change = np.abs(self.manifold.local(added.predicted, added.robot))
+        limit = JUMP if self.settle else np.maximum(JUMP, self.manifold.far)
+        return bool((change > limit).any())
 
-        Descriptors then stay with their records: they enter with a turn of their object, which one update cannot make.
-        """
+    def _extended(
+        self, motion: Motion, added: Grown
+    ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, list[Named], dict[int, Array]]:
+        """The keyframe's factors and new variables, semantic measurements, and where the continuation has them."""
         key = robot_key(self.keyframe + 1)
-        graph, values = self._new(self.scaled(step.motion), added.observed, added.robot, added.new_objects)
-        named = self._classed(added.observed)
+        graph, values = self._new(self.scaled(motion), added.observed, added.robot, added.new_objects)
         start = {key: added.robot}
         start |= {object_key(item.object_id): o for item, o in zip(added.observed, added.objects, strict=True)}
-        if self.settle:
-            entering = descriptor_views(added.views)
-            turned = self.turned(added.views)
-            start |= self.with_descriptors(graph, values, added.views, entering, start)
-            calm = {key: added.predicted} | self.calm(added.views)
-            extension = Extension(graph, values, [*named, *entering], start, jumped or turned, calm)
-            return extend(self.smoother, extension)
-        return self.smoother.stepped(graph, values, named, start, in_place=in_place, again=jumped)
+        return graph, values, self._classed(added.observed), start
 
     def scaled(self, motion: Motion) -> Motion:
         """Odometry with the noise that this hypothesis takes it to have."""

@@ -7,6 +7,7 @@ and their hypothesis weight, by the same probabilities.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,13 @@ from semantic_slam.inference.enumeration import Enumerated, Setting, enumerate_c
 from semantic_slam.inference.existence import LEAST_PROBABILITY, missed
 from semantic_slam.inference.gating import Chosen, Pairs, best_assignments, pair_densities
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.growth import Outcome
 from semantic_slam.inference.identity import hypothesis_id
 from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, find_modes, search_start
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
 from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.open_component import Grown, OpenComponent
+from semantic_slam.inference.open_growth import settled, stepped
 from semantic_slam.inference.outlook import Lookout, Outlook
 from semantic_slam.inference.population import Account
 from semantic_slam.inference.problem import Problem
@@ -98,11 +101,24 @@ class OpenExpander:
             weighable = _with_noise(weighable, [outlook.component.noise for outlook in outlooks])
         return self._weighed(step, parent_ids, outlooks, weighable, candidates.pairs)
 
-    def grown(
-        self, component: Component, step: Step, found: OpenContinuations, at: int, *, in_place: bool
-    ) -> OpenComponent:
-        """The component of one continuation. Raises LostComponentError."""
-        assert isinstance(component, OpenComponent)
+    def root(self, number: int) -> OpenComponent:
+        """The component before any keyframe, under the odometry noise of that number."""
+        return OpenComponent.before_any_keyframe(self.problem, number)
+
+    def grow(
+        self, step: Step, found: Continuations, parents: Sequence[Component], at: Sequence[int], *, in_place: bool
+    ) -> list[Outcome]:
+        """The components of the continuations ``at``, each from its own of ``parents``.
+
+        Where smoothers are updated once per keyframe, the last child may use up its parent ``in_place``.
+        """
+        assert isinstance(found, OpenContinuations)
+        own = [parent for parent in parents if isinstance(parent, OpenComponent)]
+        added = [self._added(step, found, one) for one in at]
+        grow = settled if self.settings.settle else partial(stepped, in_place=in_place)
+        return grow(own, step.motion, added, self.settings.max_joint_objects)
+
+    def _added(self, step: Step, found: OpenContinuations, at: int) -> Grown:
         taken, account = found.steps[at], found.accounts[at]
         pairs = zip(step.detections, taken.association, taken.class_assignment, strict=True)
         modes = dict(zip(taken.association, found.objects[at], strict=True))
@@ -110,7 +126,7 @@ class OpenExpander:
         births, local = found.new_objects[parent], None
         if not self.settings.settle:
             local = found.outlooks[parent].local_after(found.pairs[parent], taken.association, births)
-        added = Grown(
+        return Grown(
             [Observed(detection, number, cls) for detection, number, cls in pairs],
             list(found.objects[at]),
             found.robot[at],
@@ -121,7 +137,6 @@ class OpenExpander:
             account,
             local,
         )
-        return component.grown(step, added, self.settings.max_joint_objects, in_place=in_place)
 
     def _born(self, step: Step) -> Index:
         """(D,) ids of the objects that the detections would start: a function of the keyframes so far."""

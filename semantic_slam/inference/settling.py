@@ -71,14 +71,6 @@ def extend_all(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -
     return [found[row] for row in range(len(smoothers))]
 
 
-def extend(smoother: Smoother, extension: Extension) -> Smoother:
-    """One of them. Raises LostComponentError."""
-    grown = extend_all([smoother], [extension])[0]
-    if isinstance(grown, LostComponentError):
-        raise grown
-    return grown
-
-
 def _jumped(smoother: Smoother, extension: Extension) -> Smoother:
     """Optimised from where the estimate jumped to; what the extension does not name begins where it was."""
     origin = smoother.isam.calculateEstimate()

@@ -1,0 +1,41 @@
+"""Components of an open world grow: together until they settle, or one by one with a single update."""
+
+from collections.abc import Sequence
+
+from semantic_slam.inference.component import Motion
+from semantic_slam.inference.growth import Outcome
+from semantic_slam.inference.open_component import Grown, OpenComponent
+from semantic_slam.inference.settling import extend_all
+from semantic_slam.inference.smoother import LostComponentError, Smoother
+
+
+def settled(parents: Sequence[OpenComponent], motion: Motion, added: Sequence[Grown], max_fresh: int) -> list[Outcome]:
+    """A child of each parent, which stays as it was; an error stands for one that is indeterminate."""
+    extensions = [parent.extension_by(motion, own) for parent, own in zip(parents, added, strict=True)]
+    smoothers = extend_all([parent.smoother for parent in parents], extensions)
+    return [
+        smoother if isinstance(smoother, LostComponentError) else _attempt(parent, own, smoother, max_fresh)
+        for parent, own, smoother in zip(parents, added, smoothers, strict=True)
+    ]
+
+
+def stepped(
+    parents: Sequence[OpenComponent], motion: Motion, added: Sequence[Grown], max_fresh: int, *, in_place: bool
+) -> list[Outcome]:
+    """The same after one update each, the next keyframe going on; ``in_place``: a last child uses up its parent."""
+    last = {id(parent): place for place, parent in enumerate(parents)} if in_place else {}
+    children: list[Outcome] = []
+    for place, (parent, own) in enumerate(zip(parents, added, strict=True)):
+        try:
+            smoother = parent.stepped_by(motion, own, in_place=last.get(id(parent)) == place)
+            children.append(parent.grown(own, smoother, max_fresh))
+        except LostComponentError as fault:
+            children.append(fault)
+    return children
+
+
+def _attempt(parent: OpenComponent, own: Grown, smoother: Smoother, max_fresh: int) -> Outcome:
+    try:
+        return parent.grown(own, smoother, max_fresh)
+    except LostComponentError as fault:
+        return fault
