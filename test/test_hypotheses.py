@@ -84,8 +84,8 @@ def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> Non
 def test_hypotheses_that_had_to_be_given_up_are_counted_by_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     world, grown = make_world(4, semantic_model={"kind": "none"}), continuation.grow_all
 
-    def first_fails(*arguments: Any) -> list[Any]:
-        return [LostComponentError("an update failed (indeterminate)"), *grown(*arguments)[1:]]
+    def first_fails(*arguments: Any, in_place: bool) -> list[Any]:
+        return [LostComponentError("an update failed (indeterminate)"), *grown(*arguments, in_place=in_place)[1:]]
 
     manager = HypothesisManager(world.run, InProcessPool(1))
     beliefs = [manager.process(keyframe) for keyframe in world.keyframes[:2]]
@@ -93,9 +93,8 @@ def test_hypotheses_that_had_to_be_given_up_are_counted_by_reason(monkeypatch: p
     beliefs.append(manager.process(world.keyframes[2]))
     assert manager.lost == {"hypothesis lost: an update failed (indeterminate)": 1}
     assert beliefs[2].discarded_mass > beliefs[1].discarded_mass
-    monkeypatch.setattr(
-        continuation, "grow_all", lambda parents, *_: [LostComponentError("not finite") for _ in parents]
-    )
+    nothing = LostComponentError("not finite")
+    monkeypatch.setattr(continuation, "grow_all", lambda parents, *_, in_place: [nothing] * len(parents))
     with pytest.raises(SemanticSlamError, match=r"every hypothesis was lost; check .* x hypothesis lost: not finite"):
         manager.process(world.keyframes[3])
 

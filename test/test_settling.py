@@ -146,6 +146,35 @@ def test_growing_leaves_the_parent_as_it_was() -> None:
     assert np.array_equal(estimate(parent), before)
 
 
+@pytest.mark.parametrize("fails", [False, True])
+def test_an_only_child_may_use_up_its_parent(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the update was in vain: what it left behind in the smoother does not count twice."""
+    kept, used = root(SemanticFactors(MANIFOLD, CLASSES)), root(SemanticFactors(MANIFOLD, CLASSES))
+    updated = Smoother.updated
+
+    def in_vain(*arguments: object) -> Smoother:
+        updated(*arguments)  # type: ignore[arg-type]
+        raise RuntimeError("indeterminate")
+
+    for k in range(5):
+        extension, parent = classed(k, 0.2), used
+        with monkeypatch.context() as patch:
+            if fails and k == 2:
+                patch.setattr(Smoother, "updated", in_vain)
+            kept = extend(kept, extension)
+            used = extend_all([parent], [extension], settling.alone([parent]))[0]
+        assert (used.isam is parent.isam) != (fails and k == 2)
+    assert num_real_factors(used) == num_real_factors(kept)
+    np.testing.assert_allclose(estimate(used), estimate(kept), atol=1e-4 if fails else 1e-12)
+    covariances = [one.joint_covariance([ROBOT[5], TARGET]) for one in (used, kept)]
+    np.testing.assert_allclose(*covariances, rtol=1e-3 if fails else 1e-9, atol=1e-6)
+
+
+def num_real_factors(smoother: Smoother) -> int:
+    graph = smoother.isam.getFactorsUnsafe()
+    return sum(graph.exists(i) for i in range(graph.size()))
+
+
 def test_a_lost_one_does_not_take_the_others_along() -> None:
     parent = root(SemanticFactors(MANIFOLD, CLASSES))
     broken = classed(0, 0.0)

@@ -90,9 +90,13 @@ class Expander:
     def grow(
         self, step: Step, found: Continuations, parents: Sequence[Component], at: Sequence[int], *, in_place: bool
     ) -> list[Outcome]:
-        """The components of the continuations ``at``, each from its own of ``parents``, which stay as they are."""
+        """The components of the continuations ``at``, each from its own of ``parents``.
+
+        ``in_place``: nobody needs the parents again, and a child may use its own up.
+        """
         observed = [_observed(step, found, one) for one in at]
-        return grow_all(parents, step.motion, observed, [found.continued(one) for one in at])
+        continued = [found.continued(one) for one in at]
+        return grow_all(parents, step.motion, observed, continued, in_place=in_place)
 
     def expand(
         self, step: Step, parent_ids: Sequence[int], held: Sequence[Held], path: LineageStep | None = None

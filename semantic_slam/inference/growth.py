@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.inference.component import Component, Continued, Motion, Observed
-from semantic_slam.inference.settling import extend_all
+from semantic_slam.inference.settling import alone, extend_all
 from semantic_slam.inference.smoother import LostComponentError
 
 Outcome = Component | LostComponentError
@@ -16,8 +16,13 @@ def grow_all(
     motion: Motion,
     observed: Sequence[Sequence[Observed]],
     continued: Sequence[Continued],
+    *,
+    in_place: bool = False,
 ) -> list[Outcome]:
-    """A child of each parent, which stays as it was; an error stands for one that is indeterminate."""
+    """A child of each parent; an error stands for one that is indeterminate.
+
+    Parents stay as they were, unless an only child may use up its parent ``in_place``.
+    """
     if not parents:
         return []
     rows = list(zip(parents, observed, continued, strict=True))
@@ -28,7 +33,7 @@ def grow_all(
         parent.extension(motion, seen, what, state, change)
         for (parent, seen, what), state, change in zip(rows, predicted, moved, strict=True)
     ]
-    smoothers = extend_all([parent.smoother for parent in parents], extensions)
+    smoothers = extend_all([parent.smoother for parent in parents], extensions, alone(parents) if in_place else ())
     return [
         own if isinstance(own, LostComponentError) else parent.child(seen, what, own)
         for (parent, seen, what), own in zip(rows, smoothers, strict=True)

@@ -5,14 +5,19 @@ from collections.abc import Sequence
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.growth import Outcome
 from semantic_slam.inference.open_component import Grown, OpenComponent
-from semantic_slam.inference.settling import extend_all
+from semantic_slam.inference.settling import alone, extend_all
 from semantic_slam.inference.smoother import LostComponentError, Smoother
 
 
-def settled(parents: Sequence[OpenComponent], motion: Motion, added: Sequence[Grown], max_fresh: int) -> list[Outcome]:
-    """A child of each parent, which stays as it was; an error stands for one that is indeterminate."""
+def settled(
+    parents: Sequence[OpenComponent], motion: Motion, added: Sequence[Grown], max_fresh: int, *, in_place: bool
+) -> list[Outcome]:
+    """A child of each parent; an error stands for one that is indeterminate.
+
+    Parents stay as they were, unless an only child may use up its parent ``in_place``.
+    """
     extensions = [parent.extension_by(motion, own) for parent, own in zip(parents, added, strict=True)]
-    smoothers = extend_all([parent.smoother for parent in parents], extensions)
+    smoothers = extend_all([parent.smoother for parent in parents], extensions, alone(parents) if in_place else ())
     return [
         smoother if isinstance(smoother, LostComponentError) else _attempt(parent, own, smoother, max_fresh)
         for parent, own, smoother in zip(parents, added, smoothers, strict=True)

@@ -7,7 +7,6 @@ and their hypothesis weight, by the same probabilities.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,13 +109,13 @@ class OpenExpander:
     ) -> list[Outcome]:
         """The components of the continuations ``at``, each from its own of ``parents``.
 
-        Where smoothers are updated once per keyframe, the last child may use up its parent ``in_place``.
+        ``in_place``: nobody needs the parents again, and a child may use its own up.
         """
         assert isinstance(found, OpenContinuations)
         own = [parent for parent in parents if isinstance(parent, OpenComponent)]
         added = [self._added(step, found, one) for one in at]
-        grow = settled if self.settings.settle else partial(stepped, in_place=in_place)
-        return grow(own, step.motion, added, self.settings.max_joint_objects)
+        grow = settled if self.settings.settle else stepped
+        return grow(own, step.motion, added, self.settings.max_joint_objects, in_place=in_place)
 
     def _added(self, step: Step, found: OpenContinuations, at: int) -> Grown:
         taken, account = found.steps[at], found.accounts[at]

@@ -1,5 +1,6 @@
 """Smoothers that grow together: what Python has to evaluate for them is evaluated for all at once."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -57,33 +58,49 @@ class _Stale:
     urgent: bool = False  # so far that the next keyframe's update is too late
 
 
-def extend_all(smoothers: Sequence[Smoother], extensions: Sequence[Extension]) -> list[Outcome]:
+def extend_all(
+    smoothers: Sequence[Smoother], extensions: Sequence[Extension], used_up: Collection[int] = ()
+) -> list[Outcome]:
     """Forks with their extensions, updated until no state is so far from where it is linearised that it matters.
 
     Where the estimate jumped, does not settle, or is too poorly conditioned for an update, the whole is optimised. An
-    error stands for a smoother whose system is indeterminate.
+    error stands for a smoother whose system is indeterminate. Of the rows ``used_up`` nobody needs the smoother again:
+    they need no fork.
     """
-    calm = [row for row, extension in enumerate(extensions) if not extension.jumped]
-    found = _settled(_forked({row: smoothers[row] for row in calm}, {row: extensions[row] for row in calm}))
+    calm = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
+    sizes = {row: calm[row].num_factors for row in used_up if row in calm}
+    found = _settled(_forked(calm, {row: extensions[row] for row in calm}, sizes))
     for row, extension in enumerate(extensions):
         if extension.jumped or isinstance(found[row], LostComponentError):
-            found[row] = _attempt(_jumped, smoothers[row], extension)
+            found[row] = _attempt(_jumped, smoothers[row], extension, sizes.get(row))
     return [found[row] for row in range(len(smoothers))]
 
 
-def _jumped(smoother: Smoother, extension: Extension) -> Smoother:
-    """Optimised from where the estimate jumped to; what the extension does not name begins where it was."""
-    origin = smoother.isam.calculateEstimate()
+def alone(parents: Sequence[object]) -> list[int]:
+    """Which of some parents have one child."""
+    times = Counter(id(parent) for parent in parents)
+    return [row for row, parent in enumerate(parents) if times[id(parent)] == 1]
+
+
+def _jumped(smoother: Smoother, extension: Extension, num_factors: int | None) -> Smoother:
+    """Optimised from where the estimate jumped to; what the extension does not name begins where it was.
+
+    A smoother that an update has used up in vain had ``num_factors`` before.
+    """
+    origin = smoother.isam.calculateEstimate() if num_factors is None else smoother.isam.getLinearizationPoint()
+    for key in extension.values.keys():  # noqa: SIM118
+        if origin.exists(key):
+            origin.erase(key)
     origin.insert(extension.values)
-    kept = smoother.kept()
+    kept = smoother.kept(num_factors)
     kept.push_back(extension.graph)
     return reoptimised(smoother, kept, [*smoother.made.named, *extension.named], _starts(smoother, origin, extension))
 
 
 def _forked(
-    smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension]
+    smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension], used_up: Collection[int]
 ) -> dict[int, _Fork | LostComponentError]:
-    """After one update, which also renews what has moved since it was made."""
+    """After one update, which also renews what has moved since it was made; ``used_up`` ones as they are."""
     if not smoothers:
         return {}
     before, own = list(smoothers.values()), list(extensions.values())
@@ -93,8 +110,8 @@ def _forked(
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
     made = semantics.make([one.named for one in own], places)
 
-    def fork(smoother: Smoother, extension: Extension, added: Added, renewal: Renewal) -> _Fork:
-        isam = gtsam.ISAM2(smoother.isam)
+    def fork(row: int, smoother: Smoother, extension: Extension, added: Added, renewal: Renewal) -> _Fork:
+        isam = smoother.isam if row in used_up else gtsam.ISAM2(smoother.isam)
         updated = smoother.updated(isam, extension.graph, extension.values, added, renewal)
         certain = {item.descriptor_key for item in extension.named if not item.exact}
         return _Fork(extension, updated, updated.rests(), updated.exact_rows(certain))
@@ -102,7 +119,7 @@ def _forked(
     added = [Added(one.named, factors, at) for one, factors, at in zip(own, made, places, strict=True)]
     renewals = [Renewal(*parts) for parts in zip(stale, again, now, strict=True)]
     rows = zip(smoothers, before, own, added, renewals, strict=True)
-    return {row: _attempt(fork, *parts) for row, *parts in rows}
+    return {row: _attempt(fork, row, *parts) for row, *parts in rows}
 
 
 def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outcome]:

@@ -263,13 +263,18 @@ class Smoother:
             descriptors = known[np.searchsorted(all_keys[:split], keys[:, 2])]
         return Places(poses[at[:, 0]], poses[at[:, 1]], descriptors)
 
-    def kept(self) -> gtsam.NonlinearFactorGraph:
-        """All factors but the semantic ones."""
+    @property
+    def num_factors(self) -> int:
+        """Places in iSAM2's list of factors: those of removed ones stay empty, new ones come after them."""
+        return int(self.isam.getFactorsUnsafe().size())
+
+    def kept(self, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
+        """All factors but the semantic ones; those of the first ``num_factors`` where that is said."""
         graph = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe())
-        semantic = set(self.made.indices)
-        kept = gtsam.NonlinearFactorGraph()
-        for factor in (graph.at(i) for i in range(graph.size()) if i not in semantic and graph.exists(i)):
-            kept.add(factor)
+        semantic, kept = set(self.made.indices), gtsam.NonlinearFactorGraph()
+        for i in range(graph.size() if num_factors is None else num_factors):
+            if i not in semantic and graph.exists(i):
+                kept.add(graph.at(i))
         return kept
 
 
