@@ -37,7 +37,7 @@ class Manifold(Protocol):
         """``other`` as seen from ``state``."""
 
     def mean(self, states: Array, weights: Array) -> Array:
-        """(d,) mean of (P, d) states with (P,) normalised weights, in map: of positions and of directions."""
+        """(..., d) mean of (P, ..., d) states with (P,) normalised weights, in map: of positions and of directions."""
 
     def exp(self, tangent: Array) -> Array:
         """State at the origin moved by (..., d) tangent vectors: retract(state, t) is compose(state, exp(t))."""
@@ -87,8 +87,8 @@ class PlanarPoses:
         return se2.between(state, other)
 
     def mean(self, states: Array, weights: Array) -> Array:
-        heading = np.arctan2(weights @ np.sin(states[:, 2]), weights @ np.cos(states[:, 2]))
-        return np.append(weights @ states[:, :2], heading)
+        heading = np.arctan2(weights @ np.sin(states[..., 2]), weights @ np.cos(states[..., 2]))
+        return np.concatenate([np.tensordot(weights, states[..., :2], 1), heading[..., None]], axis=-1)
 
     def exp(self, tangent: Array) -> Array:
         return se2.exp(tangent)
@@ -140,7 +140,7 @@ class PlanarPositions:
         return np.asarray(other - state)
 
     def mean(self, states: Array, weights: Array) -> Array:
-        return np.asarray(weights @ states)
+        return np.asarray(np.tensordot(weights, states, 1))
 
     def exp(self, tangent: Array) -> Array:
         return tangent

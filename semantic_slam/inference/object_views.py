@@ -40,14 +40,15 @@ class Correction:
 
     @classmethod
     def towards(
-        cls, manifold: Manifold, state: Array, covariance: Array, samples: Array, weights: Array
-    ) -> "Correction":
-        """From a Gaussian at ``state`` (d,) to the moments of (P, d) samples with (P,) normalised weights."""
-        root = np.linalg.cholesky(covariance)
+        cls, manifold: Manifold, states: Array, covariances: Array, samples: Array, weights: Array
+    ) -> list["Correction"]:
+        """From K Gaussians at ``states`` (K, d) to the moments of (N, K, d) samples with (N,) normalised weights."""
+        roots = np.linalg.cholesky(covariances)
         mean = manifold.mean(samples, weights)
-        shift = np.linalg.solve(root, manifold.local(state, mean))
-        spread = np.linalg.solve(root, manifold.local(np.broadcast_to(mean, samples.shape), samples).T)
-        return cls(shift, (spread * weights) @ spread.T)
+        shifts = np.linalg.solve(roots, manifold.local(states, mean)[..., None])[..., 0]
+        spread = np.linalg.solve(roots, np.moveaxis(manifold.local(mean[None], samples), 0, -1))  # (K, d, N)
+        moments = (spread * weights) @ np.swapaxes(spread, 1, 2)
+        return [cls(shift, covariance) for shift, covariance in zip(shifts, moments, strict=True)]
 
     def applied(self, manifold: Manifold, state: Array, covariance: Array) -> tuple[Array, Array]:
         """A state (d,) and its covariance (d, d), corrected."""

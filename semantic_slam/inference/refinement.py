@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve
 
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry.arrays import broadcast_copy
@@ -108,16 +107,12 @@ class Moments:
 
     def corrections(self) -> dict[int, Correction]:
         """Weighted moments of the newest robot state and of the objects, against the Laplace Gaussian's."""
-        chain, count = self.drawn.chain, len(self.keys)
-        slopes = chain.newest_slopes(self.y[None])[0]
-        spread = cho_solve((np.linalg.cholesky(self.hessian), True), slopes.reshape(-1, chain.size).T)
-        mode, states = Drawn(chain, self.y[None]).states[0], self.drawn.states
-        found = {}
-        for row, key in enumerate(self.keys):
-            own = spread.reshape(chain.size, count, chain.dimension)[:, row]
-            covariance = slopes[row] @ own
-            found[key] = Correction.towards(chain.manifold, mode[row], covariance, states[:, row], self.weights)
-        return found
+        chain = self.drawn.chain
+        slopes = chain.newest_slopes(self.y[None])[0]  # (K, d, size)
+        covariances = slopes @ np.linalg.solve(self.hessian, np.swapaxes(slopes, 1, 2))
+        mode = Drawn(chain, self.y[None]).states[0]
+        found = Correction.towards(chain.manifold, mode, covariances, self.drawn.states, self.weights)
+        return dict(zip(self.keys, found, strict=True))
 
 
 @dataclass(frozen=True)
