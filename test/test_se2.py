@@ -39,6 +39,9 @@ def test_adjoint_moves_a_perturbation_to_the_other_side() -> None:
     right = se2.compose(POSES, se2.exp(small))
     left = se2.compose(se2.exp((se2.adjoint(POSES) @ small[..., None])[..., 0]), POSES)
     np.testing.assert_allclose(left, right, atol=1e-12)
+    back = se2.compose(POSES, se2.exp((se2.inverse_adjoint(POSES) @ small[..., None])[..., 0]))
+    np.testing.assert_allclose(back, se2.compose(se2.exp(small), POSES), atol=1e-12)
+    np.testing.assert_allclose(se2.inverse_adjoint(POSES[0]), se2.inverse_adjoint(POSES)[0], atol=1e-15)
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -48,6 +51,7 @@ def test_right_jacobian_against_differences(axis: int) -> None:
     forward = se2.log(se2.between(se2.exp(TANGENTS), se2.exp(TANGENTS + step)))
     backward = se2.log(se2.between(se2.exp(TANGENTS), se2.exp(TANGENTS - step)))
     np.testing.assert_allclose(se2.right_jacobian(TANGENTS)[:, :, axis], (forward - backward) / 2e-6, atol=1e-8)
+    np.testing.assert_allclose(se2.right_jacobian(TANGENTS[0]), se2.right_jacobian(TANGENTS)[0], atol=1e-15)
 
 
 def test_planar_poses_and_covariances_survive_three_dimensions() -> None:

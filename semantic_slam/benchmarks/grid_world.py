@@ -64,7 +64,7 @@ class World:
     def predicted_robot(self) -> tuple[Array, Array]:
         """(3,) mean and (3, 3) covariance of b^-[x_1] (Eq. 4.21), in the tangent space at the mean."""
         control = self.frames[0].control
-        transition = se2.adjoint(se2.inverse(control))
+        transition = se2.inverse_adjoint(control)
         covariance = transition @ np.diag(self.noise.robot) @ transition.T + np.diag(self.noise.motion)
         return se2.compose(self.robot_mean, control), covariance
 

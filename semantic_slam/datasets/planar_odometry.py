@@ -44,7 +44,7 @@ def simulate_odometry(truth: Array, noise: OdometryNoise, rng: np.random.Generat
         sigma = step_sigma(step, noise)
         measured = se2.compose(step, se2.exp(sigma * rng.standard_normal(3)))
         poses.append(se2.compose(poses[-1], measured))
-        backwards = se2.adjoint(se2.inverse(measured))
+        backwards = se2.inverse_adjoint(measured)
         spread = backwards @ spread @ backwards.T + np.diag(sigma**2)
         covariances.append(se2.rotate_covariance(poses[-1], spread))
     return Odometry(np.array(poses), np.array(covariances))

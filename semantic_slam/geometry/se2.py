@@ -96,24 +96,39 @@ def adjoint(pose: Array) -> Array:
     return matrix
 
 
+def inverse_adjoint(pose: Array) -> Array:
+    """(..., 3, 3) with Exp(e) pose = pose Exp(Ad^-1 e)."""
+    if pose.ndim == 1:
+        x, y, angle = pose.tolist()
+        c, s = cos(angle), sin(angle)
+        return np.array([[c, s, s * x - c * y], [-s, c, c * x + s * y], [0.0, 0.0, 1.0]])
+    sine, cosine = sine_cosine(pose[..., 2])
+    matrix = np.zeros((*pose.shape[:-1], 3, 3))
+    matrix[..., 0, 0] = matrix[..., 1, 1] = cosine
+    matrix[..., 0, 1], matrix[..., 1, 0] = sine, -sine
+    matrix[..., 0, 2] = sine * pose[..., 0] - cosine * pose[..., 1]
+    matrix[..., 1, 2] = cosine * pose[..., 0] + sine * pose[..., 1]
+    matrix[..., 2, 2] = 1.0
+    return matrix
+
+
 def right_jacobian(tangent: Array) -> Array:
     """(..., 3, 3) with Exp(t + e) = Exp(t) Exp(J e) to first order in e."""
     return exp_and_jacobian(tangent)[1]
 
 
 def exp_and_jacobian(tangent: Array) -> tuple[Array, Array]:
-    """Group element of a tangent vector, and its (..., 3, 3) right Jacobian."""
+    """Group element of a tangent vector, its heading as it is given, and its (..., 3, 3) right Jacobian."""
     x, y, theta = tangent[..., 0], tangent[..., 1], tangent[..., 2]
     a, b = _sine_terms(theta)
-    small = np.abs(theta) < SMALL_ANGLE
-    c = np.where(small, theta / 6.0, (1.0 - a) / np.where(small, 1.0, theta))
+    c = np.divide(1.0 - a, theta, out=np.asarray(theta / 6.0), where=np.abs(theta) >= SMALL_ANGLE)
     d = 0.5 * (a * a + b * b)  # (1 - cos(t)) / t^2
     matrix = np.zeros((*tangent.shape[:-1], 3, 3))
     matrix[..., 0, 0] = matrix[..., 1, 1] = a
     matrix[..., 0, 1], matrix[..., 1, 0] = b, -b
     matrix[..., 0, 2], matrix[..., 1, 2] = x * c - y * d, x * d + y * c
     matrix[..., 2, 2] = 1.0
-    return _columns(a * x - b * y, b * x + a * y, wrap_angle(theta)), matrix
+    return _columns(a * x - b * y, b * x + a * y, theta), matrix
 
 
 def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True) -> Array:
@@ -158,6 +173,5 @@ def _sine_terms(theta: Array) -> tuple[Array, Array]:
     """sin(t)/t and (1 - cos(t))/t, also at zero; from half the angle, where nothing cancels."""
     half = 0.5 * theta
     sine, cosine = sine_cosine(half)
-    nothing = np.abs(half) < SMALLEST_ANGLE
-    ratio = np.where(nothing, 1.0, sine / np.where(nothing, 1.0, half))
+    ratio = np.divide(sine, half, out=np.ones_like(half), where=np.abs(half) >= SMALLEST_ANGLE)
     return ratio * cosine, ratio * sine

@@ -53,7 +53,9 @@ class Chain:
         self.places, self.classes = anchored.places, anchored.classes
         self.root = np.asarray(np.linalg.cholesky(anchored.covariance), dtype=np.float64)
         self.width = self.root.shape[-1]
-        self._controls = np.array([link.motion.control for link in links])  # (T, d)
+        controls = np.array([link.motion.control for link in links]).reshape(len(links), self.dimension)
+        every = np.tile(controls, (len(self.mean), 1, 1))
+        self._bases = np.concatenate([self.mean, every], axis=1)  # (K, 1 + O + T, d)
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
         self.size = self.width + len(links) * self.dimension
         self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
@@ -73,7 +75,7 @@ class Chain:
         if len(self) == 1:
             return self
         part = copy.copy(self)
-        part.mean, part.root = self.mean[selection], self.root[selection]
+        part.mean, part.root, part._bases = self.mean[selection], self.root[selection], self._bases[selection]
         part.places, part.classes = self.places[selection], self.classes[selection]
         return part
 
@@ -88,7 +90,8 @@ class Chain:
 
     def newest_slopes(self, y: Array) -> Array:
         """(K, 1 + O, d, size) derivatives of the newest robot state and of the objects by y (K, size)."""
-        by_robot, by_object = self._slopes(*self.manifold.exp_and_jacobian(self._tangents(y)))
+        moves, chart = self.manifold.exp_and_jacobian(self._tangents(y))
+        by_robot, by_object = self._slopes(self._composed(moves), chart)
         found = np.zeros((len(y), self.mean.shape[1], self.dimension, self.size))
         found[:, 0], found[:, 1:, :, : self.width] = by_robot[:, 0, -1], by_object[:, 0]
         return found
@@ -118,22 +121,23 @@ class Chain:
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         moves, chart = self.manifold.exp_and_jacobian(self._tangents(y))
-        robots, objects = self._moved(moves)
-        by_robot, by_object = self._slopes(moves, chart)
+        composed = self._composed(moves)
+        robots, objects = self._moved(composed)
+        by_robot, by_object = self._slopes(composed, chart)
         energy, residuals, jacobians = 0.5 * (y**2).sum(-1), [], []
         for parts, sights in self._linearised(robots, objects):
             for part in parts:
                 energy += (0.5 * (part.residual**2).sum(-1) - part.log_normaliser).reshape(len(y), -1).sum(-1)
             shape = (*robots.shape[:2], len(sights), -1, self.dimension)
-            together = np.concatenate([part.jacobian_robot for part in parts], axis=1).reshape(shape)
+            together = _joined([part.jacobian_robot for part in parts]).reshape(shape)
             jacobian = together @ self._timed(by_robot, sights)
-            together = np.concatenate([part.jacobian_object for part in parts], axis=1).reshape(shape)
+            together = _joined([part.jacobian_object for part in parts]).reshape(shape)
             jacobian[..., : self.width] += together @ self._placed(by_object, sights)
             jacobians.append(jacobian.reshape(len(y), -1, self.size))
-            residuals.append(np.concatenate([part.residual for part in parts], axis=1).reshape(len(y), -1, 1))
+            residuals.append(_joined([part.residual for part in parts]).reshape(len(y), -1, 1))
         if not jacobians:
             return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
-        jacobian, residual = np.concatenate(jacobians, axis=1), np.concatenate(residuals, axis=1)
+        jacobian, residual = _joined(jacobians), _joined(residuals)
         transposed = np.swapaxes(jacobian, -1, -2)
         hessian = transposed @ jacobian
         hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
@@ -192,7 +196,7 @@ class Chain:
 
     def _states(self, y: Array) -> tuple[Array, Array]:
         """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""
-        return self._moved(self.manifold.exp(self._tangents(y)))
+        return self._moved(self._composed(self.manifold.exp(self._tangents(y))))
 
     def _tangents(self, y: Array) -> Array:
         """(K, N, 1 + O + T, d): of robot and objects at the anchor, then of the motions."""
@@ -206,29 +210,35 @@ class Chain:
             tangents[:, :, count + t] = y[..., start : start + d] @ root.T
         return tangents
 
-    def _moved(self, moves: Array) -> tuple[Array, Array]:
-        """States from Exp of all tangents."""
-        count = self.mean.shape[1]
-        states = self.manifold.compose(self.mean[:, None], moves[:, :, :count])
-        robots = np.empty((*moves.shape[:2], 1 + len(self.links), self.dimension))
-        robots[:, :, 0] = states[:, :, 0]
-        if self.links:
-            steps = self.manifold.compose(self._controls, moves[:, :, count:])
-            for t in range(len(self.links)):
-                robots[:, :, t + 1] = self.manifold.compose(robots[:, :, t], steps[:, :, t])
-        return robots, states[:, :, 1:]
+    def _composed(self, moves: Array) -> Array:
+        """(K, N, 1 + O + T, d) states at the anchor and motions since, from Exp of all tangents."""
+        return self.manifold.compose(self._bases[:, None], moves)
 
-    def _slopes(self, moves: Array, chart: Array) -> tuple[Array, Array]:
+    def _moved(self, composed: Array) -> tuple[Array, Array]:
+        """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""
+        count = self.mean.shape[1]
+        robots = np.empty((*composed.shape[:2], 1 + len(self.links), self.dimension))
+        robots[:, :, 0] = composed[:, :, 0]
+        for t in range(len(self.links)):
+            robots[:, :, t + 1] = self.manifold.compose(robots[:, :, t], composed[:, :, count + t])
+        return robots, composed[:, :, 1:count]
+
+    def _slopes(self, composed: Array, chart: Array) -> tuple[Array, Array]:
         """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, width) of the objects: in tangent spaces by y."""
-        count, d, leading = self.mean.shape[1], self.dimension, moves.shape[:2]
+        count, d, leading = self.mean.shape[1], self.dimension, composed.shape[:2]
         anchor = chart[:, :, :count] @ self.root.reshape(len(self), 1, -1, d, self.width)
         robots = np.zeros((*leading, 1 + len(self.links), d, self.size))
         robots[:, :, 0, :, : self.width] = anchor[:, :, 0]
         if self.links:
-            transitions = self.manifold.propagation(self.manifold.compose(self._controls, moves[:, :, count:]))
+            transitions = self.manifold.propagation(composed[:, :, count:])
             own = chart[:, :, count:] @ np.array(self.motion_roots)
         for t in range(len(self.links)):
             robots[:, :, t + 1] = transitions[..., t, :, :] @ robots[:, :, t]
             columns = slice(self.width + t * d, self.width + (t + 1) * d)
             robots[:, :, t + 1, :, columns] += own[:, :, t]
         return robots, anchor[:, :, 1:]
+
+
+def _joined(parts: list[Array]) -> Array:
+    """One after the other along the second axis."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)

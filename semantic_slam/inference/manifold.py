@@ -97,7 +97,7 @@ class PlanarPoses:
         return se2.exp_and_jacobian(tangent)
 
     def propagation(self, control: Array) -> Array:
-        return se2.adjoint(se2.inverse(control))
+        return se2.inverse_adjoint(control)
 
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         values.insert(key, gtsam.Pose2(*state.tolist()))

@@ -46,7 +46,7 @@ def slopes(control: Array) -> Array:
 
 def composed_slopes(before: Array, control: Array, own: Array) -> Array:
     """(3, 2) of a motion with ``before`` that goes on with ``control``, whose ``own`` they are."""
-    return np.asarray(se2.adjoint(se2.inverse(control)) @ before + own)
+    return np.asarray(se2.inverse_adjoint(control) @ before + own)
 
 
 def bias_key(keyframe: int) -> int:

@@ -80,7 +80,7 @@ def make_drive(log: Log, variant: Variant) -> Drive:
 
 
 def _composed(control: Array, covariance: Array, increment: Array, variances: Array) -> tuple[Array, Array]:
-    back = se2.adjoint(se2.inverse(increment))
+    back = se2.inverse_adjoint(increment)
     return se2.compose(control, increment), back @ covariance @ back.T + variances
 
 
