@@ -81,21 +81,49 @@ def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> Non
         assert_same(manager.process(keyframe), expected)
 
 
+class RememberingPool(InProcessPool):
+    """Knows the newest commit."""
+
+    newest: Commit
+
+    def commit(self, commit: Commit) -> list[Components]:
+        self.newest = commit
+        return super().commit(commit)
+
+
+class SilentPool(InProcessPool):
+    """All backends are gone between the rounds."""
+
+    def commit(self, commit: Commit) -> list[Components]:
+        self.backend_ids = ()
+        return []
+
+
+def test_hypotheses_that_no_backend_answered_for_are_counted() -> None:
+    world = make_world(1)
+    manager = HypothesisManager(world.run, SilentPool(1))
+    with pytest.raises(SemanticSlamError, match=r"lost \(1 x no backend answered\); check .* backends"):
+        manager.process(world.keyframes[0])
+    assert manager.lost == {"hypothesis lost: no backend answered": 1}
+
+
 def test_hypotheses_that_had_to_be_given_up_are_counted_by_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     world, grown = make_world(4, semantic_model={"kind": "none"}), continuation.grow_all
 
     def first_fails(*arguments: Any, in_place: bool) -> list[Any]:
         return [LostComponentError("an update failed (indeterminate)"), *grown(*arguments, in_place=in_place)[1:]]
 
-    manager = HypothesisManager(world.run, InProcessPool(1))
+    pool = RememberingPool(1)
+    manager = HypothesisManager(world.run, pool)
     beliefs = [manager.process(keyframe) for keyframe in world.keyframes[:2]]
     monkeypatch.setattr(continuation, "grow_all", first_fails)
     beliefs.append(manager.process(world.keyframes[2]))
     assert manager.lost == {"hypothesis lost: an update failed (indeterminate)": 1}
     assert beliefs[2].discarded_mass > beliefs[1].discarded_mass
+    assert pool.commit(pool.newest)[0].lost_reasons == ("an update failed (indeterminate)",)  # said again, the same
     nothing = LostComponentError("not finite")
     monkeypatch.setattr(continuation, "grow_all", lambda parents, *_, in_place: [nothing] * len(parents))
-    with pytest.raises(SemanticSlamError, match=r"every hypothesis was lost; check .* x hypothesis lost: not finite"):
+    with pytest.raises(SemanticSlamError, match=r"every hypothesis was lost \(\d x not finite\); check"):
         manager.process(world.keyframes[3])
 
 

@@ -27,7 +27,9 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.cli import bag_to_report
 from semantic_slam.configuration import load_configuration
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.inference import continuation
+from semantic_slam.inference.component import LostComponentError
 from semantic_slam.inference.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
@@ -247,3 +249,16 @@ def test_a_belief_bag_is_reported_as_it_is(bag, tmp_path, monkeypatch, capsys, c
     assert len(json.loads((tmp_path / "out" / "report.json").read_text())["keyframes"]) == NUM_FRAMES
     assert (tmp_path / "belief" / "belief.mcap").read_bytes() == before
     assert not (tmp_path / "out" / "belief").exists()
+
+
+def test_hypotheses_given_up_are_in_the_belief_bag_even_if_none_is_left(bag, tmp_path, configuration, monkeypatch):
+    monkeypatch.setattr(
+        continuation, "grow_all", lambda parents, *_, in_place: [LostComponentError("not finite")] * len(parents)
+    )
+    given = dataclasses.replace(configuration, association="given")
+    with pytest.raises(SemanticSlamError, match="every hypothesis was lost"):
+        run_bag(bag, tmp_path / "belief", given, MapPrior())
+    with BagReader(tmp_path / "belief") as reader:
+        last = [reader.decode(item.cdr, item.type_name) for item in reader.messages([topics.DIAGNOSTICS])][-1]
+    values = {value.key: value.value for status in last.status for value in status.values}
+    assert values["dropped: hypothesis lost: not finite"] == "1"

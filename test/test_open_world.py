@@ -1,6 +1,7 @@
 """A run without a map: the right objects come to exist, false alarms do not, however the work is divided."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from open_room import OBJECTS, Room, make_room
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.component import LostComponentError
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.open_component import OpenComponent
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates
 
@@ -69,6 +72,25 @@ def test_detections_of_one_object_share_an_id() -> None:
         for number, label in zip(step.association, labels, strict=True):
             found.setdefault(number, set()).add(label)
     assert all(len(labels) == 1 for number, labels in found.items() if labels != {-1})
+
+
+@pytest.mark.parametrize("settle", [True, False])
+def test_a_child_that_is_lost_takes_no_other_along(settle: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = make_room(12, seed=0, open_world={"merge_position_m": 0.0, "settle": settle})
+    manager = HypothesisManager(room.run, InProcessPool(1))
+    grown, given_up = OpenComponent.grown, []
+
+    def breaks_once(component: OpenComponent, *arguments: Any) -> OpenComponent:
+        if len(manager.live) > 1 and not given_up:
+            given_up.append(component.keyframe)
+            raise LostComponentError("not finite")
+        return grown(component, *arguments)
+
+    monkeypatch.setattr(OpenComponent, "grown", breaks_once)
+    for keyframe in room.keyframes:
+        manager.process(keyframe)
+    assert given_up
+    assert manager.lost == {"hypothesis lost: not finite": 1}
 
 
 @pytest.mark.parametrize("semantic", [False, True])

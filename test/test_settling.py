@@ -207,6 +207,27 @@ def test_half_way_ends_a_swing(damped: bool, monkeypatch: pytest.MonkeyPatch) ->
     assert (abs(grown.descriptors([LOOK])[0, 0]) < MOVED_DESCRIPTOR) == damped
 
 
+@pytest.mark.parametrize(
+    ("thresholds", "rests", "renewed"), [(0.8, True, False), (1.2, True, False), (1.7, True, True), (1.2, False, True)]
+)
+def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
+    thresholds: float, rests: bool, renewed: bool
+) -> None:
+    latent = LatentObservation(Bent())
+    seen = detection(path(1), np.array([0.0, -0.7]))
+    extension = step(0, [Named(ROBOT[1], TARGET, seen, -1, LOOK)], seen, path(1))
+    extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
+    extension.values.insert(LOOK, np.zeros(1))
+    began = {**extension.start, LOOK: np.zeros(1)}
+    smoother = extend(root(SemanticFactors(MANIFOLD, GEOMETRY, latent)), replace(extension, start=began))
+    now = smoother.places([0])
+    off = now.descriptors + thresholds * MOVED_DESCRIPTOR * latent.prior.sigma
+    moved = replace(smoother, made=replace(smoother.made, places=replace(now, descriptors=off)))
+    assert settling._to_renew({7: settling._Fork(extension, moved, rests)}) == {7: [0] if renewed else []}
+    next_keyframe = settling._stale([moved], [[TARGET]])[0]
+    assert next_keyframe.rows == ([0] if thresholds > 1.0 else [])
+
+
 def test_what_cannot_be_read_is_lost_alone() -> None:
     """A measurement that is not a number shows when states are read, not in the update."""
     semantics = SemanticFactors(MANIFOLD, CLASSES)

@@ -114,7 +114,7 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
     summary = run_bag(arguments.bag, beliefs, configuration, prior, arguments.max_keyframes)
     print(f"{summary.num_keyframes} keyframes of {summary.num_frames} frames")
     for reason, count in sorted(summary.dropped.items()):
-        print(f"not used: {reason} ({count})")
+        print(f"dropped: {reason} ({count})")
     return summary.fault
 
 

@@ -49,6 +49,8 @@ class Backend:
         self.steps: list[Step] = []
         self.committed = -1
         self._expanded: tuple[Continuations, list[int]] | None = None
+        self._asked: set[int] = set()  # what the newest commit gave to this backend
+        self._answer: Components | None = None
         self._roster = Roster(self.problem.objects, len(self.problem.class_names), ())
 
     def expand(self, keyframe: Any) -> Candidates:
@@ -73,15 +75,17 @@ class Backend:
         mine = {int(n) for n in commit.ids[commit.owners == self.backend_id]}
         if commit.keyframe < self.committed:
             return None
-        if commit.keyframe == self.committed and mine == set(self.held):
-            return self._report(commit.keyframe, {})
+        if self._answer is not None and commit.keyframe == self.committed and mine == self._asked:
+            return self._answer
         rows = np.flatnonzero(commit.owners == self.backend_id)
         grown = self._survivors(commit, rows)
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
         kept = {number: own for number, own in grown.items() if isinstance(own, Component)}
         self.held = {number: Held(own, weights[number]) for number, own in kept.items()}
         self.committed, self._expanded = commit.keyframe, None
-        return self._report(commit.keyframe, {n: str(own) for n, own in grown.items() if n not in kept})
+        lost = {number: str(own) for number, own in grown.items() if number not in kept}
+        self._asked, self._answer = mine, self._report(commit.keyframe, lost)
+        return self._answer
 
     def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
         """As they are held, grown from what was expanded, or rebuilt."""

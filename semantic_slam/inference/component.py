@@ -86,7 +86,7 @@ class Continued:
 
 @dataclass(frozen=True)
 class Component:
-    """The smoother, the newest robot key and the classes enumerated so far. Growing leaves it as it was."""
+    """The smoother, the newest robot key and the classes enumerated so far; an only child may use its smoother up."""
 
     manifold: Manifold
     model: ObservationModel

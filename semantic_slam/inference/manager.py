@@ -20,6 +20,7 @@ from semantic_slam.inference.open_rounds import OpenRounds, TimeBudget
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import (
+    LOST,
     BackendPool,
     Candidates,
     Commit,
@@ -130,12 +131,17 @@ class HypothesisManager:
     def _update(self, index: int, children: dict[int, Live]) -> tuple[dict[int, Live], dict[int, "_Row"]]:
         """Round two; children of a backend that did not answer are rebuilt elsewhere from their lineage."""
         answers = self.pool.commit(self._commit(index, children))
-        settled = {int(n) for answer in answers for n in (*answer.ids, *answer.lost_ids)}
-        if set(children) - settled and self.pool.backend_ids:
+        if set(children) - _settled(answers) and self.pool.backend_ids:
             children = self._redistributed(children)
             answers = self.pool.commit(self._commit(index, children, always_lineage=True))
-        self.lost.update(f"hypothesis lost: {reason}" for answer in answers for reason in answer.lost_reasons)
-        return children, _by_id(self.open_rounds.aligned(answers) if self.open_rounds else answers)
+        lost = Counter(reason for answer in answers for reason in answer.lost_reasons)
+        lost += Counter({"no backend answered": len(set(children) - _settled(answers))})
+        self.lost.update({f"{LOST}: {reason}": count for reason, count in lost.items()})
+        components = _by_id(self.open_rounds.aligned(answers) if self.open_rounds else answers)
+        if not components:
+            reasons = "; ".join(f"{count} x {reason}" for reason, count in lost.most_common(3))
+            raise SemanticSlamError(f"every hypothesis was lost ({reasons}); check noise parameters and backends")
+        return children, components
 
     def _children(self, merged: "_Merged", pruned: Pruned) -> dict[int, Live]:
         parents = [self.live[int(merged.parent_ids[row])] for row in pruned.kept]
@@ -169,9 +175,6 @@ class HypothesisManager:
     def _accept(self, children: dict[int, Live], components: dict[int, "_Row"], discarded: float) -> None:
         """Keep the children whose components could be updated; the rest is discarded mass."""
         kept = {n: child for n, child in children.items() if n in components}
-        if not kept:
-            reasons = "; ".join(f"{number} x {reason}" for reason, number in self.lost.most_common(3))
-            raise SemanticSlamError(f"every hypothesis was lost; check the noise parameters ({reasons})")
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
         self.log_kept_mass += float(np.log1p(-discarded)) + min(log_total, 0.0)
         self.live = {
@@ -266,6 +269,11 @@ def _merged(answers: list[Candidates]) -> _Merged:
         np.concatenate([answer.object_poses for answer in filled])[order],
         missing[np.unique(parents, return_index=True)[1]],
     )
+
+
+def _settled(answers: list[Components]) -> set[int]:
+    """Ids of hypotheses that are held, or given up."""
+    return {int(n) for answer in answers for n in (*answer.ids, *answer.lost_ids)}
 
 
 def _by_id(answers: list[Components]) -> dict[int, _Row]:

@@ -34,6 +34,7 @@ class ObjectRegistry:
         self._class_prior = np.array(self._class_priors).reshape(len(self.ids), len(self._uniform))
         with np.errstate(divide="ignore"):
             self._log_class_prior = np.log(self._class_prior)
+        self._log_class_prior.setflags(write=False)
 
     def identify(self, name: str) -> int:
         """Object id of an identity given with a detection; a new identity becomes a new object, "" is no object."""

@@ -1,12 +1,12 @@
 """Components of an open world grow: together until they settle, or one by one with a single update."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.growth import Outcome
 from semantic_slam.inference.open_component import Grown, OpenComponent
 from semantic_slam.inference.settling import alone, extend_all
-from semantic_slam.inference.smoother import LostComponentError, Smoother
+from semantic_slam.inference.smoother import LostComponentError
 
 
 def settled(
@@ -19,7 +19,7 @@ def settled(
     extensions = [parent.extension_by(motion, own) for parent, own in zip(parents, added, strict=True)]
     smoothers = extend_all([parent.smoother for parent in parents], extensions, alone(parents) if in_place else ())
     return [
-        smoother if isinstance(smoother, LostComponentError) else _attempt(parent, own, smoother, max_fresh)
+        smoother if isinstance(smoother, LostComponentError) else _attempt(parent.grown, own, smoother, max_fresh)
         for parent, own, smoother in zip(parents, added, smoothers, strict=True)
     ]
 
@@ -29,18 +29,16 @@ def stepped(
 ) -> list[Outcome]:
     """The same after one update each, the next keyframe going on; ``in_place``: a last child uses up its parent."""
     last = {id(parent): place for place, parent in enumerate(parents)} if in_place else {}
-    children: list[Outcome] = []
-    for place, (parent, own) in enumerate(zip(parents, added, strict=True)):
-        try:
-            smoother = parent.stepped_by(motion, own, in_place=last.get(id(parent)) == place)
-            children.append(parent.grown(own, smoother, max_fresh))
-        except LostComponentError as fault:
-            children.append(fault)
-    return children
 
-
-def _attempt(parent: OpenComponent, own: Grown, smoother: Smoother, max_fresh: int) -> Outcome:
-    try:
+    def child(place: int, parent: OpenComponent, own: Grown) -> OpenComponent:
+        smoother = parent.stepped_by(motion, own, in_place=last.get(id(parent)) == place)
         return parent.grown(own, smoother, max_fresh)
+
+    return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, added, strict=True))]
+
+
+def _attempt(grow: Callable[..., OpenComponent], *arguments: object) -> Outcome:
+    try:
+        return grow(*arguments)
     except LostComponentError as fault:
         return fault

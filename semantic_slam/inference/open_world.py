@@ -7,6 +7,7 @@ and their hypothesis weight, by the same probabilities.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ class OpenExpander:
         ``in_place``: nobody needs the parents again, and a child may use its own up.
         """
         assert isinstance(found, OpenContinuations)
-        own = [parent for parent in parents if isinstance(parent, OpenComponent)]
+        own = cast(Sequence[OpenComponent], parents)
         added = [self._added(step, found, one) for one in at]
         grow = settled if self.settings.settle else stepped
         return grow(own, step.motion, added, self.settings.max_joint_objects, in_place=in_place)

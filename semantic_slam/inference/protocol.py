@@ -16,6 +16,10 @@ from semantic_slam.inference.keyframe import Keyframe
 Array = NDArray[np.float64]
 
 
+LOST = "hypothesis lost"
+"""How reasons begin for which a hypothesis was given up, where they are counted with what else was dropped."""
+
+
 @dataclass(frozen=True)
 class LineageStep:
     """What one keyframe added to a hypothesis."""

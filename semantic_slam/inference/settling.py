@@ -65,7 +65,7 @@ def extend_all(
 
     Where the estimate jumped, does not settle, or is too poorly conditioned for an update, the whole is optimised. An
     error stands for a smoother whose system is indeterminate. Of the rows ``used_up`` nobody needs the smoother again:
-    they need no fork.
+    they need no fork. (Parents at which a history is anchored are needed; but their children have jumped.)
     """
     calm = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
     sizes = {row: calm[row].num_factors for row in used_up if row in calm}
@@ -87,11 +87,12 @@ def _jumped(smoother: Smoother, extension: Extension, num_factors: int | None) -
 
     A smoother that an update has used up in vain had ``num_factors`` before.
     """
-    origin = smoother.isam.calculateEstimate() if num_factors is None else smoother.isam.getLinearizationPoint()
-    for key in extension.values.keys():  # noqa: SIM118
-        if origin.exists(key):
-            origin.erase(key)
-    origin.insert(extension.values)
+    if num_factors is None:
+        origin = smoother.isam.calculateEstimate()
+        origin.insert(extension.values)
+    else:
+        origin = gtsam.Values(smoother.isam.getLinearizationPoint())
+        origin.insert_or_assign(extension.values)
     kept = smoother.kept(num_factors)
     kept.push_back(extension.graph)
     return reoptimised(smoother, kept, [*smoother.made.named, *extension.named], _starts(smoother, origin, extension))
@@ -155,14 +156,18 @@ def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> l
 
 
 def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
-    """Stale factors of forks that go on; those of a fork at rest wait for the next keyframe, unless far off.
+    """Stale factors of forks that go on; those of a fork at rest wait until their object is seen again.
 
-    Under classes they wait in any case: their variables are poses alone.
+    Unless they are far off, or an update is due anyway. Under classes they wait in any case: their variables are poses.
     """
     going = {row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.rests}
     smoothers = [fork.smoother for fork in going.values()]
     stale = _stale(smoothers, [fork.extension.start.keys() for fork in going.values()])
-    due = {row: own.rows for row, own in zip(going, stale, strict=True) if own.urgent or not forks[row].rests}
+    due = {
+        row: own.rows
+        for (row, fork), own in zip(going.items(), stale, strict=True)
+        if own.urgent or fork.exact or not fork.rests
+    }
     return {row: [] for row in forks} | due
 
 

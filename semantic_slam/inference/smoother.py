@@ -29,8 +29,8 @@ WILDFIRE_THRESHOLD = 1e-9
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
 AT_REST = 1.5
-"""Thresholds of relinearisation that a state may be off at the end of a keyframe: the next update relinearises what is
-over one, while an update now, for a state hardly over it, costs as much as the keyframe's."""
+"""Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
+the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
 STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
 back-substitution stops, metres or radians."""

@@ -156,7 +156,7 @@ class Stack:
         moved, chart = self.manifold.exp_and_jacobian(tangent)
         parts = self._parts(self.manifold.compose(self.mean, moved))
         if not parts:
-            return energy, y, broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
+            return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
         for part in parts:
             energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
         residual = self._by_row(np.concatenate([part.residual for part in parts], axis=1)).reshape(len(y), -1)

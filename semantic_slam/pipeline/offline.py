@@ -77,21 +77,29 @@ def run_bag(
 
 def _run(run: "OfflineRun", reader: BagReader, max_keyframes: int | None) -> InputError | None:
     """Feed the bag until its end, its damage or the last keyframe wanted; returns what was wrong with it."""
-    fault = None
     with tqdm(total=run.num_expected(reader.counts), unit="frame", desc="frames") as progress:
         run.on_frame = progress.update
         run.max_keyframes = max_keyframes
         try:
-            for message in reader.messages(run.wanted):
-                run.take(message, reader.decode)
-                if run.is_done:
-                    break
-        except InputError as error:
-            fault = error
-        try:
-            run.finish()
-        except InputError as error:
-            fault = fault or error
+            fault = _feed(run, reader)
+        finally:
+            run.record_dropped()
+    return fault
+
+
+def _feed(run: "OfflineRun", reader: BagReader) -> InputError | None:
+    fault = None
+    try:
+        for message in reader.messages(run.wanted):
+            run.take(message, reader.decode)
+            if run.is_done:
+                break
+    except InputError as error:
+        fault = error
+    try:
+        run.finish()
+    except InputError as error:
+        fault = fault or error
     return fault
 
 
@@ -176,14 +184,14 @@ class OfflineRun:
         self._infer(self._keyframes.take())
 
     def finish(self) -> None:
-        """Use what still waits for later messages, and record what was not used. Raises InputError."""
-        try:
-            self._measure(self._frames.flush())
-            self._infer(self._keyframes.flush())
-        finally:
-            self._writer.write(
-                topics.DIAGNOSTICS, dropped_message(self._last_stamp_ns, self.dropped_by()), self._last_stamp_ns
-            )
+        """Use what still waits for later messages. Raises InputError."""
+        self._measure(self._frames.flush())
+        self._infer(self._keyframes.flush())
+
+    def record_dropped(self) -> None:
+        """Write what was dropped, by reason."""
+        stamp_ns = self._last_stamp_ns
+        self._writer.write(topics.DIAGNOSTICS, dropped_message(stamp_ns, self.dropped_by()), stamp_ns)
 
     def _measure(self, frames: list[Frame]) -> None:
         for frame in frames:

@@ -13,7 +13,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.evaluation.record import GroundTruth, Record
 from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.protocol import LOST, RunConfiguration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.ground_truth import GroundTruthObjects
@@ -74,12 +74,14 @@ class _Collected:
         return GroundTruth(_trajectory(self.true_odometry), self.true_objects, self.true_associations)
 
     def reasons(self, beliefs: tuple[HybridBelief, ...]) -> dict[str, int]:
-        """What was dropped, by reason: as diagnostics name them, else the total that the last belief counted."""
+        """What was dropped, by reason: as diagnostics name them; inputs else as the last belief counted them."""
         reasons: dict[str, int] = {}
         for (_, reason), count in self.dropped.items():
             reasons[reason] = reasons.get(reason, 0) + count
         total = beliefs[-1].dropped
-        return reasons if reasons or not total else {"reason not recorded": total}
+        if total and all(reason.startswith(LOST) for reason in reasons):
+            reasons["reason not recorded"] = total
+        return reasons
 
 
 def read_record(path: Path) -> Record:

@@ -52,7 +52,7 @@ class InputMonitor:
 
 
 def dropped_status(dropped: Counter[str]) -> Status:
-    """Inputs that were not used, by reason."""
+    """Inputs that were not used and hypotheses given up, by reason."""
     if not dropped:
         return Status("dropped", Level.OK, "nothing dropped")
     text = "; ".join(f"{number} x {reason}" for reason, number in sorted(dropped.items()))

@@ -115,15 +115,17 @@ class HypothesisManagerNode(PipelineNode):
         self._assembler.add_measurements(measurements)
 
     def _infer(self, keyframes: list[Keyframe]) -> None:
-        for keyframe in keyframes:
-            if self._manager is None:
-                self._manager = self._start(keyframe.stamp_ns)
-            belief = self._manager.process(keyframe)
-            self._publisher.publish(belief, keyframe.odometry)
-            self._lookalikes.belief = belief
-            self._num_keyframes += 1
-        lost = self._manager.lost if self._manager is not None else Counter[str]()
-        self._status = dropped_status(self._assembler.dropped + self._undecodable + lost)
+        try:
+            for keyframe in keyframes:
+                if self._manager is None:
+                    self._manager = self._start(keyframe.stamp_ns)
+                belief = self._manager.process(keyframe)
+                self._publisher.publish(belief, keyframe.odometry)
+                self._lookalikes.belief = belief
+                self._num_keyframes += 1
+        finally:
+            lost = self._manager.lost if self._manager is not None else Counter[str]()
+            self._status = dropped_status(self._assembler.dropped + self._undecodable + lost)
         self._announce(finished=False)
 
     def _start(self, stamp_ns: int) -> HypothesisManager:
