@@ -28,7 +28,7 @@ from semantic_slam.inference.map_prior import read_map_prior
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.run import LEAST_CLASS_SHARE, make_run_configuration, problem_of
 from semantic_slam.messages import topics
-from semantic_slam.report.belief_bag import read_record
+from semantic_slam.report.belief_bag import _Collected, read_record
 from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.make import make_report
 from semantic_slam.report.plain_json import plain, to_text
@@ -93,6 +93,14 @@ def test_metrics_of_the_script(made: Path) -> None:
     # The prior's mean is off by (6, -5): dead reckoning from it is wrong by about that much.
     assert metrics["dead_reckoning_ate_m"] == pytest.approx(math.hypot(6, 5), rel=0.25)
     assert metrics["min_true_class_probability"] < 0.6  # the desk that could be a crate
+
+
+def test_a_lost_hypothesis_does_not_hide_inputs_that_were_dropped() -> None:
+    belief = dataclasses.replace(small_belief(0, [1], [0], [1.0], [0], [[0]]), dropped=4)
+    lost = _Collected(dropped={("semantic_slam: hypotheses", "hypothesis lost: x"): 1})
+    assert lost.reasons((belief,)) == {"hypothesis lost: x": 1, "reason not recorded": 4}
+    named = _Collected(dropped={("semantic_slam: frames", "late"): 4})
+    assert named.reasons((belief,)) == {"late": 4}
 
 
 def test_objects_come_back_as_a_map_prior(made: Path) -> None:
