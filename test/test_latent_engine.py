@@ -22,9 +22,10 @@ from semantic_slam.inference.latent_priors import prior_of_classes
 from semantic_slam.inference.latent_views import LatentViews
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.manifold import PlanarPoses
-from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility, viewpoints_in_plane
 from semantic_slam.inference.protocol import Commit
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.inference.semantics import Moment
 from semantic_slam.inference.stack import Rows, Stack
 from semantic_slam.inference.step import Step
@@ -241,7 +242,7 @@ def test_measured_elevation_enters() -> None:
     """mu has 0.3 el in every component."""
     none = np.zeros((MODEL.num_features, MODEL.num_features))
     level = PlanarDetection(2.0, 0.0, 0.01 * np.eye(2), np.zeros(2), np.zeros(MODEL.num_features), none)
-    seen = [PlanarDetections.of([replace(level, elevation_rad=value)]) for value in (0.0, 0.5)]
+    seen = [SeenFeatures.of([replace(level, elevation_rad=value)]) for value in (0.0, 0.5)]
     states = np.zeros((1, 3)), np.array([[2.0, 0.0, 0.3]]), TRUE[None]
     low, high = (LatentObservation(MODEL).linearise(own, *states).residual[0] for own in seen)
     np.testing.assert_allclose((high - low) * MODEL.noise, 0.15)

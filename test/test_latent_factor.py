@@ -9,8 +9,9 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.latent_factor import exact_factor
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.manifold import PlanarPoses
-from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
 
 RANDOM = np.random.default_rng(2)
@@ -31,7 +32,7 @@ def detection(number: int) -> PlanarDetection:
 
 
 DETECTIONS = [detection(number) for number in range(COUNT)]
-SEEN = PlanarDetections.of(DETECTIONS)
+SEEN = SeenFeatures.of(DETECTIONS)
 
 
 def values(x: np.ndarray, o: np.ndarray, e: np.ndarray, keys: tuple[int, int, int]) -> gtsam.Values:
@@ -85,7 +86,7 @@ def _turned(angle: float, point: np.ndarray) -> np.ndarray:
 
 def test_the_density_is_tempered() -> None:
     """N(f; mu, S)^(1/2), S being the model's variance and that of the dropout passes."""
-    prediction_variance = MODEL.noise**2 + np.diagonal(SEEN.feature_covariance, axis1=1, axis2=2)
+    prediction_variance = MODEL.noise**2 + SEEN.variance
     alone = LatentObservation(MODEL).linearise(SEEN, X, O, E)
     np.testing.assert_allclose(LATENT.linearise(SEEN, X, O, E).log_density(), 0.5 * alone.log_density())
     residual = alone.residual * np.sqrt(prediction_variance)
@@ -154,7 +155,7 @@ def _orbit():
         )
         graph.add(bearing)
         blank = PlanarDetection(2.0, 0.0, 0.01 * np.eye(2), np.zeros(2), np.zeros(8), np.zeros((8, 8)))
-        seen = PlanarDetections.of([blank])
+        seen = SeenFeatures.of([blank])
         mean = latent.linearise(seen, x[None], target[None], TRUE_DESCRIPTOR[None]).residual[0] * MODEL.noise
         feature = mean + MODEL.noise * random.normal(size=8)
         view = PlanarDetection(2.0, 0.0, 0.01 * np.eye(2), np.zeros(2), feature, np.zeros((8, 8)))

@@ -7,7 +7,8 @@ from harmonic_model import HarmonicModel
 from semantic_slam.inference.heading_modes import HeadingModes, Sighting, updated
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.lookalike import lookalikes
-from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.latent.model import DescriptorBelief
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -37,9 +38,7 @@ def exact(model: HarmonicModel, detection: PlanarDetection, angles: np.ndarray) 
 def test_evidence_over_the_circle_is_the_integral(seed: int) -> None:
     detection = view(MODEL, 0.9, seed=seed)
     start = HeadingModes.all_around(MODEL.prior)
-    ((_, evidence),) = updated(
-        LatentObservation(MODEL), PlanarDetections.of([detection]), [Sighting(start, 0, 0.0, 0.0)]
-    )
+    ((_, evidence),) = updated(LatentObservation(MODEL), SeenFeatures.of([detection]), [Sighting(start, 0, 0.0, 0.0)])
     logs, _ = exact(MODEL, detection, np.arange(0.0, 2 * np.pi, np.pi / 720))
     assert evidence == pytest.approx(np.logaddexp.reduce(logs) - np.log(len(logs)), abs=0.3)
 
@@ -48,7 +47,7 @@ def test_views_from_several_sides_settle_heading_and_descriptor() -> None:
     """Heading 0.5; views at bearings b are seen from azimuth b - 0.5."""
     modes, heading = HeadingModes.all_around(MODEL.prior), 0.5
     for number, bearing in enumerate(np.linspace(0.0, 2.0, 6)):
-        seen = PlanarDetections.of([view(MODEL, bearing - heading, seed=number)])
+        seen = SeenFeatures.of([view(MODEL, bearing - heading, seed=number)])
         ((modes, _),) = updated(LatentObservation(MODEL), seen, [Sighting(modes, 0, float(bearing), 0.02)])
     mean, covariance, share = modes.best()
     assert share > 0.99
@@ -62,7 +61,7 @@ def test_a_symmetric_object_keeps_two_headings() -> None:
     model = HarmonicModel(symmetric=True)
     modes = HeadingModes.all_around(model.prior)
     for number, bearing in enumerate(np.linspace(0.0, 2.0, 5)):
-        seen = PlanarDetections.of([view(model, bearing - 0.5, seed=number)])
+        seen = SeenFeatures.of([view(model, bearing - 0.5, seed=number)])
         ((modes, _),) = updated(LatentObservation(model), seen, [Sighting(modes, 0, float(bearing), 0.02)])
     mean, _, share = modes.best()
     assert share == pytest.approx(0.5, abs=0.02)
@@ -70,7 +69,7 @@ def test_a_symmetric_object_keeps_two_headings() -> None:
 
 
 def test_the_batch_is_its_rows() -> None:
-    detections = PlanarDetections.of([view(MODEL, 0.3), view(MODEL, 2.0, seed=1)])
+    detections = SeenFeatures.of([view(MODEL, 0.3), view(MODEL, 2.0, seed=1)])
     modes = HeadingModes.all_around(MODEL.prior)
     sightings = [Sighting(modes, 0, 0.1, 0.05), Sighting(modes, 1, 1.0, 0.0)]
     together = updated(LatentObservation(MODEL), detections, sightings)

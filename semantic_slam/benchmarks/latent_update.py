@@ -45,7 +45,8 @@ def measured(model: DescriptorModel, repetitions: int, seed: int) -> list[Row]:
     ours, peer = alternated(
         lambda: isams[True].update(*next(ours_next)), lambda: isams[False].update(*next(peer_next)), repetitions
     )
-    batch, _ = alternated(lambda: world.linear(frame), lambda: None, repetitions)
+    views = world.views(frame)
+    batch, _ = alternated(lambda: world.linear(*views), lambda: None, repetitions)
     update = (
         f"{OBJECTS} objects, the last keyframes of {POSES}, {DETECTIONS} detections: update an ISAM2 with odometry,"
         f" {DETECTIONS} built-in bearing-range factors and {DETECTIONS} LinearContainerFactors over pose, object and a"
@@ -77,15 +78,19 @@ class Circuit:
         self._geometry = gtsam.noiseModel.Diagonal.Sigmas(SIGMA_GEOMETRY)
         self.seen = [self._frame(k) for k in range(POSES + 1)]
 
-    def linear(self, frame: int) -> list[gtsam.LinearContainerFactor]:
-        """The latent factors of one keyframe, made in one batch."""
+    def views(self, frame: int) -> tuple[list[Named], Places]:
+        """The semantic measurements of one keyframe, and where their factors are made."""
         detections, numbers = self.seen[frame]
-        x, o = np.tile(self.poses[frame], (len(numbers), 1)), self.objects[numbers]
         named = [
             Named(robot_key(frame), object_key(int(n)), detection, -1, descriptor_key(int(n)))
             for detection, n in zip(detections, numbers, strict=True)
         ]
-        return self._factors.make([named], [Places(x, o, self.descriptors[numbers])])[0]
+        x = np.tile(self.poses[frame], (len(numbers), 1))
+        return named, Places(x, self.objects[numbers], self.descriptors[numbers])
+
+    def linear(self, named: list[Named], places: Places) -> list[gtsam.LinearContainerFactor]:
+        """The latent factors of one keyframe, made in one batch."""
+        return self._factors.make([named], [places])[0]
 
     def _layout(self) -> tuple[Array, Array]:
         poses = [np.zeros(3)]
@@ -139,7 +144,7 @@ class Circuit:
             for _ in range(plain):
                 own = (robot_key(k), object_key(int(number)), detection.direction, detection.range_m)
                 graph.add(gtsam.BearingRangeFactorPose2(*own, self._geometry))
-        for factor in self.linear(k) if latent else []:
+        for factor in self.linear(*self.views(k)) if latent else []:
             graph.add(factor)
         return graph, values
 

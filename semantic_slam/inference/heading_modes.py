@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.laplace import find_modes
 from semantic_slam.inference.latent_observation import LatentObservation
-from semantic_slam.inference.planar_detection import PlanarDetections
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.latent.model import DescriptorBelief
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ class Sighting:
 
 
 def updated(
-    observation: LatentObservation, detections: PlanarDetections, sightings: list[Sighting]
+    observation: LatentObservation, detections: SeenFeatures, sightings: list[Sighting]
 ) -> list[tuple[HeadingModes, float]]:
     """Modes after each view, and the view's log evidence: all directions of all sightings in one batch."""
     if not sightings:
@@ -141,7 +141,7 @@ class _Directions:
     """B least-squares problems over w ~ N(0, I): (e, heading) = mean + root w, and an error of the bearing."""
 
     observation: LatentObservation
-    seen: PlanarDetections  # B
+    seen: SeenFeatures  # B
     mean: Array  # (B, L + 1)
     root: Array  # (B, L + 1, L + 1)
     bearing_rad: Array  # (B,)

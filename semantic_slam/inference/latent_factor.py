@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.linear_factors import unit_noise
-from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.seen_features import SeenFeatures
 
 Array = NDArray[np.float64]
 
 
 def exact_factor(observation: LatentObservation, detection: PlanarDetection, keys: tuple[int, ...]) -> Any:
     """Of X(k), O(n), E(n). A CustomFactor: it cannot be pickled, but an iSAM2 that holds it can be forked."""
-    seen = PlanarDetections.of([detection])
+    seen = SeenFeatures.of([detection])
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         robot, target, descriptor = this.keys()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from semantic_slam.inference.component import Component, descriptor_key, object_key, robot_key
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.latent_problem import LatentProblem
-from semantic_slam.inference.planar_detection import PlanarDetections
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.inference.semantics import Moment
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ def latent_problem(
     return LatentProblem(
         stack.manifold,
         observation,
-        PlanarDetections.of([moment.step.detections[i] for i in moment.used]),
+        SeenFeatures.of([moment.step.detections[i] for i in moment.used]),
         active,
         stack.slots,
         stack.mean,

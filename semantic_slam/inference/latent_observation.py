@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.planar_detection import LOG_2PI, PlanarDetections
+from semantic_slam.inference.planar_detection import LOG_2PI
 from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, camera_in_object
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -59,7 +60,7 @@ class LatentObservation:
         """What is known of an object's descriptor before its first view, B = 1."""
         return self.known.get(object_id, self.prior)
 
-    def linearise(self, seen: PlanarDetections, x: Array, o: Array, e: Array) -> LatentLinearisation:
+    def linearise(self, seen: SeenFeatures, x: Array, o: Array, e: Array) -> LatentLinearisation:
         """Of (B,) collected detections at (B, 3) robots and objects and (B, L) descriptors."""
         v = camera_in_object(x, o, seen.sensor)
         part = self.by_azimuth(seen, np.arctan2(v[:, 1], v[:, 0]), e)
@@ -74,13 +75,13 @@ class LatentObservation:
             part.log_normaliser,
         )
 
-    def by_azimuth(self, seen: PlanarDetections, azimuth: Array, e: Array) -> LatentLinearisation:
+    def by_azimuth(self, seen: SeenFeatures, azimuth: Array, e: Array) -> LatentLinearisation:
         """The same with (B,) azimuths given; its Jacobians by poses are empty."""
         elevation = seen.elevation_rad
         if len(elevation) != len(azimuth):
             elevation = np.repeat(elevation, len(azimuth))
         prediction = self.model.predict(Viewpoints(azimuth, elevation, azimuth), e)  # the range does not count
-        variance = prediction.sigma**2 + seen.feature_variance
+        variance = prediction.sigma**2 + seen.variance
         sigma = np.sqrt(self.correlated_views * variance)
         log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.correlated_views
         none = np.zeros((len(azimuth), variance.shape[1], 0))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.inference.latent_observation import LatentLinearisation, LatentObservation, azimuth_slopes
 from semantic_slam.inference.manifold import Manifold
-from semantic_slam.inference.planar_detection import PlanarDetections
+from semantic_slam.inference.seen_features import SeenFeatures
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
@@ -24,7 +24,7 @@ class LatentProblem:
 
     manifold: Manifold
     observation: LatentObservation
-    seen: PlanarDetections  # n
+    seen: SeenFeatures  # n
     active: NDArray[np.bool_]  # (B, n)
     slots: Index  # (B, n) block of the object of each detection
     mean: Array  # (B, 1 + n, d) where tangent vectors are taken

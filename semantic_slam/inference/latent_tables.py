@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from semantic_slam.inference.heading_modes import HeadingModes, Sighting, updated
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.object_views import DescriptorRecord, HeadingRecord, ObjectViews
-from semantic_slam.inference.planar_detection import PlanarDetections
 from semantic_slam.inference.planar_observation import camera_bearing
 from semantic_slam.inference.population import Population
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.inference.semantics import Views, Weighed
 from semantic_slam.latent.model import DescriptorBelief
 
@@ -59,7 +59,7 @@ def seen_turned(
         )
         for at in different
     ]
-    found = updated(observation, PlanarDetections.of(detections), sightings)
+    found = updated(observation, SeenFeatures.of(detections), sightings)
     records = dict(
         zip(different, _records(observation, keyframe, detections, in_coverage, views, different, found), strict=True)
     )

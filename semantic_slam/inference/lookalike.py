@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from semantic_slam.inference.heading_modes import HeadingModes, Sighting, updated
 from semantic_slam.inference.latent_observation import LatentObservation
-from semantic_slam.inference.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.planar_detection import PlanarDetection
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ def lookalikes(
     view = PlanarDetection(1.0, 0.0, np.eye(2), np.zeros(2), np.asarray(feature), np.zeros((size, size)), elevation_rad)
     beliefs = [DescriptorBelief(m[None], np.sqrt(v)[None]) for m, v in zip(descriptors, variances, strict=True)]
     sightings = [Sighting(HeadingModes.all_around(each), 0, 0.0, 0.0) for each in (*beliefs, model.prior)]
-    found = updated(observation, PlanarDetections.of([view]), sightings)
+    found = updated(observation, SeenFeatures.of([view]), sightings)
     log_likelihood = np.array([evidence for _, evidence in found])
     with np.errstate(divide="ignore"):
         joint = log_likelihood + np.log(np.append(np.clip(existence, 0.0, 1.0), 1.0))

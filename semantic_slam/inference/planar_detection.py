@@ -57,6 +57,11 @@ class PlanarDetection:
         """The bearing as GTSAM has it."""
         return gtsam.Rot2.fromAngle(self.bearing_rad)
 
+    @cached_property
+    def feature_variance(self) -> Array:
+        """(F,) diagonal of the feature's covariance."""
+        return np.array(self.feature_covariance.diagonal())
+
     @property
     def origin(self) -> Array:
         """(2,) point of the body that range and bearing are seen from."""
@@ -76,19 +81,13 @@ class PlanarDetections:
     sensor: Array  # (B, 2)
     feature: Array  # (B, F)
     feature_covariance: Array  # (B, F, F)
-    elevation_rad: Array  # (B,)
-
-    @cached_property
-    def feature_variance(self) -> Array:
-        """(B, F) diagonals of the features' covariances."""
-        return np.asarray(np.einsum("bii->bi", self.feature_covariance))
 
     @classmethod
     def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
         """All detections of a keyframe, or of a track."""
         count, size = len(detections), detections[0].feature.size if detections else 0
-        scalars = [(item.range_m, item.bearing_rad, item.log_normaliser, item.elevation_rad) for item in detections]
-        range_m, bearing, log_normaliser, elevation = np.array(scalars).reshape(count, 4).T.copy()
+        scalars = [(item.range_m, item.bearing_rad, item.log_normaliser) for item in detections]
+        range_m, bearing, log_normaliser = np.array(scalars).reshape(count, 3).T.copy()
         has_range = np.isfinite(range_m)
         range_m[~has_range] = 0.0
         sensor = np.array([item.sensor for item in detections]).reshape(count, 2)
@@ -102,7 +101,6 @@ class PlanarDetections:
             sensor,
             np.array([item.feature for item in detections]).reshape(count, size),
             np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
-            elevation,
         )
 
     def take(self, index: Any) -> "PlanarDetections":

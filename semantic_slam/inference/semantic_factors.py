@@ -13,7 +13,7 @@ from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.linear_factors import linear_factors, linearisation_points
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.planar_detection import PlanarDetections
+from semantic_slam.inference.seen_features import SeenFeatures
 from semantic_slam.latent.model import DescriptorBelief
 
 Array = NDArray[np.float64]
@@ -162,7 +162,7 @@ class SemanticFactors:
     def _with_descriptors(self, named: Sequence[Named], at: Places, points: Sequence[Any]) -> list[Any]:
         """Linear ones."""
         assert self.latent is not None
-        seen = PlanarDetections.of([item.detection for item in named])
+        seen = SeenFeatures.of([item.detection for item in named])
         part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
         jacobians = [part.by_robot, part.by_object, part.by_descriptor]
         return linear_factors([item.keys for item in named], jacobians, part.residual, points)
