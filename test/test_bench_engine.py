@@ -6,7 +6,7 @@ import pytest
 from semantic_slam.benchmarks import engine_growth
 from semantic_slam.benchmarks.grid_world import Noise, grid_world
 from semantic_slam.benchmarks.hybrid_peers import DcsamPeer, HybridPeer, SmootherPeer
-from semantic_slam.benchmarks.hybrid_smoother import Record, run_ours, sharp_world
+from semantic_slam.benchmarks.hybrid_smoother import LIMIT_S, STEPS, Record, run_ours, sharp_world
 from semantic_slam.benchmarks.hypothesis_fan import TRACKED, HypothesisFan
 from semantic_slam.benchmarks.keyframe_floor import Floor
 
@@ -30,6 +30,8 @@ def test_ours_is_right_on_geometry_alone() -> None:
     assert record.correct == [True] and record.share == [1.0]
     record.add_failure("out of time")
     assert record.correct == [True, False] and "1 out of time" in str(record)
+    assert record.seconds_per_step() == pytest.approx(np.mean(seconds))
+    assert record.least_seconds_per_step() == pytest.approx(0.5 * (np.mean(seconds) + LIMIT_S / STEPS))
 
 
 def test_a_fan_holds_as_many_hypotheses_as_asked() -> None:
