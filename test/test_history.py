@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from planar_world import make_world
 
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry import se2
@@ -11,9 +12,11 @@ from semantic_slam.inference.component import Component, Continued, Motion, Obse
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.growth import certain, grow_all
 from semantic_slam.inference.history import History, Taken
+from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
+from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.refinement import Refined, refine
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
@@ -160,3 +163,22 @@ def test_moments_are_those_of_the_posterior() -> None:
         means.append(child.corrected([robot_key(0)])[0][0])
     found = MANIFOLD.mean(np.array(means), shares / shares.sum())
     np.testing.assert_allclose(found, expected, atol=0.02)
+
+
+def test_a_component_at_which_a_history_is_anchored_stays_as_it_was() -> None:
+    """Although only children use their parents' smoothers up."""
+    world = make_world(5, weights={"gaussian_share": 0.999})
+    pool = InProcessPool(1)
+    manager = HypothesisManager(world.run, pool)
+    anchors: dict[int, tuple[Component, int, np.ndarray]] = {}
+    looked_at_again = 0
+    for keyframe in world.keyframes:
+        manager.process(keyframe)
+        histories = [held.component.history for held in pool._backends[0].held.values()]
+        for anchor in (history.anchor for history in histories if history is not None):
+            state = anchor.newest_robot()
+            looked_at_again += id(anchor) in anchors
+            _, num_factors, before = anchors.setdefault(id(anchor), (anchor, anchor.smoother.num_factors, state))
+            assert anchor.smoother.num_factors == num_factors
+            assert np.array_equal(state, before)
+    assert looked_at_again >= 4
