@@ -53,6 +53,24 @@ def test_the_number_of_backends_changes_nothing(num_backends: int) -> None:
         assert_same(single, divided)
 
 
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"pruning": {"ratio": 1e12}},
+        {"semantic_model": {"kind": "none"}, "pruning": {"ratio": 1e9}},
+        {"semantic_model": {"kind": "none"}, "weights": {"gaussian_share": 0.9999, "max_history": 6}},
+    ],
+)
+def test_not_a_bit_depends_on_what_is_worked_on_together(overrides: dict[str, Any]) -> None:
+    world = make_world(6, **overrides)
+    runs = [beliefs(world, number) for number in (1, 2, 3)]
+    assert max(len(belief.hypothesis_ids) for belief in runs[0]) > 1
+    for single, *divided in zip(*runs, strict=True):
+        for other in divided:
+            for name in SUBSTANCE:
+                np.testing.assert_array_equal(getattr(single, name), getattr(other, name), err_msg=name)
+
+
 def test_sampled_weights_are_reproducible_too() -> None:
     world = make_world(3, sigma_start_m=1.0, weights={"method": "sampled", "num_samples": 500})
     for single, divided in zip(beliefs(world, 1), beliefs(world, 2), strict=True):

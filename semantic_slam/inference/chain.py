@@ -71,9 +71,7 @@ class Chain:
         return len(self.mean)
 
     def select(self, selection: Any) -> "Chain":
-        """Some of the hypotheses, any number of times; a single one serves every row as it is."""
-        if len(self) == 1:
-            return self
+        """Some of the hypotheses, any number of times."""
         part = copy.copy(self)
         part.mean, part.root, part._bases = self.mean[selection], self.root[selection], self._bases[selection]
         part.places, part.classes = self.places[selection], self.classes[selection]
@@ -85,7 +83,7 @@ class Chain:
         blocks = [np.linalg.solve(self.root, anchor.reshape(len(self), -1, 1))[..., 0]]
         for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
             moved = self.manifold.compose(robots[:, t], link.motion.control)
-            blocks.append(np.linalg.solve(root, self.manifold.local(moved, robots[:, t + 1]).T).T)
+            blocks.append(np.linalg.solve(root, self.manifold.local(moved, robots[:, t + 1])[..., None])[..., 0])
         return np.concatenate(blocks, axis=1)
 
     def newest_slopes(self, y: Array) -> Array:

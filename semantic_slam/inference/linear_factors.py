@@ -54,10 +54,8 @@ def linearisation_points(manifold: Manifold, states: Sequence[Mapping[int, Array
     """GTSAM's values of each set of states, (d,) of a pose and (L,) of a descriptor.
 
     Values take a pose in 15 us, but other values in 2 and a tangent vector from the origin in 5, once all tangent
-    vectors are known.
+    vectors are known. One set goes the same way: it must not matter, to the last bit, what it is made together with.
     """
-    if len(states) == 1:
-        return [_values(manifold, states[0])]
     origin = gtsam.Values()
     for key, size in {key: len(state) for own in states for key, state in own.items()}.items():
         origin.insert(_at_origin(manifold, key, size))
