@@ -1,7 +1,7 @@
 """Factors that are linearised here, and not by GTSAM: no callback, but true near those states only."""
 
 from collections.abc import Mapping, Sequence
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import gtsam
@@ -51,23 +51,8 @@ def linear_factors(
 
 
 def linearisation_points(manifold: Manifold, states: Sequence[Mapping[int, Array]]) -> list[gtsam.Values]:
-    """GTSAM's values of each set of states, (d,) of a pose and (L,) of a descriptor.
-
-    Values take a pose in 15 us, but other values in 2 and a tangent vector from the origin in 5, once all tangent
-    vectors are known. One set goes the same way: it must not matter, to the last bit, what it is made together with.
-    """
-    origin = gtsam.Values()
-    for key, size in {key: len(state) for own in states for key, state in own.items()}.items():
-        origin.insert(_at_origin(manifold, key, size))
-    poses = [state for own in states for key, state in own.items() if not is_descriptor(key)]
-    tangents = iter(manifold.log(np.array(poses)))
-    points = []
-    for own in states:
-        away = gtsam.VectorValues()
-        for key, state in own.items():
-            away.insert(key, state if is_descriptor(key) else next(tangents))
-        points.append(origin.retract(away))
-    return points
+    """GTSAM's values of each set of states, (d,) of a pose and (L,) of a descriptor."""
+    return [_values(manifold, own) for own in states]
 
 
 def _values(manifold: Manifold, states: Mapping[int, Array]) -> gtsam.Values:
@@ -78,9 +63,3 @@ def _values(manifold: Manifold, states: Mapping[int, Array]) -> gtsam.Values:
         else:
             manifold.insert(values, key, state)
     return values
-
-
-@lru_cache(maxsize=4096)
-def _at_origin(manifold: Manifold, key: int, size: int) -> gtsam.Values:
-    """One variable."""
-    return _values(manifold, {key: np.zeros(size)})

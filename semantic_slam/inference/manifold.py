@@ -30,9 +30,6 @@ class Manifold(Protocol):
     def local(self, state: Array, other: Array) -> Array:
         """Log(state^-1 other)."""
 
-    def log(self, states: Array) -> Array:
-        """(n, d) tangent vectors at the origin of (n, d) states."""
-
     def between(self, state: Array, other: Array) -> Array:
         """``other`` as seen from ``state``."""
 
@@ -79,9 +76,6 @@ class PlanarPoses:
 
     def local(self, state: Array, other: Array) -> Array:
         return se2.log(se2.between(state, other))
-
-    def log(self, states: Array) -> Array:
-        return se2.log(states)
 
     def between(self, state: Array, other: Array) -> Array:
         return se2.between(state, other)
@@ -132,9 +126,6 @@ class PlanarPositions:
 
     def local(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
-
-    def log(self, states: Array) -> Array:
-        return states
 
     def between(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
