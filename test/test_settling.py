@@ -9,6 +9,7 @@ from harmonic_model import HarmonicModel
 
 from semantic_slam.geometry import se2
 from semantic_slam.inference import settling
+from semantic_slam.inference.growth import alone
 from semantic_slam.inference.latent_factor import exact_factor
 from semantic_slam.inference.latent_observation import LatentObservation
 from semantic_slam.inference.linear_factors import linearisation_points
@@ -162,7 +163,7 @@ def test_an_only_child_may_use_up_its_parent(fails: bool, monkeypatch: pytest.Mo
             if fails and k == 2:
                 patch.setattr(Smoother, "updated", in_vain)
             kept = extend(kept, extension)
-            used = extend_all([parent], [extension], settling.alone([parent]))[0]
+            used = extend_all([parent], [extension], alone([parent]))[0]
         assert (used.isam is parent.isam) != (fails and k == 2)
     assert num_real_factors(used) == num_real_factors(kept)
     np.testing.assert_allclose(estimate(used), estimate(kept), atol=1e-4 if fails else 1e-12)

@@ -1,11 +1,12 @@
 """Components grow together: the children of one keyframe, whose smoothers settle in the same rounds."""
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
 from semantic_slam.inference.component import Component, Continued, Motion, Observed
-from semantic_slam.inference.settling import alone, extend_all
+from semantic_slam.inference.settling import extend_all
 from semantic_slam.inference.smoother import LostComponentError
 
 Outcome = Component | LostComponentError
@@ -38,6 +39,12 @@ def grow_all(
         own if isinstance(own, LostComponentError) else parent.child(seen, what, own)
         for (parent, seen, what), own in zip(rows, smoothers, strict=True)
     ]
+
+
+def alone(parents: Sequence[object]) -> list[int]:
+    """Which of some parents have one child."""
+    times = Counter(id(parent) for parent in parents)
+    return [row for row, parent in enumerate(parents) if times[id(parent)] == 1]
 
 
 def certain(outcome: Outcome) -> Component:

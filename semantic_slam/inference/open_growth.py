@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 
 from semantic_slam.inference.component import Motion
-from semantic_slam.inference.growth import Outcome
+from semantic_slam.inference.growth import Outcome, alone
 from semantic_slam.inference.open_component import Grown, OpenComponent
-from semantic_slam.inference.settling import alone, extend_all
+from semantic_slam.inference.settling import extend_all
 from semantic_slam.inference.smoother import LostComponentError
 
 

@@ -6,13 +6,13 @@ and their hypothesis weight, by the same probabilities.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.component import Component, Held, LostComponentError, Observed
+from semantic_slam.inference.component import Component, Held, LostComponentError
 from semantic_slam.inference.continuation import Continuations
 from semantic_slam.inference.enumeration import Enumerated, Setting, enumerate_classes
 from semantic_slam.inference.existence import LEAST_PROBABILITY, missed
@@ -23,7 +23,8 @@ from semantic_slam.inference.identity import hypothesis_id
 from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, find_modes, search_start
 from semantic_slam.inference.linear_weights import Evaluated, Linear, joined
 from semantic_slam.inference.objects import ObjectRegistry
-from semantic_slam.inference.open_component import Grown, OpenComponent
+from semantic_slam.inference.open_component import OpenComponent
+from semantic_slam.inference.open_continuations import OpenContinuations
 from semantic_slam.inference.open_growth import settled, stepped
 from semantic_slam.inference.outlook import Lookout, Outlook
 from semantic_slam.inference.population import Account
@@ -44,15 +45,6 @@ UNLIKELY = 10.0
 """Nats behind the best of its parent from which on a candidate is weighed by the linearisation whatever it bends."""
 LARGEST_BEND = 0.3
 """Sigmas of second order in a measurement from which on its assignment is weighed at its own mode."""
-
-
-@dataclass(frozen=True)
-class OpenContinuations(Continuations):
-    """Besides: what each continuation makes of the objects' existence."""
-
-    accounts: list[Account] = field(default_factory=list)  # K
-    outlooks: list[Outlook] = field(default_factory=list)  # P
-    pairs: list[Pairs] = field(default_factory=list)  # P
 
 
 @dataclass(frozen=True)
@@ -114,29 +106,9 @@ class OpenExpander:
         """
         assert isinstance(found, OpenContinuations)
         own = cast(Sequence[OpenComponent], parents)
-        added = [self._added(step, found, one) for one in at]
+        added = [found.added(step, one, settle=self.settings.settle) for one in at]
         grow = settled if self.settings.settle else stepped
         return grow(own, step.motion, added, self.settings.max_joint_objects, in_place=in_place)
-
-    def _added(self, step: Step, found: OpenContinuations, at: int) -> Grown:
-        taken, account = found.steps[at], found.accounts[at]
-        pairs = zip(step.detections, taken.association, taken.class_assignment, strict=True)
-        modes = dict(zip(taken.association, found.objects[at], strict=True))
-        parent = found.parents[at]
-        births, local = found.new_objects[parent], None
-        if not self.settings.settle:
-            local = found.outlooks[parent].local_after(found.pairs[parent], taken.association, births)
-        return Grown(
-            [Observed(detection, number, cls) for detection, number, cls in pairs],
-            list(found.objects[at]),
-            found.robot[at],
-            found.outlooks[parent].predicted.mean[0, 0],
-            {int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in account.new_ids},
-            found.views[at],
-            found.robot_corrections[at],
-            account,
-            local,
-        )
 
     def _born(self, step: Step) -> Index:
         """(D,) ids of the objects that the detections would start: a function of the keyframes so far."""

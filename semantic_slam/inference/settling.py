@@ -1,6 +1,5 @@
 """Smoothers that grow together: what Python has to evaluate for them is evaluated for all at once."""
 
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -74,12 +73,6 @@ def extend_all(
         if extension.jumped or isinstance(found[row], LostComponentError):
             found[row] = _attempt(_jumped, smoothers[row], extension, sizes.get(row))
     return [found[row] for row in range(len(smoothers))]
-
-
-def alone(parents: Sequence[object]) -> list[int]:
-    """Which of some parents have one child."""
-    times = Counter(id(parent) for parent in parents)
-    return [row for row, parent in enumerate(parents) if times[id(parent)] == 1]
 
 
 def _jumped(smoother: Smoother, extension: Extension, num_factors: int | None) -> Smoother:
