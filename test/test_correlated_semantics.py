@@ -81,7 +81,7 @@ class OneObject:
         weighed = semantics.weigh(moment)
         states = moment.stack.states(moment.mode.y)[0]
         observed = [Observed(step.detections[0], 0, -1)]
-        continued = Continued(states[0], [states[1]], {}, weighed.views[0], weighed.robot[0], None, {}, {})
+        continued = Continued(states[0], [states[1]], {}, weighed.records([0])[0], weighed.robot[0], None, {}, {})
         self.component = certain(grow_all([self.component], step.motion, [observed], [continued])[0])
         return weighed
 
@@ -225,10 +225,10 @@ def test_the_thesis_average_lets_geometry_stand(correlated: CorrelatedModel, shi
     found = correlated.evidence(azimuth[:, None], np.tile(item.feature, (4000, 1, 1)), np.full((4000, 1, 5), 0.02**2))
     likelihood = np.exp(found.log_likelihood - found.log_likelihood.max())
     expected = (likelihood / likelihood.sum(axis=1, keepdims=True)).mean(axis=0)
-    posterior_of = np.exp(LOG_PRIOR + weighed.views[0][0].log_likelihood)
+    posterior_of = np.exp(LOG_PRIOR + weighed.records([0])[0][0].log_likelihood)
     np.testing.assert_allclose(posterior_of / posterior_of.sum(), expected, rtol=1e-6)
     assert weighed.robot[0] is None
-    assert weighed.views[0][0].correction is None
+    assert weighed.records([0])[0][0].correction is None
 
 
 @pytest.mark.parametrize("kind", ["correlated", "independent"])
@@ -242,7 +242,7 @@ def test_doubt_of_the_network_and_doubt_between_classes_differ(
         semantics = tracks_of(correlated, 200) if kind == "correlated" else IndependentViews(shipped, 1.0)
         scene = OneObject(known([0, 0, 0]), known([2, 0, 0]))
         weighed = scene.take(step_of(0, detection(halfway, spread), np.zeros(3), 1e-3), semantics)
-        found.append(weighed.views[0][0].mutual_information)
+        found.append(weighed.records([0])[0][0].mutual_information)
     assert found[0] < 0.05
     assert found[1] > 0.3
 
@@ -251,11 +251,11 @@ def test_views_outside_the_coverage_are_remembered(correlated: CorrelatedModel, 
     for semantics in (tracks_of(correlated, 50), IndependentViews(shipped, 1.0)):
         scene = OneObject(known([0, 0, 0]), known([2, 0, 0]))
         inside = step_of(0, detection(shipped.tables[0].mean[180]), np.zeros(3), 1e-3)
-        assert scene.take(inside, semantics).views[0][0].in_coverage
+        assert scene.take(inside, semantics).records([0])[0][0].in_coverage
         outside = dataclasses.replace(inside, index=1, stamp_ns=2, in_coverage=np.zeros(1, dtype=bool))
-        assert not scene.take(outside, semantics).views[0][0].in_coverage
+        assert not scene.take(outside, semantics).records([0])[0][0].in_coverage
         again = dataclasses.replace(inside, index=2, stamp_ns=3)
-        assert not scene.take(again, semantics).views[0][0].in_coverage
+        assert not scene.take(again, semantics).records([0])[0][0].in_coverage
 
 
 def test_even_weights_correct_nothing() -> None:

@@ -17,7 +17,7 @@ from semantic_slam.inference.object_views import ObjectViews, class_posterior
 from semantic_slam.inference.planar_observation import camera_bearing
 from semantic_slam.inference.planar_views import IndependentViews
 from semantic_slam.inference.population import Population
-from semantic_slam.inference.semantics import Views, Weighed
+from semantic_slam.inference.semantics import Views, Weighed, at_hand
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
@@ -60,7 +60,7 @@ class CarriedClasses(IndependentViews):
                     views, seen, int(views.parents[row]), object_id, int(camera[row]), bool(views.in_coverage[number])
                 )
                 total[row] += added
-        return Weighed(total, np.full(count, np.nan), records, [None] * count)
+        return Weighed(total, np.full(count, np.nan), at_hand(records), [None] * count)
 
     def _added(
         self, views: Views, seen: _Seen, parent: int, object_id: int, camera: int, inside: bool

@@ -131,13 +131,17 @@ class Component:
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
         """(n, d) estimates and (n, d, d) covariances with what their Gaussians and their factors do not say."""
         states, covariances = self.states(keys), self.smoother.joint_blocks(keys)
-        semantic = {object_key(n): views.correction for n, views in self.views.items()}
-        semantic[robot_key(self.keyframe)] = self.robot_correction
-        for row, key in enumerate(keys):
-            for correction in (self.corrections.get(key), semantic.get(key)):
-                if correction is not None:
-                    states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
+        for key, correction in self._corrections():
+            if key in keys:
+                row = keys.index(key)
+                states[row], covariances[row] = correction.applied(self.manifold, states[row], covariances[row])
         return states, covariances
+
+    def _corrections(self) -> list[tuple[int, Correction]]:
+        """By GTSAM keys, in the order in which they apply."""
+        semantic = [(object_key(number), views.correction) for number, views in self.views.items()]
+        every = [*self.corrections.items(), *semantic, (robot_key(self.keyframe), self.robot_correction)]
+        return [(key, correction) for key, correction in every if correction is not None]
 
     def predict(self, motion: Motion, object_ids: Sequence[int]) -> Predicted:
         """b^-[x_k, O] (Eqs. 4.11, 4.21) for one parent, over the robot and the objects named."""

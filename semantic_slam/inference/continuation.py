@@ -30,7 +30,7 @@ from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.reach import FEW_OBJECTS, Reach, reach_of
 from semantic_slam.inference.refinement import Refined
 from semantic_slam.inference.sampled import sample_evidence
-from semantic_slam.inference.semantics import Moment, Weighed
+from semantic_slam.inference.semantics import Moment, Records, Weighed
 from semantic_slam.inference.stack import Predicted, Rows, Stack
 from semantic_slam.inference.step import Step
 
@@ -54,20 +54,20 @@ class Continuations:
     used: Index  # (n,) detections that take part; the others are clutter in every continuation
     log_left_out: Array  # (P,) estimate of the mass not weighed, relative to the parent's weight
     new_objects: list[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
-    views: list[dict[int, ObjectViews]]  # K: new records of the objects seen
+    records: Records  # of the objects seen, for those that grow
     robot_corrections: list[Correction | None]  # K
     refined: list[Refined | None]  # K: what the whole history had to say, where it was looked at
     histories: list[History | None]  # K: since the continuation was last Gaussian
 
-    def continued(self, at: int) -> Continued:
-        """What a component needs to know of one continuation."""
+    def continued(self, at: int, views: dict[int, ObjectViews]) -> Continued:
+        """What a component needs to know of one continuation, with records of its ``views``."""
         refined = self.refined[at]
         association = self.steps[at].association
         return Continued(
             self.robot[at],
             [state for i, state in zip(self.used, self.objects[at], strict=True) if association[i] >= 0],
             self.new_objects[self.parents[at]],
-            self.views[at],
+            views,
             self.robot_corrections[at],
             self.histories[at],
             refined.smoothed if refined is not None else {},
@@ -95,7 +95,7 @@ class Expander:
         ``in_place``: nobody needs the parents again, and a child may use its own up.
         """
         observed = [_observed(step, found, one) for one in at]
-        continued = [found.continued(one) for one in at]
+        continued = [found.continued(*parts) for parts in zip(at, found.records(at), strict=True)]
         return grow_all(parents, step.motion, observed, continued, in_place=in_place)
 
     def expand(
@@ -134,7 +134,8 @@ class Expander:
             stack=stack,
             mode=mode,
             log_prior=enumerated.log_class_prior,
-            observed=[step.observed(each.association, each.class_assignment, used) for each in steps],
+            lineage_steps=steps,
+            used=used,
             new=new,
             object_ids=object_ids,
         )
@@ -238,7 +239,8 @@ class Expander:
         splits: Split,
     ) -> Continuations:
         rows, step, stack, mode, used = moment.stack.rows, moment.step, moment.stack, moment.mode, moment.used
-        of_modes = [replace(steps[row], mode=int(n)) for row, n in zip(splits.origin, splits.number, strict=True)]
+        origins = zip(splits.origin.tolist(), splits.number.tolist(), strict=True)
+        of_modes = [replace(steps[row], mode=number) if number else steps[row] for row, number in origins]
         ids = [_identity(parent_ids[p], step.stamp_ns, s) for p, s in zip(rows.parents, of_modes, strict=True)]
         states, covariances = stack.marginals(mode.y, mode.hessian)
         weighed = self._semantics(moment)
@@ -258,7 +260,7 @@ class Expander:
             used=used,
             log_left_out=enumerated.log_left_out + best,
             new_objects=list(moment.new),
-            views=weighed.views,
+            records=weighed.records,
             robot_corrections=weighed.robot,
             refined=splits.refined,
             histories=splits.histories,
@@ -267,7 +269,7 @@ class Expander:
     def _semantics(self, moment: Moment) -> Weighed:
         count = len(moment.stack.mean)
         if self.problem.semantics is None or not len(moment.used):
-            return Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
+            return Weighed.silent(count)
         return self.problem.semantics.weigh(moment)
 
 

@@ -24,7 +24,7 @@ from semantic_slam.inference.laplace import (
 )
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.screening import screen
+from semantic_slam.inference.screening import Screened, screen
 from semantic_slam.inference.stack import Predicted, Rows, Stack
 
 Array = NDArray[np.float64]
@@ -77,15 +77,26 @@ def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enum
         rows, stack = rows.take(screened.kept), stack.select(screened.kept)
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:
-            mode = find_modes(stack, screened.start, tolerance=WEIGHING_TOLERANCE)
+            mode = find_modes(stack, screened.mode.y, tolerance=WEIGHING_TOLERANCE)
         else:
-            mode = find_modes(stack, screened.start, RANKING_ITERATIONS, RANKING_TOLERANCE)
+            mode = _ranking(stack, screened)
         keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents), setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
         rows, mode = rows.take(keep), mode.take(keep)
     best = np.full(len(parents), -np.inf)
     np.maximum.at(best, rows.parents, mode.log_evidence)
     return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out, best), mode
+
+
+def _ranking(stack: Stack, screened: Screened) -> Mode:
+    """Modes that only rank: searched for where one linear step does not do."""
+    rows, mode = screened.searched, screened.mode
+    if len(rows) == len(mode.y):
+        return find_modes(stack, mode.y, RANKING_ITERATIONS, RANKING_TOLERANCE)
+    if len(rows):
+        found = find_modes(stack.select(rows), mode.y[rows], RANKING_ITERATIONS, RANKING_TOLERANCE)
+        mode.y[rows], mode.hessian[rows], mode.log_evidence[rows] = found.y, found.hessian, found.log_evidence
+    return mode
 
 
 def fixed_association(setting: Setting, predicted: Predicted, objects: Index) -> tuple[Enumerated, Mode]:

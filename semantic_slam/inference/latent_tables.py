@@ -18,7 +18,7 @@ from semantic_slam.inference.object_views import DescriptorRecord, HeadingRecord
 from semantic_slam.inference.planar_observation import camera_bearing
 from semantic_slam.inference.population import Population
 from semantic_slam.inference.seen_features import SeenFeatures
-from semantic_slam.inference.semantics import Views, Weighed
+from semantic_slam.inference.semantics import Views, Weighed, at_hand
 from semantic_slam.latent.model import DescriptorBelief
 
 Array = NDArray[np.float64]
@@ -131,7 +131,7 @@ class CarriedDescriptors:
         for view, (record, evidence) in zip(turned, found, strict=True):
             total[view.row] += evidence
             records[view.row][view.object_id] = record
-        return Weighed(total, np.full(count, np.nan), records, [None] * count)
+        return Weighed(total, np.full(count, np.nan), at_hand(records), [None] * count)
 
     def _turned(self, views: Views, row: int, number: int, bearing: float) -> Turned:
         parent, object_id = int(views.parents[row]), int(views.association[row, number])

@@ -11,7 +11,7 @@ from semantic_slam.inference.latent_problem import LatentProblem
 from semantic_slam.inference.latent_tables import Turned, seen_turned
 from semantic_slam.inference.object_views import DescriptorRecord, ObjectViews, class_posterior
 from semantic_slam.inference.planar_observation import camera_bearing
-from semantic_slam.inference.semantics import Moment, Weighed
+from semantic_slam.inference.semantics import Moment, Weighed, at_hand
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.perception.uncertainty import mutual_information
 
@@ -58,7 +58,7 @@ class LatentViews:
             self._record(moment, rows, problem, v, mode, views)
         if turned.any():
             self._add_turned(moment, turned, log_weights, views)
-        return Weighed(log_weights, np.full(count, np.nan), views, [None] * count)
+        return Weighed(log_weights, np.full(count, np.nan), at_hand(views), [None] * count)
 
     def _turned(self, moment: Moment) -> NDArray[np.bool_]:
         """(K, n) whether the heading of a detection's object is unknown."""

@@ -7,17 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import WeightsConfiguration
-from semantic_slam.inference.component import Component, Observed, object_key, robot_key
+from semantic_slam.inference.component import Component, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.history import History, Taken
 from semantic_slam.inference.importance import normal_points
 from semantic_slam.inference.laplace import Mode
+from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.refinement import Refined, Start, refine_all
 from semantic_slam.inference.stack import Stack
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
+
+FEW_SAMPLES = 16
+"""Samples that do for a candidate whose weights hardly differ among them, and whose objects are well in sight."""
+CLEAR_SHARE = 0.99
+"""Effective share from which on weights hardly differ: so few tell the evidence as well as many of a lower share."""
+LOG_IN_SIGHT = -0.02
+"""Soft log visibility from which on objects are a tenth of the limit, or more, inside it."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +38,15 @@ class Expanded:
     stack: Stack
     mode: Mode
     log_prior: Array  # (K,) of the classes first enumerated here
-    observed: Sequence[tuple[Observed, ...]]  # K
+    lineage_steps: Sequence[LineageStep]  # K
+    used: Index  # (n,) detections that ``stack`` is about
     new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
     object_ids: Sequence[int]  # that ``stack.rows.objects`` refers to
+
+    def taken(self, row: int) -> Taken:
+        """What one candidate makes of the keyframe."""
+        own = self.lineage_steps[row]
+        return Taken(self.step.motion, self.step.observed(own.association, own.class_assignment, self.used))
 
     def states_of(self, row: int, refined: Refined) -> Array:
         """(1 + n, d) states of the blocks of one candidate at a mode of its whole history."""
@@ -65,16 +79,20 @@ class Split:
 
 def split(expanded: Expanded, weights: WeightsConfiguration, path_mode: int | None) -> Split:
     """All modes of all candidates. ``path_mode`` names the mode of a lineage: 0 has no history looked at."""
-    log_evidence = expanded.mode.log_evidence + expanded.stack.log_visibility(expanded.mode.y, soft=True)
+    log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
+    log_evidence = expanded.mode.log_evidence + log_visible
     effective = np.full(len(log_evidence), np.nan)
     heavy = _heavy(expanded, log_evidence, weights.importance_gate, path_mode)
     has_history = np.array([parent.history is not None for parent in expanded.parents])[expanded.stack.rows.parents]
     plain = heavy & ~has_history
     shares = np.zeros(len(log_evidence))
     if plain.any():
-        rows = np.flatnonzero(plain)
-        log_evidence[rows], shares[rows] = _screened(expanded, rows, log_evidence[rows], weights.screening_samples)
-        effective[rows] = shares[rows] * weights.screening_samples
+        rows, counts = np.flatnonzero(plain), np.zeros(len(shares), dtype=int)
+        for count in (FEW_SAMPLES, weights.screening_samples):
+            log_evidence[rows], shares[rows] = _screened(expanded, rows, log_evidence[rows], count)
+            counts[rows] = count
+            rows = rows[(shares[rows] < CLEAR_SHARE) | (log_visible[rows] < LOG_IN_SIGHT)]
+        effective[plain] = (shares * counts)[plain]
     look = heavy & (shares < weights.gaussian_share) if path_mode is None else heavy
     rows = np.flatnonzero(look)
     found: list[list[Refined]] = [[] for _ in log_evidence]
@@ -124,7 +142,7 @@ def _starts(expanded: Expanded, rows: Index) -> list[Start]:
 def _start(expanded: Expanded, row: int, states: Array) -> Start:
     parent = expanded.parents[expanded.stack.rows.parents[row]]
     new = expanded.new[expanded.stack.rows.parents[row]]
-    history = History.of(parent).with_keyframe(Taken(expanded.step.motion, expanded.observed[row]), new)
+    history = History.of(parent).with_keyframe(expanded.taken(row), new)
     seen = {
         expanded.object_ids[place]: states[1 + expanded.stack.slots[row, number]]
         for number, place in enumerate(expanded.stack.rows.objects[row])
@@ -175,6 +193,5 @@ def _carried(expanded: Expanded, row: int, log_evidence: float, max_links: int) 
     if parent.history is None or len(parent.history.taken) + 1 >= max_links:
         return None
     new = expanded.new[expanded.stack.rows.parents[row]]
-    taken = Taken(expanded.step.motion, expanded.observed[row])
-    carried: History = parent.history.with_keyframe(taken, new, log_evidence)
+    carried: History = parent.history.with_keyframe(expanded.taken(row), new, log_evidence)
     return carried

@@ -6,6 +6,7 @@ from semantic_slam.inference.component import Observed
 from semantic_slam.inference.continuation import Continuations
 from semantic_slam.inference.gating import Pairs
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.object_views import ObjectViews
 from semantic_slam.inference.open_component import Grown
 from semantic_slam.inference.outlook import Outlook
 from semantic_slam.inference.population import Account
@@ -20,8 +21,11 @@ class OpenContinuations(Continuations):
     outlooks: list[Outlook] = field(default_factory=list)  # P
     pairs: list[Pairs] = field(default_factory=list)  # P
 
-    def added(self, step: Step, at: int, *, settle: bool) -> Grown:
-        """What one continuation adds to its parent; a local map where updates do not ``settle``."""
+    def added(self, step: Step, at: int, views: dict[int, ObjectViews], *, settle: bool) -> Grown:
+        """What one continuation adds to its parent.
+
+        ``views``: records of the objects seen. With a local map where updates do not ``settle``.
+        """
         taken, account = self.steps[at], self.accounts[at]
         pairs = zip(step.detections, taken.association, taken.class_assignment, strict=True)
         modes = dict(zip(taken.association, self.objects[at], strict=True))
@@ -33,7 +37,7 @@ class OpenContinuations(Continuations):
             self.robot[at],
             outlook.predicted.mean[0, 0],
             {int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in account.new_ids},
-            self.views[at],
+            views,
             self.robot_corrections[at],
             account,
             None if settle else outlook.local_after(self.pairs[parent], taken.association, births),

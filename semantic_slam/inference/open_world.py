@@ -106,7 +106,8 @@ class OpenExpander:
         """
         assert isinstance(found, OpenContinuations)
         own = cast(Sequence[OpenComponent], parents)
-        added = [found.added(step, one, settle=self.settings.settle) for one in at]
+        records = zip(at, found.records(at), strict=True)
+        added = [found.added(step, one, views, settle=self.settings.settle) for one, views in records]
         grow = settled if self.settings.settle else stepped
         return grow(own, step.motion, added, self.settings.max_joint_objects, in_place=in_place)
 
@@ -191,7 +192,7 @@ class OpenExpander:
         """What views say of associations (K, D) under carried classes; nothing where there are no class models."""
         count, semantics = len(parents), self.problem.carried
         if semantics is None or not len(step.detections):
-            return Weighed(np.zeros(count), np.full(count, np.nan), [{} for _ in range(count)], [None] * count)
+            return Weighed.silent(count)
         numbers = np.unique(ids).tolist()
         prior = dict(zip(numbers, self.registry.log_class_prior_of(numbers), strict=True))
         components = [outlook.component for outlook in outlooks]
@@ -233,9 +234,7 @@ class OpenExpander:
         mode = find_modes(stack, found.start)
         used, prior = np.arange(len(step.detections)), setting.log_class_prior
         births = self._priors(step, outlooks)
-        semantics = Weighed(
-            np.zeros(len(mode.y)), np.full(len(mode.y), np.nan), [{} for _ in mode.y], [None] * len(mode.y)
-        )
+        semantics = Weighed.silent(len(mode.y))
         if self.problem.semantics is not None:
             moment = Moment(step, components, stack, mode, used, small.object_ids, prior, births)
             semantics = self.problem.semantics.weigh(moment)
@@ -297,7 +296,7 @@ class OpenExpander:
             used=np.arange(len(step.detections)),
             log_left_out=found.log_left_out + best,
             new_objects=self._priors(step, outlooks),
-            views=found.semantics.views,
+            records=found.semantics.records,
             robot_corrections=found.semantics.robot,
             refined=[None] * len(ids),
             histories=[None] * len(ids),

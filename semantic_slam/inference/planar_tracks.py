@@ -17,7 +17,7 @@ from semantic_slam.inference.object_views import Correction, ObjectViews, class_
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import viewpoints_in_plane
 from semantic_slam.inference.planar_views import score_offsets
-from semantic_slam.inference.semantics import Moment, Weighed
+from semantic_slam.inference.semantics import Moment, Weighed, at_hand
 from semantic_slam.inference.track_samples import SampledRow, sample_rows
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.correlated import CorrelatedModel, Evidence
@@ -75,7 +75,7 @@ class CorrelatedTracks:
                 log_weights[sight.row] += _log_evidence(prior, record) - _log_evidence(prior, sight.before)
                 views[sight.row][object_id], by_track[sight.row][object_id] = record, tracks
         if self._thesis:
-            return Weighed(log_weights, np.full(len(rows), float(self._num_tracks)), views, [None] * len(rows))
+            return Weighed(log_weights, np.full(len(rows), float(self._num_tracks)), at_hand(views), [None] * len(rows))
         return _with_corrections(moment, rows, log_weights, by_track, views)
 
     def _sights(
@@ -189,7 +189,7 @@ def _with_corrections(
             object_id = moment.object_ids[moment.stack.rows.objects[row, number]]
             deviations = sampled.deviations[:, 1 + moment.stack.slots[row, number]]
             views[row][object_id] = replace(views[row][object_id], correction=Correction.of_samples(deviations, shares))
-    return Weighed(log_weights, effective, views, robot)
+    return Weighed(log_weights, effective, at_hand(views), robot)
 
 
 def _shares(log_weights: Array) -> Array:

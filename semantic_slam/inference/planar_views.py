@@ -35,12 +35,16 @@ class IndependentViews:
 
     def weigh(self, moment: Moment) -> Weighed:
         """Records alone: these measurements have factors."""
+        return Weighed.silent(
+            len(moment.stack.mean), lambda rows: self._records(moment.take(np.array(rows, dtype=int)))
+        )
+
+    def _records(self, moment: Moment) -> list[dict[int, ObjectViews]]:
         states = moment.stack.states(moment.mode.y)
-        count = len(states)
-        views: list[dict[int, ObjectViews]] = [{} for _ in range(count)]
+        views: list[dict[int, ObjectViews]] = [{} for _ in states]
         for number in range(len(moment.used)):
             self._add(moment, number, states, views)
-        return Weighed(np.zeros(count), np.full(count, np.nan), views, [None] * count)
+        return views
 
     def _add(self, moment: Moment, number: int, states: Array, views: list[dict[int, ObjectViews]]) -> None:
         """The records of one detection's object, which ``views`` may hold from an earlier detection."""

@@ -1,4 +1,7 @@
-"""Partial associations that one linear step shows to be far off are not searched for their modes."""
+"""Partial associations of which one linear step tells enough are not searched for their modes.
+
+Those that it shows to be far off are dropped; those that hardly bend are ranked by it.
+"""
 
 from dataclasses import dataclass
 
@@ -13,6 +16,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 Flags = NDArray[np.bool_]
 
+RANKED_RAD = 0.1
+"""Uncertainty of a direction of sight, given other detections, below which one linear step ranks as a search does."""
 STEADY_RAD = 0.2
 """Uncertainty of a direction of sight, given other detections, below which one linear step tells what is far off."""
 LOST_RAD = 0.3
@@ -26,7 +31,8 @@ class Screened:
     """What is left of B candidates."""
 
     kept: Index  # (K,)
-    start: Array  # (K, n) whitened states to search modes from
+    mode: Mode  # K, as one linear step has it where that ranks; else with the state to search from
+    searched: Index  # those of K whose modes are to be searched
     log_left_out: Array  # (P,) of the others, relative to the parent's best that one linear step tells
 
 
@@ -51,7 +57,8 @@ def screen(stack: Stack, previous: Mode, origin: Index, gate: float, num_parents
     start[linear[kept]] += added.step[kept[linear[kept]]]
     if len(lost):
         start[lost] = _better_start(stack.select(kept[lost]), start[lost])
-    return Screened(kept, start, left_out)
+    mode = Mode(start, added.hessian(previous, origin, kept), evidence[kept])
+    return Screened(kept, mode, np.flatnonzero(added.sigma[kept] >= RANKED_RAD), left_out)
 
 
 @dataclass(frozen=True)
@@ -62,6 +69,16 @@ class _Added:
     step: Array  # (B, n) from there to the mode of all
     log_density: Array  # (B,) of the detection given the others
     sigma: Array  # (B,) radians by which the direction of sight is uncertain, given the others
+    jacobian: Array  # (B, m, n) of its whitened residual
+
+    def hessian(self, previous: Mode, origin: Index, kept: Index) -> Array:
+        """(K, n, n) of all, of some rows."""
+        own, size = self.jacobian[kept], previous.y.shape[1]
+        total = np.swapaxes(own, 1, 2) @ own
+        total[:, :size, :size] += previous.hessian[origin[kept]]
+        new = np.arange(size, total.shape[1])
+        total[:, new, new] += 1.0
+        return np.asarray(total)
 
 
 def _added(stack: Stack, previous: Mode, origin: Index) -> _Added:
@@ -82,7 +99,7 @@ def _added(stack: Stack, previous: Mode, origin: Index) -> _Added:
     log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
     log_density = part.log_normaliser - 0.5 * (whitened[..., 0] ** 2).sum(-1) - log_determinant
     step = -(spread @ (np.swapaxes(jacobian, 1, 2) @ gain))[..., 0]
-    return _Added(start, step, log_density, stack.model.sight_sigma(x, o, covariance))
+    return _Added(start, step, log_density, stack.model.sight_sigma(x, o, covariance), jacobian @ slopes)
 
 
 def _newest(stack: Stack, y: Array, blocks: Index) -> tuple[Array, Array, Array]:

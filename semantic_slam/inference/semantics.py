@@ -1,7 +1,7 @@
 """What a run asks of its semantics besides factors: the record of each object's views, and evidence from tracks."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,6 +16,13 @@ from semantic_slam.inference.stack import Stack
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
+Records = Callable[[Sequence[int]], list[dict[int, ObjectViews]]]
+"""Of some continuations: object id -> record of its views, for the objects of this keyframe."""
+
+
+def at_hand(views: list[dict[int, ObjectViews]]) -> Records:
+    """Of K continuations, made with their weights."""
+    return lambda rows: [views[row] for row in rows]
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,10 @@ class Moment:
     log_class_prior: Array  # (O, C)
     new: Sequence[dict[int, GaussianPrior]]  # for each parent, the objects that this keyframe introduces
 
+    def take(self, rows: NDArray[np.int_]) -> "Moment":
+        """Some of the continuations."""
+        return replace(self, stack=self.stack.select(rows), mode=self.mode.take(rows))
+
 
 @dataclass(frozen=True)
 class Weighed:
@@ -38,8 +49,14 @@ class Weighed:
 
     log_weights: Array  # (K,) evidence besides that of the factors
     effective_sample_sizes: Array  # (K,) NaN where nothing was sampled
-    views: list[dict[int, ObjectViews]]  # K: object id -> record, for the objects of this keyframe
+    records: Records  # of those that grow
     robot: list[Correction | None]  # K
+
+    @classmethod
+    def silent(cls, count: int, records: Records | None = None) -> "Weighed":
+        """Nothing besides the factors, and ``records`` if any."""
+        known = records or at_hand([{}] * count)
+        return cls(np.zeros(count), np.full(count, np.nan), known, [None] * count)
 
 
 @dataclass(frozen=True)

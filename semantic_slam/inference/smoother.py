@@ -7,7 +7,7 @@ and, with a learned latent space, descriptors of L components.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import gtsam
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.estimate import Estimate
 from semantic_slam.inference.linear_factors import DESCRIPTOR, is_descriptor, letter_of
 from semantic_slam.inference.made_factors import NO_FACTORS, NONE_ADDED, NONE_RENEWED, Added, Made, Renewal
 from semantic_slam.inference.manifold import Manifold
@@ -26,6 +27,8 @@ Index = NDArray[np.int_]
 
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
+FEW_CLIQUES = 200
+"""Size of the Bayes tree up to which reading the whole estimate once costs less than reading parts of it."""
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
 AT_REST = 1.5
@@ -65,8 +68,15 @@ class Smoother:
         """(n, d) estimates of different keys."""
         if not len(keys):
             return np.zeros((0, self.manifold.dimension))
+        if self.isam.size() < FEW_CLIQUES:
+            return self.estimate.states(keys)
         ascending = self.manifold.states(self.isam.calculateEstimate(list(keys)))
         return ascending[_ranks(tuple(keys))]
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """Of all variables, read once."""
+        return Estimate.of(self.manifold, self.isam.calculateEstimate(), self.num_descriptors)
 
     def descriptors(self, keys: Sequence[int]) -> Array:
         """(n, L) estimates of descriptors."""
@@ -240,10 +250,11 @@ class Smoother:
 
     def linear_rows(self, objects: Collection[int] | None = None) -> Index:
         """Which semantic measurements, of some objects' keys or of all, have linear factors."""
-        made, linear = self.made, ~self.made.exact
-        if objects is not None and len(made):
-            linear &= (made.keys[:, 1:2] == np.array(list(objects), dtype=int)).any(axis=1)
-        return np.flatnonzero(linear)
+        linear = ~self.made.exact
+        if objects is not None and len(linear):
+            own = self.made.keys[:, 1]
+            linear &= np.logical_or.reduce([own == key for key in objects])
+        return linear.nonzero()[0]
 
     def linear(self, rows: Sequence[int]) -> list[Named]:
         """Some semantic measurements, to have linear factors."""
@@ -252,16 +263,7 @@ class Smoother:
 
     def places(self, rows: Sequence[int] | Index) -> Places:
         """Estimates of the variables of some semantic measurements."""
-        keys = self.made.keys[rows]
-        estimate = self.isam.calculateEstimate()
-        poses, all_keys = self.manifold.states(estimate), _ascending(tuple(estimate.keys()))
-        split = len(all_keys) - len(poses)
-        at = np.searchsorted(all_keys[split:], keys[:, :2])
-        descriptors = np.zeros((len(keys), 0))
-        if self.num_descriptors:
-            known = gtsam.utilities.extractVectors(estimate, DESCRIPTOR)
-            descriptors = known[np.searchsorted(all_keys[:split], keys[:, 2])]
-        return Places(poses[at[:, 0]], poses[at[:, 1]], descriptors)
+        return self.estimate.places(self.made.keys[rows])
 
     @property
     def num_factors(self) -> int:
@@ -298,12 +300,6 @@ def _new_isam(manifold: Manifold, semantics: SemanticFactors, factorization: str
     solver.setWildfireThreshold(WILDFIRE_THRESHOLD)
     parameters.setOptimizationParams(solver)
     return gtsam.ISAM2(parameters)
-
-
-@lru_cache(maxsize=256)
-def _ascending(keys: tuple[int, ...]) -> Index:
-    """Of all variables, descriptors first."""
-    return np.array(keys, dtype=int)
 
 
 def _last(keys: Sequence[int], named: Sequence[Named] = ()) -> tuple[int, ...]:
