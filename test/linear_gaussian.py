@@ -72,7 +72,7 @@ class LinearModel:
         seen = self.collect([detection])
         return _factor(lambda x, o: self.geometry(seen, x, o), keys)
 
-    def sight_sigma(self, x, o, covariance):
+    def sight_sigma(self, x, o, covariance, charts):
         return np.zeros(len(x))
 
     def view_change(self, before, now):

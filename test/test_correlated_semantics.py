@@ -72,7 +72,7 @@ class OneObject:
     def moment(self, step: Step) -> Moment:
         predicted = self.component.predict(step.motion, [0])
         rows = Rows(np.zeros(1, dtype=int), np.zeros((1, 1), dtype=int))
-        stack = Stack(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
+        stack = Stack.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
         mode = find_modes(stack, np.zeros((1, stack.size)))
         return Moment(step, [self.component], stack, mode, np.zeros(1, dtype=int), [0], LOG_PRIOR[None], [{}])
 

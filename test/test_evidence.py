@@ -26,7 +26,7 @@ def linear_stack(objects: list[int]) -> tuple[Stack, float]:
     detections = [LinearDetection(random.normal(size=2), np.zeros(2)) for _ in objects]
     noise = np.array([[0.3, 0.1], [0.1, 0.2]])
     model = LinearModel(noise, np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
-    stack = Stack(
+    stack = Stack.of(
         PlanarPositions(),
         model,
         Predicted(mean[None], covariance[None]),
@@ -64,7 +64,7 @@ def planar_stack(covariance: np.ndarray, visibility: PlanarVisibility, semantics
     model = PlanarObservation(ParametricModel(0.5, 15.0) if semantics else None, visibility)
     mean = np.array([[[0.0, 0.0, 0.1], [2.2, 0.1, 1.0]]])
     rows = Rows(np.zeros(1, int), np.zeros((1, 1), int), np.zeros((1, 1), int) if semantics else None)
-    return Stack(PlanarPoses(), model, Predicted(mean, covariance[None]), model.collect([detection]), rows)
+    return Stack.of(PlanarPoses(), model, Predicted(mean, covariance[None]), model.collect([detection]), rows)
 
 
 def test_laplace_agrees_with_many_samples_where_the_posterior_is_narrow() -> None:

@@ -58,7 +58,7 @@ def moment_of(robot_sigma_rad: float, seed: int) -> Moment:
     step = Step(0, 1, motion, [detection], np.zeros(1, np.uint32), np.ones(1), ("",), np.ones(1, dtype=bool))
     predicted = component.predict(motion, [0])
     rows = Rows(np.zeros(1, int), np.zeros((1, 1), int))
-    stack = Stack(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
+    stack = Stack.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
     mode = find_modes(stack, search_start(stack))
     return Moment(step, [component], stack, mode, np.array([0]), [0], np.log(np.full((1, 2), 0.5)), [{}])
 

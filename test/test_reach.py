@@ -49,7 +49,7 @@ def test_no_association_costs_less_than_the_bound(has_range: bool, sensor: tuple
     starts = np.concatenate([np.zeros((1, 6)), random.normal(size=(9, 6))])
     for number, item in enumerate(items):
         rows = Rows(np.zeros(num_objects * 10, dtype=int), np.repeat(np.arange(num_objects), 10)[:, None])
-        stack = Stack(PlanarPoses(), MODEL, predicted, MODEL.collect([item]), rows)
+        stack = Stack.of(PlanarPoses(), MODEL, predicted, MODEL.collect([item]), rows)
         energy = (
             stack.energy(find_modes(stack, np.tile(starts, (num_objects, 1))).y).reshape(num_objects, 10).min(axis=1)
         )

@@ -23,6 +23,7 @@ from semantic_slam.inference.stack import Predicted
 
 if TYPE_CHECKING:
     from semantic_slam.inference.history import History
+    from semantic_slam.inference.keyframe_factors import KeyframeFactors
 
 __all__ = ["Component", "Continued", "Held", "LostComponentError", "Motion", "Observed"]
 __all__ += ["descriptor_key", "object_key", "robot_key"]
@@ -156,14 +157,19 @@ class Component:
         return Predicted(mean[None], covariance[None])
 
     def extension(
-        self, motion: Motion, observed: Sequence[Observed], continued: Continued, predicted: Array, moved: float
+        self,
+        shared: "KeyframeFactors",
+        observed: Sequence[Observed],
+        continued: Continued,
+        predicted: Array,
+        moved: float,
     ) -> Extension:
         """What one continuation adds to the smoother (Eqs. 4.9-4.11).
 
         Its robot's mode is ``moved`` metres or radians from the state ``predicted`` by the motion alone.
         """
         key = robot_key(self.keyframe + 1)
-        graph, values = self._new(motion, observed, continued.robot, continued.new_objects)
+        graph, values = self._new(shared, observed, continued.robot, continued.new_objects)
         named = self._classed(observed)
         start = {key: continued.robot} | continued.smoothed
         start |= {object_key(item.object_id): o for item, o in zip(observed, continued.objects, strict=True)}
@@ -246,24 +252,22 @@ class Component:
         return float(np.abs(wrap_angle(self.states([key])[0, -1] - heading_rad)))
 
     def _new(
-        self, motion: Motion, observed: Sequence[Observed], robot: Array, new_objects: Mapping[int, GaussianPrior]
+        self,
+        shared: "KeyframeFactors",
+        observed: Sequence[Observed],
+        robot: Array,
+        new_objects: Mapping[int, GaussianPrior],
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """Odometry, priors of new objects and geometry; and values of the new keys, the robot's (d,) where it is."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        key = robot_key(self.keyframe + 1)
-        self._add_odometry(graph, values, motion)
-        self.manifold.insert(values, key, robot)
+        graph.add(shared.odometry)
+        self.manifold.insert(values, robot_key(self.keyframe + 1), robot)
         for number, prior in new_objects.items():
             graph.add(self.manifold.prior_factor(object_key(number), prior.mean, prior.covariance))
             self.manifold.insert(values, object_key(number), prior.mean)
         for item in observed:
-            graph.add(self.model.geometry_factor(item.detection, (key, object_key(item.object_id))))
+            graph.add(shared.geometry(item))
         return graph, values
-
-    def _add_odometry(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, motion: Motion) -> None:
-        """The motion to the next keyframe, and values of variables that it needs besides the poses."""
-        keys = robot_key(self.keyframe), robot_key(self.keyframe + 1)
-        graph.add(self.manifold.between_factor(*keys, motion.control, motion.covariance))
 
     def _classed(self, observed: Sequence[Observed]) -> list[Named]:
         """The semantic measurements of the next keyframe under a class."""

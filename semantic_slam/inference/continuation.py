@@ -123,10 +123,10 @@ class Expander:
         if reach is not None:
             outside = reach.log_left_out(enumerated.log_best)
             enumerated = replace(enumerated, log_left_out=np.logaddexp(enumerated.log_left_out, outside))
-        stack = Stack(setting.manifold, setting.model, predicted, setting.seen, enumerated.rows)
+        stack = enumerated.stack
         if setting.model.num_classes > 0 and len(used):
             mode = find_modes(stack, enumerated.start, tolerance=WEIGHING_TOLERANCE)
-        steps = _lineage_steps(enumerated.rows, used, object_ids, len(step.names))
+        steps = _lineage_steps(stack.rows, used, object_ids, len(step.names))
         expanded = Expanded(
             step=step,
             parents=components,
@@ -213,7 +213,7 @@ class Expander:
             index = np.array([object_ids.index(given[i]) for i in used], dtype=int)
             enumerated, mode = fixed_association(setting, predicted, index)
         if setting.model.num_classes > 0 and len(used):
-            enumerated = enumerate_classes(setting, predicted, enumerated)
+            enumerated = enumerate_classes(setting, enumerated)
         return enumerated, mode
 
     def _split(

@@ -24,6 +24,7 @@ from semantic_slam.inference.laplace import (
 )
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.prefixes import Prefixes
 from semantic_slam.inference.screening import Screened, screen
 from semantic_slam.inference.stack import Predicted, Rows, Stack
 
@@ -51,12 +52,16 @@ class Setting:
         """The detections as arrays."""
         return self.model.collect(self.detections)
 
+    def first(self, count: int) -> Any:
+        """Some of the detections as arrays."""
+        return self.seen if count == len(self.detections) else self.seen.take(slice(count))
+
 
 @dataclass(frozen=True)
 class Enumerated:
     """Candidates with the mode of their geometric part, and the score by which others were left out."""
 
-    rows: Rows
+    stack: Stack
     start: Array  # (B, n) whitened states of the geometric mode
     score: Array  # (B,) log of an estimate of psi, the class prior included
     log_class_prior: Array  # (B,) of the classes first enumerated here
@@ -66,35 +71,34 @@ class Enumerated:
 
 def enumerate_associations(setting: Setting, predicted: Predicted) -> tuple[Enumerated, Mode]:
     """All associations of the detections to the objects, as far as the gate admits."""
-    parents = np.arange(len(predicted.mean))
-    rows = Rows(parents, np.zeros((len(parents), 0), dtype=int))
-    left_out = np.full(len(parents), -np.inf)
-    mode = _of_prior(len(parents), setting.manifold.dimension)
+    num_parents = len(predicted.mean)
+    left_out = np.full(num_parents, -np.inf)
+    prefixes = Prefixes.of_robots(setting.manifold, predicted)
+    mode = _of_prior(num_parents, setting.manifold.dimension)
     for number in range(len(setting.detections)):
-        rows, origin = _with_next_object(setting, rows, predicted.mean.shape[1] - 1)
-        stack = _stack(setting, predicted, rows)
-        screened = screen(stack, mode, origin, setting.gate, len(parents))
-        rows, stack = rows.take(screened.kept), stack.select(screened.kept)
+        origin, objects = _next_objects(setting, prefixes.rows, predicted.mean.shape[1] - 1)
+        screened = screen(prefixes, mode, origin, objects, setting.model, setting.first(number + 1), setting.gate)
+        parents = screened.prefixes.rows.parents
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:
-            mode = find_modes(stack, screened.mode.y, tolerance=WEIGHING_TOLERANCE)
+            mode = find_modes(screened.stack, screened.mode.y, tolerance=WEIGHING_TOLERANCE)
         else:
-            mode = _ranking(stack, screened)
-        keep, dropped = _gated(rows.parents, mode.log_evidence, setting.gate, len(parents), setting.max_candidates)
+            mode = _ranking(screened)
+        keep, dropped = _gated(parents, mode.log_evidence, setting.gate, num_parents, setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
-        rows, mode = rows.take(keep), mode.take(keep)
-    best = np.full(len(parents), -np.inf)
-    np.maximum.at(best, rows.parents, mode.log_evidence)
-    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out, best), mode
+        prefixes, mode = screened.prefixes.take(keep), mode.take(keep)
+    best = np.full(num_parents, -np.inf)
+    np.maximum.at(best, prefixes.rows.parents, mode.log_evidence)
+    stack = prefixes.stack(setting.model, setting.seen)
+    return Enumerated(stack, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out, best), mode
 
 
-def _ranking(stack: Stack, screened: Screened) -> Mode:
+def _ranking(screened: Screened) -> Mode:
     """Modes that only rank: searched for where one linear step does not do."""
     rows, mode = screened.searched, screened.mode
-    if len(rows) == len(mode.y):
-        return find_modes(stack, mode.y, RANKING_ITERATIONS, RANKING_TOLERANCE)
     if len(rows):
-        found = find_modes(stack.select(rows), mode.y[rows], RANKING_ITERATIONS, RANKING_TOLERANCE)
+        part = screened.stack.select(rows)
+        found = find_modes(part, mode.y[rows], RANKING_ITERATIONS, RANKING_TOLERANCE)
         mode.y[rows], mode.hessian[rows], mode.log_evidence[rows] = found.y, found.hessian, found.log_evidence
     return mode
 
@@ -103,17 +107,17 @@ def fixed_association(setting: Setting, predicted: Predicted, objects: Index) ->
     """One association (D,), as given with the detections, for every parent."""
     parents = np.arange(len(predicted.mean))
     rows = Rows(parents, np.broadcast_to(objects, (len(parents), len(objects))))
-    stack = _stack(setting, predicted, rows)
+    stack = Stack.of(setting.manifold, setting.model, predicted, setting.seen, rows)
     mode = find_modes(stack, search_start(stack))
     nothing = np.full(len(parents), -np.inf)
-    return Enumerated(rows, mode.y, mode.log_evidence, np.zeros(len(parents)), nothing, mode.log_evidence), mode
+    return Enumerated(stack, mode.y, mode.log_evidence, np.zeros(len(parents)), nothing, mode.log_evidence), mode
 
 
-def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enumerated) -> Enumerated:
+def enumerate_classes(setting: Setting, associations: Enumerated) -> Enumerated:
     """Every class for the objects a hypothesis had not observed, the known one for the others."""
-    stack = _stack(setting, predicted, associations.rows)
+    stack = associations.stack
     bounds, turns = _semantic_profiles(setting, stack, associations.start)  # (B, D, C) each
-    num_parents = len(predicted.mean)
+    num_parents = len(setting.known_classes)
     index = np.arange(len(associations.score))
     score, prior, left_out = associations.score, associations.log_class_prior, associations.log_left_out
     chosen = np.zeros((len(index), 0), dtype=int)
@@ -126,17 +130,15 @@ def enumerate_classes(setting: Setting, predicted: Predicted, associations: Enum
         score, prior = score + added, prior[row] + added
         chosen = np.concatenate([chosen[row], cls[:, None]], axis=1)
         index = index[row]
-        parents = associations.rows.parents[index]
+        parents = stack.rows.parents[index]
         keep, dropped = _gated(parents, score, setting.gate, num_parents, setting.max_candidates)
         left_out = np.logaddexp(left_out, dropped)
         index, score, prior, chosen = index[keep], score[keep], prior[keep], chosen[keep]
-    selected = associations.rows.take(index)
-    classes = np.where(selected.objects >= 0, chosen, -1)
-    rows = Rows(selected.parents, selected.objects, classes)
-    detections = np.arange(classes.shape[1])
-    chosen_turns = turns[index[:, None], detections, np.maximum(classes, 0)]
-    start = _turned(stack.select(index), associations.start[index], chosen_turns)
-    return Enumerated(rows, start, score, prior, left_out, associations.log_best)
+    classes = np.where(stack.active[index], chosen, -1)
+    part = stack.with_classes(index, classes)
+    chosen_turns = turns[index[:, None], np.arange(classes.shape[1]), np.maximum(classes, 0)]
+    start = _turned(part, associations.start[index], chosen_turns)
+    return Enumerated(part, start, score, prior, left_out, associations.log_best)
 
 
 def _of_prior(count: int, size: int) -> Mode:
@@ -144,14 +146,8 @@ def _of_prior(count: int, size: int) -> Mode:
     return Mode(np.zeros((count, size)), np.broadcast_to(np.eye(size), (count, size, size)), np.zeros(count))
 
 
-def _stack(setting: Setting, predicted: Predicted, rows: Rows) -> Stack:
-    count = rows.objects.shape[1]
-    seen = setting.seen if count == len(setting.detections) else setting.seen.take(slice(count))
-    return Stack(setting.manifold, setting.model, predicted, seen, rows)
-
-
-def _with_next_object(setting: Setting, rows: Rows, num_objects: int) -> tuple[Rows, Index]:
-    """Every row with every object that its next detection may be of, and the row each one came from."""
+def _next_objects(setting: Setting, rows: Rows, num_objects: int) -> tuple[Index, Index]:
+    """Every row with every object that its next detection may be of: the row each one came from, and the object."""
     number = rows.objects.shape[1]
     allowed = np.ones((len(rows.parents), num_objects), dtype=bool)
     if setting.admitted is not None:
@@ -160,8 +156,8 @@ def _with_next_object(setting: Setting, rows: Rows, num_objects: int) -> tuple[R
         allowed[:, np.arange(num_objects) != setting.path[0][number]] = False
     if setting.distinct and number:
         np.put_along_axis(allowed, rows.objects, False, axis=1)
-    origin, added = np.nonzero(allowed)
-    return Rows(rows.parents[origin], np.concatenate([rows.objects[origin], added[:, None]], axis=1)), origin
+    origin, objects = np.nonzero(allowed)
+    return origin, objects
 
 
 def _gated(parents: Index, score: Array, gate: float, num_parents: int, limit: int) -> tuple[Index, Array]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.inference.component import Component, Continued, Motion, Observed
+from semantic_slam.inference.keyframe_factors import KeyframeFactors
 from semantic_slam.inference.settling import extend_all
 from semantic_slam.inference.smoother import LostComponentError
 
@@ -30,8 +31,9 @@ def grow_all(
     manifold = parents[0].manifold
     predicted = manifold.compose(np.array([parent.newest_robot() for parent in parents]), motion.control)
     moved = np.abs(manifold.local(predicted, np.array([what.robot for what in continued]))).max(axis=-1).tolist()
+    shared = KeyframeFactors(manifold, parents[0].model, parents[0].keyframe + 1, motion)
     extensions = [
-        parent.extension(motion, seen, what, state, change)
+        parent.extension(shared, seen, what, state, change)
         for (parent, seen, what), state, change in zip(rows, predicted, moved, strict=True)
     ]
     smoothers = extend_all([parent.smoother for parent in parents], extensions, alone(parents) if in_place else ())

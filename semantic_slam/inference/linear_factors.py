@@ -1,7 +1,7 @@
 """Factors that are linearised here, and not by GTSAM: no callback, but true near those states only."""
 
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import gtsam
@@ -51,15 +51,28 @@ def linear_factors(
 
 
 def linearisation_points(manifold: Manifold, states: Sequence[Mapping[int, Array]]) -> list[gtsam.Values]:
-    """GTSAM's values of each set of states, (d,) of a pose and (L,) of a descriptor."""
-    return [_values(manifold, own) for own in states]
+    """GTSAM's values of each set of states, (d,) of a pose and (L,) of a descriptor.
+
+    As steps from the origin: GTSAM tries a dozen types for a pose that is inserted.
+    """
+    poses = [state for own in states for key, state in own.items() if not is_descriptor(key)]
+    tangents = iter(manifold.local(np.zeros(manifold.dimension), np.array(poses)) if poses else ())
+    points = []
+    for own in states:
+        step = gtsam.VectorValues()
+        for key, state in own.items():
+            step.insert(key, state if is_descriptor(key) else next(tangents))
+        points.append(_origin(manifold, tuple((key, len(state)) for key, state in own.items())).retract(step))
+    return points
 
 
-def _values(manifold: Manifold, states: Mapping[int, Array]) -> gtsam.Values:
+@lru_cache(maxsize=1024)
+def _origin(manifold: Manifold, sizes: tuple[tuple[int, int], ...]) -> gtsam.Values:
+    """Of variables by key and size."""
     values = gtsam.Values()
-    for key, state in states.items():
+    for key, size in sizes:
         if is_descriptor(key):
-            values.insert(key, state)
+            values.insert(key, np.zeros(size))
         else:
-            manifold.insert(values, key, state)
+            manifold.insert(values, key, np.zeros(size))
     return values

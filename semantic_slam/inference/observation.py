@@ -68,10 +68,11 @@ class ObservationModel(Protocol):
     def geometry_factor(self, detection: Any, keys: tuple[int, int]) -> Any:
         """GTSAM factor between robot and object."""
 
-    def sight_sigma(self, x: Array, o: Array, covariance: Array) -> Array:
+    def sight_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """(B,) radians by which an object's place as the robot sees it is uncertain, seen from the robot.
 
-        ``covariance`` (B, 2 d, 2 d) is of robot and object in their tangent spaces.
+        ``covariance`` (B, 2 d, 2 d) is of robot and object in tangent spaces from which ``charts`` (B, 2 d, 2 d) lead
+        to those at their states.
         """
 
     def view_change(self, before: Array, now: Array) -> Array:

@@ -17,9 +17,10 @@ from semantic_slam.inference.component import (
     robot_key,
 )
 from semantic_slam.inference.gaussian import GaussianPrior
+from semantic_slam.inference.keyframe_factors import KeyframeFactors
 from semantic_slam.inference.local_map import LocalMap
 from semantic_slam.inference.object_views import Correction, ObjectViews
-from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key, biased_factor
+from semantic_slam.inference.odometry_bias import begins_stretch, bias_change, bias_key
 from semantic_slam.inference.population import Account, Population, position_sigmas
 from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.semantic_factors import Named
@@ -96,22 +97,22 @@ class OpenComponent(Component):
             noise_factor=problem.noise_factors[noise],
         )
 
-    def extension_by(self, motion: Motion, added: Grown) -> Extension:
+    def extension_by(self, shared: KeyframeFactors, added: Grown) -> Extension:
         """What one continuation adds to the smoother, to settle there."""
-        graph, values, named, start = self._extended(motion, added)
+        graph, values, named, start = self._extended(shared, added)
         entering = descriptor_views(added.views)
         start |= self.with_descriptors(graph, values, added.views, entering, start)
         calm = {robot_key(self.keyframe + 1): added.predicted} | self.calm(added.views)
         jumped = self._jumped_to(added) or self.turned(added.views)
         return Extension(graph, values, [*named, *entering], start, jumped, calm)
 
-    def stepped_by(self, motion: Motion, added: Grown, *, in_place: bool) -> Smoother:
+    def stepped_by(self, shared: KeyframeFactors, added: Grown, *, in_place: bool) -> Smoother:
         """After one update, the next keyframe going on; ``in_place`` uses up this component. Raises LostComponentError.
 
         Descriptors then stay with their records: they enter with a turn of their object, which one update cannot make.
         """
         again = self._jumped_to(added)
-        return self.smoother.stepped(*self._extended(motion, added), in_place=in_place, again=again)
+        return self.smoother.stepped(*self._extended(shared, added), in_place=in_place, again=again)
 
     def grown(self, added: Grown, smoother: Smoother, max_fresh: int) -> "OpenComponent":
         """The child of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.
@@ -140,11 +141,13 @@ class OpenComponent(Component):
         return bool((change > limit).any())
 
     def _extended(
-        self, motion: Motion, added: Grown
+        self, shared: KeyframeFactors, added: Grown
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, list[Named], dict[int, Array]]:
         """The keyframe's factors and new variables, semantic measurements, and where the continuation has them."""
         key = robot_key(self.keyframe + 1)
-        graph, values = self._new(self.scaled(motion), added.observed, added.robot, added.new_objects)
+        graph, values = self._new(shared, added.observed, added.robot, added.new_objects)
+        if shared.motion.by_bias is not None and begins_stretch(self.keyframe + 1):
+            bias_change(self.keyframe + 1, self.objects.bias, graph, values)
         start = {key: added.robot}
         start |= {object_key(item.object_id): o for item, o in zip(added.observed, added.objects, strict=True)}
         return graph, values, self._classed(added.observed), start
@@ -160,16 +163,6 @@ class OpenComponent(Component):
         if motion.by_bias is None:
             return motion.control
         return self.manifold.retract(motion.control, motion.by_bias @ self.objects.bias)
-
-    def _add_odometry(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, motion: Motion) -> None:
-        if motion.by_bias is None:
-            super()._add_odometry(graph, values, motion)
-            return
-        keyframe = self.keyframe + 1
-        if begins_stretch(keyframe):
-            bias_change(keyframe, self.objects.bias, graph, values)
-        keys = robot_key(self.keyframe), robot_key(keyframe), bias_key(keyframe)
-        graph.add(biased_factor(keys, motion.control, motion.covariance, motion.by_bias))
 
     def robot_and_objects(self) -> tuple[Array, Array]:
         """(1 + O, d) states as the population has them, the robot first, and their covariances, corrected."""

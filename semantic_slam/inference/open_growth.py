@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.growth import Outcome, alone
+from semantic_slam.inference.keyframe_factors import KeyframeFactors
 from semantic_slam.inference.open_component import Grown, OpenComponent
 from semantic_slam.inference.settling import extend_all
 from semantic_slam.inference.smoother import LostComponentError
@@ -16,7 +17,8 @@ def settled(
 
     Parents stay as they were, unless an only child may use up its parent ``in_place``.
     """
-    extensions = [parent.extension_by(motion, own) for parent, own in zip(parents, added, strict=True)]
+    shared = _shared(parents, motion)
+    extensions = [parent.extension_by(shared[parent.noise], own) for parent, own in zip(parents, added, strict=True)]
     smoothers = extend_all([parent.smoother for parent in parents], extensions, alone(parents) if in_place else ())
     return [
         smoother if isinstance(smoother, LostComponentError) else _attempt(parent.grown, own, smoother, max_fresh)
@@ -28,13 +30,23 @@ def stepped(
     parents: Sequence[OpenComponent], motion: Motion, added: Sequence[Grown], max_fresh: int, *, in_place: bool
 ) -> list[Outcome]:
     """The same after one update each, the next keyframe going on; ``in_place``: a last child uses up its parent."""
+    shared = _shared(parents, motion)
     last = {id(parent): place for place, parent in enumerate(parents)} if in_place else {}
 
     def child(place: int, parent: OpenComponent, own: Grown) -> OpenComponent:
-        smoother = parent.stepped_by(motion, own, in_place=last.get(id(parent)) == place)
+        smoother = parent.stepped_by(shared[parent.noise], own, in_place=last.get(id(parent)) == place)
         return parent.grown(own, smoother, max_fresh)
 
     return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, added, strict=True))]
+
+
+def _shared(parents: Sequence[OpenComponent], motion: Motion) -> dict[int, KeyframeFactors]:
+    """The factors of the keyframe under each of the noises that odometry may have."""
+    by_noise = {parent.noise: parent for parent in parents}
+    return {
+        noise: KeyframeFactors(own.manifold, own.model, own.keyframe + 1, own.scaled(motion))
+        for noise, own in by_noise.items()
+    }
 
 
 def _attempt(grow: Callable[..., OpenComponent], *arguments: object) -> Outcome:

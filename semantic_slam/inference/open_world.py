@@ -33,7 +33,7 @@ from semantic_slam.inference.protocol import LineageStep
 from semantic_slam.inference.semantics import Moment, Views, Weighed
 from semantic_slam.inference.sightlines import Shown, detection_probabilities
 from semantic_slam.inference.small_problems import SmallProblems, evaluated
-from semantic_slam.inference.stack import Rows, Stack
+from semantic_slam.inference.stack import Rows
 from semantic_slam.inference.step import Step
 
 Array = NDArray[np.float64]
@@ -228,9 +228,9 @@ class OpenExpander:
         mode = find_modes(small.stack, search_start(small.stack))
         setting = self._setting(step, small.object_ids, components, path)
         none = np.zeros(len(mode.y))
-        geometric = Enumerated(small.stack.rows, mode.y, mode.log_evidence, none, candidates.log_left_out)
-        found = enumerate_classes(setting, small.predicted, geometric)
-        stack = Stack(setting.manifold, setting.model, small.predicted, setting.seen, found.rows)
+        geometric = Enumerated(small.stack, mode.y, mode.log_evidence, none, candidates.log_left_out)
+        found = enumerate_classes(setting, geometric)
+        stack = found.stack
         mode = find_modes(stack, found.start)
         used, prior = np.arange(len(step.detections)), setting.log_class_prior
         births = self._priors(step, outlooks)
@@ -238,9 +238,9 @@ class OpenExpander:
         if self.problem.semantics is not None:
             moment = Moment(step, components, stack, mode, used, small.object_ids, prior, births)
             semantics = self.problem.semantics.weigh(moment)
-        steps = _lineage_steps(found.rows, small.object_ids)
+        steps = _lineage_steps(stack.rows, small.object_ids)
         result = evaluated(stack, mode)
-        return _Weighable(found.rows.parents, steps, result, found.log_class_prior, semantics, found.log_left_out)
+        return _Weighable(stack.rows.parents, steps, result, found.log_class_prior, semantics, found.log_left_out)
 
     def _priors(self, step: Step, outlooks: list[Outlook]) -> list[dict[int, GaussianPrior]]:
         born = self._born(step).tolist()

@@ -170,7 +170,7 @@ class PlanarObservation:
         seen = self.collect([detection])
         return bearing_factor(lambda x, o: self.geometry(seen, x, o), keys)
 
-    def sight_sigma(self, x: Array, o: Array, covariance: Array) -> Array:
+    def sight_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """From the covariance of the object in the body frame."""
         d, turn = object_in_body(x, o), o[:, 2] - x[:, 2]
         jacobian = np.zeros((len(x), 2, 6))
@@ -179,7 +179,8 @@ class PlanarObservation:
         jacobian[:, 0, 3] = jacobian[:, 1, 4] = np.cos(turn)
         jacobian[:, 1, 3] = np.sin(turn)
         jacobian[:, 0, 4] = -jacobian[:, 1, 3]
-        spread = np.einsum("bij,bjk,bik->b", jacobian, covariance, jacobian)
+        jacobian = jacobian @ charts
+        spread = ((jacobian @ covariance) * jacobian).sum(axis=(1, 2))
         return np.asarray(np.sqrt(spread) / polar(d)[0])
 
     def least_cost(

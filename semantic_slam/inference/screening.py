@@ -4,17 +4,19 @@ Those that it shows to be far off are dropped; those that hardly bend are ranked
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.small_matrices import backward, cholesky, forward
 from semantic_slam.inference.laplace import Mode, search_start
+from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.prefixes import Prefixes
 from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
-Flags = NDArray[np.bool_]
 
 RANKED_RAD = 0.1
 """Uncertainty of a direction of sight, given other detections, below which one linear step ranks as a search does."""
@@ -30,94 +32,124 @@ SAFETY = 2.0
 class Screened:
     """What is left of B candidates."""
 
-    kept: Index  # (K,)
+    prefixes: Prefixes  # K, with the newest detection
+    stack: Stack  # K
     mode: Mode  # K, as one linear step has it where that ranks; else with the state to search from
     searched: Index  # those of K whose modes are to be searched
     log_left_out: Array  # (P,) of the others, relative to the parent's best that one linear step tells
 
 
-def screen(stack: Stack, previous: Mode, origin: Index, gate: float, num_parents: int) -> Screened:
+def screen(
+    prefixes: Prefixes, previous: Mode, origin: Index, objects: Index, model: ObservationModel, seen: Any, gate: float
+) -> Screened:
     """Drop candidates whose evidence one step from where they were puts far behind, where that step can be trusted.
 
-    ``previous`` are modes of all detections but the newest, ``origin`` (B,) says whose each candidate goes on from. Of
-    those not dropped, the steady ones start at that step, lost ones at what explains most, the rest where they were.
+    ``previous`` are modes of the prefixes; candidate b goes on from ``origin[b]``, the newest of the detections
+    ``seen`` being of ``objects[b]``. Of those not dropped, the steady ones start at that step, lost ones at what
+    explains most, the rest where they were.
     """
-    added = _added(stack, previous, origin)
-    linear = added.sigma < STEADY_RAD
-    evidence = previous.log_evidence[origin] + added.log_density
-    best = np.full(num_parents, -np.inf)
-    parents = stack.rows.parents
+    known = np.asarray(np.linalg.inv(previous.hessian))
+    expected = _expected(prefixes, previous, known)
+    newest = _newest(expected, origin, objects, model, seen.take([prefixes.rows.objects.shape[1]]))
+    linear, parents = newest.sigma < STEADY_RAD, prefixes.rows.parents[origin]
+    evidence = previous.log_evidence[origin] + newest.log_density
+    best = np.full(len(prefixes.predicted.mean), -np.inf)
     np.maximum.at(best, parents[linear], evidence[linear])
     behind = evidence - best[parents]
     dropped = linear & (behind < -SAFETY * gate)
-    left_out = np.full(num_parents, -np.inf)
+    left_out = np.full(len(best), -np.inf)
     np.logaddexp.at(left_out, parents[dropped], behind[dropped])
     kept = np.flatnonzero(~dropped)
-    start, lost = added.start[kept], np.flatnonzero(added.sigma[kept] > LOST_RAD)
-    start[linear[kept]] += added.step[kept[linear[kept]]]
+    longer = prefixes.extended(origin[kept], objects[kept])
+    stack = longer.stack(model, seen)
+    start, step, hessian = _stepped(stack, previous.take(origin[kept]), known[origin[kept]], newest.take(kept))
+    start[linear[kept]] += step[linear[kept]]
+    lost = np.flatnonzero(newest.sigma[kept] > LOST_RAD)
     if len(lost):
-        start[lost] = _better_start(stack.select(kept[lost]), start[lost])
-    mode = Mode(start, added.hessian(previous, origin, kept), evidence[kept])
-    return Screened(kept, mode, np.flatnonzero(added.sigma[kept] >= RANKED_RAD), left_out)
+        start[lost] = _better_start(stack.select(lost), start[lost])
+    mode = Mode(start, hessian, evidence[kept])
+    return Screened(longer, stack, mode, np.flatnonzero(newest.sigma[kept] >= RANKED_RAD), left_out)
 
 
 @dataclass(frozen=True)
-class _Added:
-    """The newest detection of B candidates, linearised at the mode of the others."""
+class _Expected:
+    """Robot and all objects where the modes of B prefixes have them, in the tangent spaces at their prior means."""
 
-    start: Array  # (B, n) that mode, a new object where it is expected from there
-    step: Array  # (B, n) from there to the mode of all
+    states: Array  # (B, 1 + O, d)
+    charts: Array  # (B, 1 + O, d, d) to the tangent spaces at the states
+    own: Array  # (B, 1 + O, d, d) covariances
+    with_robot: Array  # (B, 1 + O, d, d) covariances of the robot with each
+
+    def pairs(self, origin: Index, objects: Index) -> tuple[Array, Array]:
+        """(K, 2 d, 2 d) covariances of robots with some objects, and their charts."""
+        size, place = self.own.shape[-1], 1 + objects
+        covariance, charts = np.empty((len(origin), 2 * size, 2 * size)), np.zeros((len(origin), 2 * size, 2 * size))
+        covariance[:, :size, :size], covariance[:, size:, size:] = self.own[origin, 0], self.own[origin, place]
+        covariance[:, :size, size:] = self.with_robot[origin, place]
+        covariance[:, size:, :size] = np.swapaxes(covariance[:, :size, size:], 1, 2)
+        charts[:, :size, :size], charts[:, size:, size:] = self.charts[origin, 0], self.charts[origin, place]
+        return covariance, charts
+
+
+def _expected(prefixes: Prefixes, previous: Mode, known: Array) -> _Expected:
+    """``known`` (B, m, m): inverse Hessians of the modes, which tell what the detections so far left uncertain."""
+    manifold, predicted, parents = prefixes.manifold, prefixes.predicted, prefixes.rows.parents
+    mean, size = predicted.mean[parents], prefixes.manifold.dimension
+    flat = prefixes.cross.reshape(len(parents), previous.y.shape[1], -1)
+    moved, charts = manifold.exp_and_jacobian((previous.y[:, None] @ flat)[:, 0].reshape(mean.shape))
+    explained = ((np.eye(flat.shape[1]) - known) @ flat).reshape(prefixes.cross.shape)
+    own = np.ascontiguousarray(np.moveaxis(prefixes.cross, 1, 3)) @ np.ascontiguousarray(np.moveaxis(explained, 1, 2))
+    robot = np.ascontiguousarray(np.swapaxes(prefixes.cross[:, :, 0], 1, 2))
+    with_robot = np.swapaxes((robot @ explained.reshape(flat.shape)).reshape(len(parents), size, -1, size), 1, 2)
+    states = np.arange(mean.shape[1])
+    diagonal = np.moveaxis(predicted.blocks[:, states, :, states], 0, 1)
+    first = np.swapaxes(predicted.blocks[:, 0], 1, 2)
+    return _Expected(manifold.compose(mean, moved), charts, diagonal[parents] - own, first[parents] - with_robot)
+
+
+@dataclass(frozen=True)
+class _Newest:
+    """The newest detection of B candidates, linearised at the mode of the others; m components of a residual."""
+
+    jacobian: Array  # (B, m, 2 d) of its whitened residual by the tangents of robot and object at their prior means
+    gain: Array  # (B, m) inverse covariance of that residual, times it
     log_density: Array  # (B,) of the detection given the others
     sigma: Array  # (B,) radians by which the direction of sight is uncertain, given the others
-    jacobian: Array  # (B, m, n) of its whitened residual
 
-    def hessian(self, previous: Mode, origin: Index, kept: Index) -> Array:
-        """(K, n, n) of all, of some rows."""
-        own, size = self.jacobian[kept], previous.y.shape[1]
-        total = np.swapaxes(own, 1, 2) @ own
-        total[:, :size, :size] += previous.hessian[origin[kept]]
-        new = np.arange(size, total.shape[1])
-        total[:, new, new] += 1.0
-        return np.asarray(total)
+    def take(self, rows: Index) -> "_Newest":
+        return _Newest(self.jacobian[rows], self.gain[rows], self.log_density[rows], self.sigma[rows])
 
 
-def _added(stack: Stack, previous: Mode, origin: Index) -> _Added:
-    """One Kalman update for each candidate: the others' Hessian tells what they left uncertain."""
-    rows, number = np.arange(len(origin)), stack.rows.objects.shape[1] - 1
-    start = np.zeros((len(rows), stack.size))
-    start[:, : previous.y.shape[1]] = previous.y[origin]
-    both = np.stack([np.zeros(len(rows), dtype=int), 1 + stack.slots[:, number]], axis=1)
-    x, o, slopes = _newest(stack, start, both)
-    spread = _times_covariance(np.asarray(np.linalg.inv(previous.hessian)), origin, slopes)  # (B, n, 2 d)
-    part = stack.model.geometry(stack.seen.take([number]), x, o)
-    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
-    covariance = slopes @ spread
+def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, seen: Any) -> _Newest:
+    """One Kalman update for each candidate."""
+    x, o = expected.states[origin, 0], expected.states[origin, 1 + objects]
+    covariance, charts = expected.pairs(origin, objects)
+    part = model.geometry(seen, x, o)
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1) @ charts
     innovation = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1])
     root = cholesky(innovation)
     whitened = forward(root, part.residual[..., None])
-    gain = backward(root, whitened)
     log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
     log_density = part.log_normaliser - 0.5 * (whitened[..., 0] ** 2).sum(-1) - log_determinant
-    step = -(spread @ (np.swapaxes(jacobian, 1, 2) @ gain))[..., 0]
-    return _Added(start, step, log_density, stack.model.sight_sigma(x, o, covariance), jacobian @ slopes)
+    sigma = model.sight_sigma(x, o, covariance, charts)
+    return _Newest(jacobian, backward(root, whitened)[..., 0], log_density, sigma)
 
 
-def _newest(stack: Stack, y: Array, blocks: Index) -> tuple[Array, Array, Array]:
-    """Robot (B, d) and object, and (B, 2 d, n) derivatives of both by y; ``blocks`` (B, 2) are theirs."""
-    rows = np.arange(len(y))[:, None]
-    root = stack.root.reshape(*stack.mean.shape, stack.size)[rows, blocks]  # (B, 2, d, n)
-    tangent = (root @ y[:, None, :, None])[..., 0]
-    moved, chart = stack.manifold.exp_and_jacobian(tangent)
-    states, slopes = stack.manifold.compose(stack.mean[rows, blocks], moved), chart @ root
-    return states[:, 0], states[:, 1], slopes.reshape(len(y), -1, stack.size)
-
-
-def _times_covariance(known: Array, origin: Index, slopes: Array) -> Array:
-    """(B, n, 2 d) covariance of y times slopes: ``known[origin]`` of its first coordinates, the others being free."""
-    size = known.shape[-1]
-    spread = np.ascontiguousarray(np.swapaxes(slopes, 1, 2))
-    spread[:, :size] = known[origin] @ spread[:, :size]
-    return spread
+def _stepped(stack: Stack, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:
+    """(K, n) whitened states where the others' modes have them, steps from there to those of all, and Hessians."""
+    count, before, size = len(stack.mean), previous.y.shape[1], stack.dimension
+    start = np.concatenate([previous.y, np.zeros((count, stack.size - before))], axis=1)
+    blocks = np.stack([np.zeros(count, dtype=int), 1 + stack.slots[:, -1]], axis=1)
+    slopes = stack.root.reshape(*stack.mean.shape, stack.size)[np.arange(count)[:, None], blocks]  # (K, 2, d, n)
+    jacobian = newest.jacobian @ slopes.reshape(count, 2 * size, stack.size)
+    transposed = np.ascontiguousarray(np.swapaxes(jacobian, 1, 2))
+    step = -(transposed @ newest.gain[..., None])
+    step[:, :before] = known @ step[:, :before]
+    hessian = transposed @ jacobian
+    hessian[:, :before, :before] += previous.hessian
+    new = np.arange(before, stack.size)
+    hessian[:, new, new] += 1.0
+    return start, step[..., 0], hessian
 
 
 def _better_start(stack: Stack, carried: Array) -> Array:

@@ -37,7 +37,7 @@ class SmallProblems:
             predicted = _without_headings(predicted)
         object_ids = np.concatenate([known, born]).astype(int)
         rows = Rows(parents, np.searchsorted(object_ids, ids))
-        stack = Stack(problem.manifold, problem.model, predicted, problem.model.collect(step.detections), rows)
+        stack = Stack.of(problem.manifold, problem.model, predicted, problem.model.collect(step.detections), rows)
         return cls(object_ids.tolist(), predicted, stack)
 
 

@@ -27,6 +27,12 @@ class Predicted:
     mean: Array  # (P, 1 + O, d)
     covariance: Array  # (P, (1 + O) d, (1 + O) d)
 
+    @property
+    def blocks(self) -> Array:
+        """(P, 1 + O, d, 1 + O, d) the covariance by states."""
+        shape = self.mean.shape[1:]
+        return self.covariance.reshape(len(self.mean), *shape, *shape)
+
     def pair_covariances(self) -> Array:
         """(P, O, 2 d, 2 d) of the robot together with each object."""
         num_parents, dimension = len(self.mean), self.mean.shape[-1]
@@ -58,8 +64,8 @@ class Rows:
 class Stack:
     """The likelihood of n detections over y (B, (1 + n) d), for the candidates of ``rows``."""
 
-    def __init__(self, manifold: Manifold, model: ObservationModel, predicted: Predicted, seen: Any, rows: Rows):
-        """``seen``: the n detections as ``model`` collects them."""
+    def __init__(self, manifold: Manifold, model: ObservationModel, seen: Any, rows: Rows, mean: Array, root: Array):
+        """``seen``: the n detections as ``model`` collects them; ``root`` (B, (1 + n) d, (1 + n) d)."""
         self.manifold, self.model, self.rows = manifold, model, rows
         self.dimension = manifold.dimension
         self.seen = seen
@@ -67,23 +73,29 @@ class Stack:
         self.slots = _first_occurrence(rows.objects)
         self._full = bool(self.active.all())
         self._distinct = bool((self.slots == np.arange(self.slots.shape[1])).all())
-        self.mean, self.root = self._gather(predicted)
+        self.mean, self.root = mean, root
         self.size = self.mean.shape[1] * self.dimension
 
-    def _gather(self, predicted: Predicted) -> tuple[Array, Array]:
-        count = self.rows.objects.shape[1]
-        own = self.active & (self.slots == np.arange(count))
-        blocks = np.concatenate([np.zeros((len(own), 1), int), np.where(own, 1 + self.rows.objects, 0)], axis=1)
+    @classmethod
+    def of(cls, manifold: Manifold, model: ObservationModel, predicted: Predicted, seen: Any, rows: Rows) -> "Stack":
+        """With the priors of the candidates' states from those of their parents."""
+        own = (rows.objects >= 0) & (_first_occurrence(rows.objects) == np.arange(rows.objects.shape[1]))
+        blocks = np.concatenate([np.zeros((len(own), 1), int), np.where(own, 1 + rows.objects, 0)], axis=1)
         used = np.concatenate([np.ones((len(own), 1), bool), own], axis=1)
-        mean = predicted.mean[self.rows.parents[:, None], blocks]
-        columns = (blocks[..., None] * self.dimension + np.arange(self.dimension)).reshape(
-            len(own), blocks.shape[1] * self.dimension
-        )
-        covariance = predicted.covariance[self.rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
+        dimension, count = manifold.dimension, blocks.shape[1] * manifold.dimension
+        columns = (blocks[..., None] * dimension + np.arange(dimension)).reshape(len(own), count)
+        covariance = predicted.covariance[rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
         if not used.all():
-            free = np.repeat(~used, self.dimension, axis=1)
-            covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
-        return mean, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+            free = np.repeat(~used, dimension, axis=1)
+            covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(count), covariance)
+        root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+        return cls(manifold, model, seen, rows, predicted.mean[rows.parents[:, None], blocks], root)
+
+    def with_classes(self, selection: Index, classes: Index) -> "Stack":
+        """Some of the candidates, with (B, n) classes of their objects."""
+        part = self.select(selection)
+        part.rows = Rows(part.rows.parents, part.rows.objects, classes)
+        return part
 
     def select(self, selection: Index) -> "Stack":
         """Some of the candidates, without gathering their priors again."""
