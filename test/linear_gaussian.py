@@ -55,9 +55,9 @@ class LinearModel:
         parts = [self.geometry(seen, x, o)] + ([] if classes is None else [self.semantics(seen, x, o, classes)])
         return sum(part.log_normaliser - 0.5 * (part.residual**2).sum(-1) for part in parts)
 
-    def heading_profile(self, seen, x, o, classes, sigma):
+    def best_heading(self, seen, x, o, classes, sigma):
         peak = -0.5 * np.linalg.slogdet(2.0 * np.pi * self.semantic_covariance)[1]
-        return np.full((len(classes), 1), peak), np.zeros((len(classes), 1))
+        return np.full(len(classes), peak), np.zeros(len(classes))
 
     def log_visibility(self, x, o, *, soft):
         return np.zeros(len(x))

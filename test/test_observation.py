@@ -97,6 +97,14 @@ def test_the_heading_profile_is_the_density_of_turned_objects() -> None:
         np.testing.assert_allclose(profile[:, column], density, atol=1e-9)
 
 
+def test_what_the_best_heading_is_depends_on_no_other_row() -> None:
+    seen, sigma = MODEL.collect([detection(True)]), np.array([3.0, 0.01, 3.0, 0.01, 3.0, 0.3])
+    together = MODEL.best_heading(seen, X, O, CLASSES, sigma)
+    for row in range(len(X)):
+        alone = MODEL.best_heading(seen, *(value[row : row + 1] for value in (X, O, CLASSES, sigma)))
+        np.testing.assert_array_equal([value[row] for value in together], [value[0] for value in alone])
+
+
 def test_correlated_views_temper_the_whole_density() -> None:
     """N views of one kind count as one view: p^(1/N), normaliser and residual alike."""
     z = detection(True)

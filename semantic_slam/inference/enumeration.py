@@ -179,25 +179,25 @@ def _semantic_profiles(setting: Setting, stack: Stack, y: Array) -> tuple[Array,
     """For each detection under each class (B, D, C): a bound on its semantic log density, and the turn that suits it.
 
     Geometry leaves an object's heading open, and the density over it may have several modes. The turn [rad] is that
-    of the best one, the prior of the heading included.
+    of the best one, the prior of the heading included. Of classes that an object cannot have nothing is asked.
     """
-    states = stack.states(y)
-    count, num_classes = len(y), setting.model.num_classes
-    bounds = np.zeros((count, len(setting.detections), num_classes))
-    turns = np.zeros_like(bounds)
-    classes = np.tile(np.arange(num_classes), count)
+    states, possible = stack.states(y), _possible_classes(setting, stack.rows)
+    bounds, turns = np.full(possible.shape, -np.inf), np.zeros(possible.shape)
     for number in range(len(setting.detections)):
-        sigma = stack.heading_sigma(number)
-        x = np.repeat(states[:, 0], num_classes, axis=0)
-        o = np.repeat(stack.objects_of(states, number), num_classes, axis=0)
-        profile, angles = setting.model.heading_profile(
-            stack.seen.take([number]), x, o, classes, np.repeat(sigma, num_classes)
+        row, cls = np.nonzero(possible[:, number])
+        sigma, objects = stack.heading_sigma(number)[row], stack.objects_of(states, number)
+        bounds[row, number, cls], turns[row, number, cls] = setting.model.best_heading(
+            stack.seen.take([number]), states[row, 0], objects[row], cls, sigma
         )
-        penalty = 0.5 * (angles / np.maximum(np.repeat(sigma, num_classes), 1e-9)[:, None]) ** 2
-        best = np.argmax(profile - penalty, axis=1)
-        bounds[:, number] = profile.max(axis=1).reshape(count, num_classes)
-        turns[:, number] = angles[np.arange(len(best)), best].reshape(count, num_classes)
     return bounds, turns
+
+
+def _possible_classes(setting: Setting, rows: Rows) -> NDArray[np.bool_]:
+    """(B, D, C) classes of each detection's object that neither its prior nor the hypothesis rules out."""
+    objects = np.maximum(rows.objects, 0)
+    known = setting.known_classes[rows.parents[:, None], objects][..., None]
+    same = (known < 0) | (known == np.arange(setting.model.num_classes))
+    return np.asarray(same & np.isfinite(setting.log_class_prior[objects]))
 
 
 def _turned(stack: Stack, y: Array, turns: Array) -> Array:

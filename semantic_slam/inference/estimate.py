@@ -20,34 +20,36 @@ Index = NDArray[np.int_]
 class Estimate:
     """n poses and m descriptors, whose keys come first."""
 
-    keys: Index  # (m + n,) ascending
+    keys: tuple[int, ...]  # (m + n,) ascending
     descriptors: Array  # (m, L)
     poses: Array  # (n, d)
 
     @classmethod
     def of(cls, manifold: Manifold, values: gtsam.Values, num_descriptors: int) -> "Estimate":
-        """From GTSAM's values."""
+        """From GTSAM's values, whose other variables come before these."""
         descriptors = gtsam.utilities.extractVectors(values, DESCRIPTOR) if num_descriptors else np.zeros((0, 0))
-        return cls(_ascending(tuple(values.keys())), descriptors, manifold.states(values))
+        poses, keys = manifold.states(values), tuple(values.keys())
+        return cls(keys[len(keys) - len(poses) - len(descriptors) :], descriptors, poses)
 
-    def states(self, keys: Sequence[int] | Index) -> Array:
-        """(..., d) of poses (...,)."""
-        return np.asarray(self.poses[np.searchsorted(self._pose_keys, keys)])
+    def states(self, keys: Sequence[int]) -> Array:
+        """(B, d) of poses."""
+        return np.asarray(self.poses[_rows(self.keys, tuple(keys)) - len(self.descriptors)])
 
     def places(self, keys: Index) -> Places:
         """Of the variables of some semantic measurements, (B, 2) keys or with descriptors (B, 3)."""
-        at = self.states(keys[:, :2])
-        descriptors = np.zeros((len(keys), 0))
-        if len(self.descriptors):
-            descriptors = self.descriptors[np.searchsorted(self.keys[: len(self.descriptors)], keys[:, 2])]
-        return Places(at[:, 0], at[:, 1], descriptors)
-
-    @property
-    def _pose_keys(self) -> Index:
-        return self.keys[len(self.keys) - len(self.poses) :]
+        rows = np.searchsorted(_ascending(self.keys), keys)
+        robots, objects = (self.poses[rows[:, column] - len(self.descriptors)] for column in (0, 1))
+        descriptors = self.descriptors[rows[:, 2]] if len(self.descriptors) else np.zeros((len(keys), 0))
+        return Places(robots, objects, descriptors)
 
 
 @lru_cache(maxsize=256)
 def _ascending(keys: tuple[int, ...]) -> Index:
     """The same as an array: smoothers of one keyframe share it."""
     return np.array(keys, dtype=int)
+
+
+@lru_cache(maxsize=1024)
+def _rows(keys: tuple[int, ...], wanted: tuple[int, ...]) -> Index:
+    """Of some among all."""
+    return np.searchsorted(_ascending(keys), wanted)

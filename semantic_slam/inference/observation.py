@@ -50,10 +50,10 @@ class ObservationModel(Protocol):
     def log_likelihood(self, seen: Any, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density of both, without slopes; of the geometric part alone where ``classes`` is None."""
 
-    def heading_profile(self, seen: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
-        """(B, K) log of the semantic density when the object is turned by (B, K) angles, far enough for ``sigma`` (B,).
+    def best_heading(self, seen: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
+        """(B,) largest semantic log density of one detection over turned objects, and (B,) the turn [rad] to it.
 
-        States without a heading have one angle, 0, and the largest density that the detection can reach.
+        The turn is the best where headings deviate by ``sigma`` (B,) a priori. States without a heading have none.
         """
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:

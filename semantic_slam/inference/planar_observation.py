@@ -121,6 +121,23 @@ class PlanarObservation:
         residual = forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
         return np.asarray(total + log_normaliser - 0.5 * (residual**2).sum(-1))
 
+    def best_heading(
+        self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
+    ) -> tuple[Array, Array]:
+        """Over a window of headings, the objects' prior deviating by ``sigma`` (B,) [rad].
+
+        Wide windows are looked at apart from narrow ones, which need fewer angles.
+        """
+        bound, turn = np.empty(len(x)), np.empty(len(x))
+        wide = 3.0 * sigma > WIDE_WINDOW_RAD
+        for rows in (np.flatnonzero(wide), np.flatnonzero(~wide)):
+            if not len(rows):
+                continue
+            profile, angles = self.heading_profile(seen, x[rows], o[rows], classes[rows], sigma[rows])
+            best = np.argmax(profile - 0.5 * (angles / np.maximum(sigma[rows], 1e-9)[:, None]) ** 2, axis=1)
+            bound[rows], turn[rows] = profile.max(axis=1), angles[np.arange(len(rows)), best]
+        return bound, turn
+
     def heading_profile(
         self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
