@@ -98,7 +98,7 @@ def test_both_factors_linearise_alike() -> None:
     symbols = [tuple(gtsam.symbol(letter, row) for letter in "xoe") for row in range(COUNT)]
     named = [Named(*own[:2], DETECTIONS[row], -1, own[2]) for row, own in enumerate(symbols)]
     factors = SemanticFactors(PlanarPoses(), PlanarObservation(None, PlanarVisibility()), LATENT)
-    linear = factors.make([named], [Places(X, O, E)])[0]
+    linear = factors.make([named], [Places.stacked(X, O, E)])[0]
     for row in range(COUNT):
         at = values(X[row], O[row], E[row], symbols[row])
         exact = exact_factor(LATENT, DETECTIONS[row], symbols[row])

@@ -58,7 +58,9 @@ def test_factors_are_the_likelihood(with_range: bool) -> None:
     z, x, o = detection(with_range), X[0], O[0]
     factors = [
         MODEL.geometry_factor(z, (0, 1)),
-        *SemanticFactors(PlanarPoses(), MODEL).make([[Named(0, 1, z, 1)]], [Places(X[:1], O[:1], np.zeros((1, 0)))])[0],
+        *SemanticFactors(PlanarPoses(), MODEL).make(
+            [[Named(0, 1, z, 1)]], [Places.stacked(X[:1], O[:1], np.zeros((1, 0)))]
+        )[0],
     ]
     values = gtsam.Values()
     values.insert(0, gtsam.Pose2(*x))

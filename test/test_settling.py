@@ -16,7 +16,7 @@ from semantic_slam.inference.linear_factors import linearisation_points
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility, viewpoints_in_plane
-from semantic_slam.inference.semantic_factors import MOVED_DESCRIPTOR, Named, SemanticFactors
+from semantic_slam.inference.semantic_factors import MOVED_DESCRIPTOR, Named, Places, SemanticFactors
 from semantic_slam.inference.settling import Extension, extend_all
 from semantic_slam.inference.smoother import LostComponentError, Smoother
 from semantic_slam.latent.model import LatentPrediction
@@ -223,7 +223,7 @@ def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
     smoother = extend(root(SemanticFactors(MANIFOLD, GEOMETRY, latent)), replace(extension, start=began))
     now = smoother.places([0])
     off = now.descriptors + thresholds * MOVED_DESCRIPTOR * latent.prior.sigma
-    moved = replace(smoother, made=replace(smoother.made, places=replace(now, descriptors=off)))
+    moved = replace(smoother, made=replace(smoother.made, places=Places.stacked(now.robots, now.objects, off)))
     assert settling._to_renew({7: settling._Fork(extension, moved, rests)}) == {7: [0] if renewed else []}
     next_keyframe = settling._stale([moved], [[TARGET]])[0]
     assert next_keyframe.rows == ([0] if thresholds > 1.0 else [])

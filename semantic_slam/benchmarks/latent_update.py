@@ -86,7 +86,7 @@ class Circuit:
             for detection, n in zip(detections, numbers, strict=True)
         ]
         x = np.tile(self.poses[frame], (len(numbers), 1))
-        return named, Places(x, self.objects[numbers], self.descriptors[numbers])
+        return named, Places.stacked(x, self.objects[numbers], self.descriptors[numbers])
 
     def linear(self, named: list[Named], places: Places) -> list[gtsam.LinearContainerFactor]:
         """The latent factors of one keyframe, made in one batch."""

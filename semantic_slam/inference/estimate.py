@@ -38,9 +38,10 @@ class Estimate:
     def places(self, keys: Index) -> Places:
         """Of the variables of some semantic measurements, (B, 2) keys or with descriptors (B, 3)."""
         rows = np.searchsorted(_ascending(self.keys), keys)
-        robots, objects = (self.poses[rows[:, column] - len(self.descriptors)] for column in (0, 1))
-        descriptors = self.descriptors[rows[:, 2]] if len(self.descriptors) else np.zeros((len(keys), 0))
-        return Places(robots, objects, descriptors)
+        states = self.poses[rows[:, :2] - len(self.descriptors)].reshape(len(keys), 2 * self.poses.shape[1])
+        if len(self.descriptors):
+            states = np.concatenate([states, self.descriptors[rows[:, 2]]], axis=1)
+        return Places(states, self.poses.shape[1])
 
 
 @lru_cache(maxsize=256)

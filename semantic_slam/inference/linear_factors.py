@@ -16,6 +16,7 @@ DESCRIPTOR = "e"
 """Symbol of E(n), below those of objects and robots."""
 _SYMBOL_BITS = 56
 """Of a key, before its letter."""
+_DESCRIPTOR_CODE = ord(DESCRIPTOR)
 _jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its type does not say
 
 
@@ -26,7 +27,7 @@ def letter_of(key: int) -> str:
 
 def is_descriptor(key: int) -> bool:
     """Whether a GTSAM key is some E(n)."""
-    return key >> _SYMBOL_BITS == ord(DESCRIPTOR)
+    return key >> _SYMBOL_BITS == _DESCRIPTOR_CODE
 
 
 @cache

@@ -49,45 +49,55 @@ class Named:
 
 @dataclass(frozen=True)
 class Places:
-    """States of the variables of n semantic measurements."""
+    """States of the variables of n semantic measurements: robot, object and, if there are any, descriptor."""
 
-    robots: Array  # (n, d)
-    objects: Array  # (n, d)
-    descriptors: Array  # (n, L), of no components under classes
+    states: Array  # (n, 2 d + L)
+    dimension: int  # d
 
     @classmethod
-    def of(cls, named: Sequence[Named], states: Mapping[int, Array]) -> "Places":
+    def of(cls, named: Sequence[Named], states: Mapping[int, Array], dimension: int) -> "Places":
         """From the state of every key."""
-        robots = np.array([states[item.robot_key] for item in named])
-        objects = np.array([states[item.object_key] for item in named])
-        own = [np.zeros(0) if item.descriptor_key is None else states[item.descriptor_key] for item in named]
-        return cls(robots, objects, np.array(own))
+        rows = [np.concatenate([states[key] for key in item.keys]) for item in named]
+        return cls(np.array(rows), dimension) if rows else NOWHERE
+
+    @classmethod
+    def stacked(cls, robots: Array, objects: Array, descriptors: Array) -> "Places":
+        """Of (n, d), (n, d) and (n, L)."""
+        return cls(np.concatenate([robots, objects, descriptors], axis=1), robots.shape[1])
 
     @classmethod
     def joined(cls, parts: Sequence["Places"]) -> "Places":
         """One after another; those of no measurement do not matter."""
-        some = [part for part in parts if len(part.robots)]
-        if len(some) == 1:
-            return some[0]
-        return cls(
-            np.concatenate([part.robots for part in some]),
-            np.concatenate([part.objects for part in some]),
-            np.concatenate([part.descriptors for part in some]),
-        )
+        some = [part for part in parts if len(part.states)]
+        return cls(np.concatenate([part.states for part in some]), some[0].dimension) if some else NOWHERE
+
+    @property
+    def robots(self) -> Array:
+        """(n, d)."""
+        return self.states[:, : self.dimension]
+
+    @property
+    def objects(self) -> Array:
+        """(n, d)."""
+        return self.states[:, self.dimension : 2 * self.dimension]
+
+    @property
+    def descriptors(self) -> Array:
+        """(n, L), of no components under classes."""
+        return self.states[:, 2 * self.dimension :]
 
     def take(self, rows: Sequence[int] | NDArray[np.int_]) -> "Places":
         """Of some measurements."""
-        return Places(self.robots[rows], self.objects[rows], self.descriptors[rows])
+        return Places(self.states[rows], self.dimension)
 
     def replaced(self, rows: Sequence[int], others: "Places") -> "Places":
         """With those of some measurements changed."""
-        changed = Places(self.robots.copy(), self.objects.copy(), self.descriptors.copy())
-        changed.robots[rows], changed.objects[rows] = others.robots, others.objects
-        changed.descriptors[rows] = others.descriptors
-        return changed
+        states = self.states.copy()
+        states[rows] = others.states
+        return Places(states, self.dimension)
 
 
-NOWHERE = Places(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)))
+NOWHERE = Places(np.zeros((0, 0)), 0)
 """Of no measurement."""
 
 

@@ -1,7 +1,7 @@
 """Smoothers that grow together: what Python has to evaluate for them is evaluated for all at once."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import gtsam
@@ -98,7 +98,8 @@ def _forked(
     if not smoothers:
         return {}
     before, own = list(smoothers.values()), list(extensions.values())
-    semantics, places = before[0].semantics, [Places.of(one.named, one.start) for one in own]
+    semantics, dimension = before[0].semantics, before[0].manifold.dimension
+    places = [Places.of(one.named, one.start, dimension) for one in own]
     stale = [each.rows for each in _stale(before, [one.start.keys() for one in own])]
     now = [one.places(rows) if rows else NOWHERE for one, rows in zip(before, stale, strict=True)]
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
@@ -183,9 +184,11 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]
     before = Places.joined([smoothers[n].made.places.take(rows[n]) for n in some])
     now = Places.joined([smoothers[n].places(rows[n]) for n in some])
     change, floating = smoothers[0].semantics.change(before, now)
-    ends = np.cumsum([len(rows[n]) for n in some])[:-1]
-    for n, own, afloat in zip(some, np.split(change, ends), np.split(floating, ends), strict=True):
-        stale[n] = _Stale(rows[n][own > 1.0].tolist(), bool(afloat.any()), bool((own > AT_REST).any()))
+    ends = np.cumsum([len(rows[n]) for n in some])
+    for place in np.unique(np.searchsorted(ends, np.flatnonzero(change > 1.0), side="right")).tolist():
+        own, n = slice(ends[place] - len(rows[some[place]]), ends[place]), some[place]
+        urgent = bool((change[own] > AT_REST).any())
+        stale[n] = _Stale(rows[n][change[own] > 1.0].tolist(), bool(floating[own].any()), urgent)
     return stale
 
 
@@ -219,7 +222,7 @@ def _halfway(now: Places, fork: _Fork, named: Sequence[Named]) -> Places:
         before = fork.made_at.get(item.descriptor_key) if item.descriptor_key is not None else None
         if before is not None:
             descriptors[row] = 0.5 * (before + descriptors[row])
-    return replace(now, descriptors=descriptors)
+    return Places.stacked(now.robots, now.objects, descriptors)
 
 
 def _attempt(make: Callable[..., T], *arguments: object) -> T | LostComponentError:
