@@ -313,9 +313,13 @@ def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
 
 
 def test_linearisation_points_are_the_states() -> None:
-    states = [{ROBOT[0]: path(3), TARGET: OBJECT, LOOK: np.array([0.3, -1.0])}, {ROBOT[0]: path(1), LOOK: np.zeros(2)}]
-    points = linearisation_points(MANIFOLD, states)
-    for own, point in zip(states, points, strict=True):
+    look, other = np.array([0.3, -1.0]), np.zeros(2)
+    keys = [[(ROBOT[0], TARGET, LOOK), (ROBOT[1], TARGET, LOOK)], [], [(ROBOT[0], TARGET, LOOK)]]
+    rows = [(path(3), OBJECT, look), (path(2), OBJECT, look), (path(1), path(4), other)]
+    points = linearisation_points(MANIFOLD, keys, np.array([np.concatenate(row) for row in rows]))
+    one = {ROBOT[0]: path(3), ROBOT[1]: path(2), TARGET: OBJECT, LOOK: look}
+    for own, point in zip([one, {}, {ROBOT[0]: path(1), TARGET: path(4), LOOK: other}], points, strict=True):
+        assert sorted(point.keys()) == sorted(own)
         for key, state in own.items():
             found = point.atVector(key) if key == LOOK else MANIFOLD.state(point, key)
             np.testing.assert_allclose(found, state, atol=1e-12)

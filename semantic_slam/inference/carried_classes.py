@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.object_views import ObjectViews, class_posterior
 from semantic_slam.inference.planar_observation import camera_bearing
-from semantic_slam.inference.planar_views import IndependentViews
+from semantic_slam.inference.planar_views import Drawn, IndependentViews
 from semantic_slam.inference.population import Population
 from semantic_slam.inference.semantics import Views, Weighed, at_hand
 from semantic_slam.perception.uncertainty import mutual_information
@@ -50,7 +50,9 @@ class CarriedClasses(IndependentViews):
         count = len(views.parents)
         total, records = np.zeros(count), [dict[int, ObjectViews]() for _ in range(count)]
         for number, detection in enumerate(views.detections):
-            log_likelihood, drawn = self._likelihoods(detection, self._around)
+            log_likelihood, drawn = self._likelihoods(
+                Drawn.of([detection]).take(np.zeros(HEADINGS, dtype=int)), self._around
+            )
             seen = _Seen(log_likelihood.T, drawn)
             bearing = camera_bearing(views.robot, views.objects[:, number], detection.sensor)
             camera = np.rint(bearing / STEP_RAD).astype(int) % HEADINGS

@@ -1,6 +1,6 @@
 """Factors that are linearised here, and not by GTSAM: no callback, but true near those states only."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import Any
 
@@ -51,29 +51,35 @@ def linear_factors(
     return factors
 
 
-def linearisation_points(manifold: Manifold, states: Sequence[Mapping[int, Array]]) -> list[gtsam.Values]:
-    """GTSAM's values of each set of states, (d,) of a pose and (L,) of a descriptor.
+def linearisation_points(
+    manifold: Manifold, keys: Sequence[Sequence[tuple[int, ...]]], states: Array
+) -> list[gtsam.Values]:
+    """GTSAM's values for each set of factors, by the variables of its factors: a robot, an object, a descriptor if any.
 
-    As steps from the origin: GTSAM tries a dozen types for a pose that is inserted.
+    ``states`` (B, 2 d + L) of the variables of all B factors; in one set a variable is at one place. As steps from the
+    origin: GTSAM tries a dozen types for a pose that is inserted.
     """
-    poses = [state for own in states for key, state in own.items() if not is_descriptor(key)]
-    tangents = iter(manifold.local(np.zeros(manifold.dimension), np.array(poses)) if poses else ())
+    size, descriptors = manifold.dimension, states.shape[1] - 2 * manifold.dimension
+    poses = states[:, : 2 * size].reshape(-1, size)
+    steps = manifold.local(np.zeros(size), poses).reshape(-1, 2 * size)
+    rows = zip(steps[:, :size], steps[:, size:], states[:, 2 * size :], strict=True)
     points = []
-    for own in states:
-        step = gtsam.VectorValues()
-        for key, state in own.items():
-            step.insert(key, state if is_descriptor(key) else next(tangents))
-        points.append(_origin(manifold, tuple((key, len(state)) for key, state in own.items())).retract(step))
+    for own in keys:
+        step, known = gtsam.VectorValues(), dict[int, Array]()
+        for variables in own:
+            known |= zip(variables, next(rows), strict=False)
+        for key, value in known.items():
+            step.insert(key, value)
+        points.append(_origin(manifold, tuple(known), descriptors).retract(step))
     return points
 
 
 @lru_cache(maxsize=1024)
-def _origin(manifold: Manifold, sizes: tuple[tuple[int, int], ...]) -> gtsam.Values:
-    """Of variables by key and size."""
+def _origin(manifold: Manifold, keys: tuple[int, ...], descriptor_size: int) -> gtsam.Values:
     values = gtsam.Values()
-    for key, size in sizes:
+    for key in keys:
         if is_descriptor(key):
-            values.insert(key, np.zeros(size))
+            values.insert(key, np.zeros(descriptor_size))
         else:
-            manifold.insert(values, key, np.zeros(size))
+            manifold.insert(values, key, np.zeros(manifold.dimension))
     return values

@@ -1,6 +1,10 @@
 """Records of views whose semantic measurements enter by factors, independent of each other."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.object_views import ObjectViews, class_posterior
@@ -9,6 +13,8 @@ from semantic_slam.inference.planar_observation import viewpoints_in_plane
 from semantic_slam.inference.semantics import Moment, Weighed
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import Array, ViewpointModel, Viewpoints, log_density
+
+Index = NDArray[np.int_]
 
 NUM_OFFSETS = 50
 """Draws of a measurement from the network's uncertainty about it."""
@@ -26,6 +32,32 @@ def score_offsets(detection: PlanarDetection) -> Array:
     return np.asarray(normals @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """K semantic measurements with M draws of each; F components."""
+
+    sensors: Array  # (K, 2) cameras in the body frame
+    features: Array  # (K, F)
+    covariances: Array  # (K, F, F) of the dropout samples
+    offsets: Array  # (K, M, F)
+
+    @classmethod
+    def of(cls, detections: Sequence[PlanarDetection]) -> "Drawn":
+        """One of each detection."""
+        offsets = [score_offsets(detection) for detection in detections]
+        most = max(len(own) for own in offsets)
+        return cls(
+            np.array([detection.sensor for detection in detections]),
+            np.array([detection.feature for detection in detections]),
+            np.array([detection.feature_covariance for detection in detections]),
+            np.array([np.broadcast_to(own, (most, own.shape[1])) for own in offsets]),
+        )
+
+    def take(self, rows: Index) -> "Drawn":
+        """Some of them, or the same again."""
+        return Drawn(self.sensors[rows], self.features[rows], self.covariances[rows], self.offsets[rows])
+
+
 class IndependentViews:
     """Class likelihoods at the modes, to tell the epistemic part and the coverage; no weight of its own."""
 
@@ -40,48 +72,55 @@ class IndependentViews:
         )
 
     def _records(self, moment: Moment) -> list[dict[int, ObjectViews]]:
-        states = moment.stack.states(moment.mode.y)
+        states, stack = moment.stack.states(moment.mode.y), moment.stack
         views: list[dict[int, ObjectViews]] = [{} for _ in states]
-        for number in range(len(moment.used)):
-            self._add(moment, number, states, views)
+        rows, numbers = np.nonzero(stack.active)
+        same = stack.rows.objects[rows][:, :, None] == stack.rows.objects[rows, numbers][:, None, None]
+        earlier = (same[..., 0] & (np.arange(stack.active.shape[1]) < numbers[:, None])).sum(axis=1)
+        for times in range(earlier.max(initial=-1) + 1):  # an object may be seen twice
+            now = earlier == times
+            self._add(moment, rows[now], numbers[now], states, views)
         return views
 
-    def _add(self, moment: Moment, number: int, states: Array, views: list[dict[int, ObjectViews]]) -> None:
-        """The records of one detection's object, which ``views`` may hold from an earlier detection."""
-        stack, detection = moment.stack, moment.step.detections[moment.used[number]]
-        rows = np.flatnonzero(stack.active[:, number])
-        if not len(rows):
-            return
-        places = stack.rows.objects[rows, number]
+    def _add(
+        self, moment: Moment, rows: Index, numbers: Index, states: Array, views: list[dict[int, ObjectViews]]
+    ) -> None:
+        """The records of the objects of some detections (K,), which ``views`` may hold from earlier ones."""
+        stack, used = moment.stack, moment.used[numbers]
+        places = stack.rows.objects[rows, numbers]
         object_ids = [moment.object_ids[place] for place in places]
         parents = [moment.parents[parent] for parent in stack.rows.parents[rows]]
         before = [
             views[row].get(object_id, parent.views.get(object_id))
-            for row, object_id, parent in zip(rows, object_ids, parents, strict=True)
+            for row, object_id, parent in zip(rows.tolist(), object_ids, parents, strict=True)
         ]
-        objects = stack.objects_of(states, number)[rows]
-        viewpoints = viewpoints_in_plane(states[rows, 0], objects, detection.sensor)
-        likelihoods, exact = self._likelihoods(detection, viewpoints)
+        objects = states[rows, 1 + stack.slots[rows, numbers]]
+        drawn = Drawn.of([moment.step.detections[i] for i in moment.used])
+        viewpoints = viewpoints_in_plane(states[rows, 0], objects, drawn.sensors[numbers])
+        likelihoods, exact = self._likelihoods(drawn.take(numbers), viewpoints)
         unseen = np.zeros(likelihoods.shape[1])
         known = np.array([record.log_likelihood if record else unseen for record in before])
         prior = moment.log_class_prior[places]
         inside = self._model.in_coverage(np.argmax(prior + known + likelihoods, axis=1), viewpoints)
-        inside &= bool(moment.step.in_coverage[moment.used[number]])
-        inside &= np.array([record is None or record.in_coverage for record in before])
-        drawn = mutual_information(class_posterior((prior + known)[:, None], exact))
-        records = zip(known + likelihoods, drawn.tolist(), inside.tolist(), strict=True)
-        for row, object_id, record in zip(rows, object_ids, records, strict=True):
+        inside &= moment.step.in_coverage[used]
+        inside &= np.array([record is None or record.in_coverage for record in before], dtype=bool)
+        doubt = mutual_information(class_posterior((prior + known)[:, None], exact))
+        records = zip(known + likelihoods, doubt.tolist(), inside.tolist(), strict=True)
+        for row, object_id, record in zip(rows.tolist(), object_ids, records, strict=True):
             views[row][object_id] = ObjectViews(*record)
 
-    def _likelihoods(self, detection: PlanarDetection, viewpoints: Viewpoints) -> tuple[Array, Array]:
-        """(K, C) of the measurement, and up to a constant (K, M, C) of draws of it from the network."""
+    def _likelihoods(self, drawn: "Drawn", viewpoints: Viewpoints) -> tuple[Array, Array]:
+        """(K, C) of K measurements, each from its own viewpoint, and up to a constant (K, M, C) of draws of them."""
         count, num_classes = len(viewpoints.azimuth_rad), len(self._model.class_names)
         repeated = Viewpoints(*(np.repeat(value, num_classes) for value in vars(viewpoints).values()))
         prediction = self._model.predict(np.tile(np.arange(num_classes), count), repeated)
-        residual = detection.feature - prediction.mean  # (K C, F)
-        together = log_density(residual, prediction.covariance + detection.feature_covariance)
+        features, covariances, offsets = (
+            np.repeat(value, num_classes, axis=0) for value in (drawn.features, drawn.covariances, drawn.offsets)
+        )
+        residual = features - prediction.mean  # (K C, F)
+        together = log_density(residual, prediction.covariance + covariances)
         root = cholesky(prediction.covariance)
-        moved = forward(root, np.swapaxes(residual[:, None] + score_offsets(detection), 1, 2))  # (K C, F, M)
+        moved = forward(root, np.swapaxes(residual[:, None] + offsets, 1, 2))  # (K C, F, M)
         scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
         exact = (-0.5 * (moved**2).sum(axis=1) - scale[:, None]).reshape(count, num_classes, -1)
         return self._power * together.reshape(count, num_classes), self._power * np.swapaxes(exact, 1, 2)

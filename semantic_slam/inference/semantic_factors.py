@@ -131,11 +131,11 @@ class SemanticFactors:
         every = [item for own in named for item in own]
         if not every:
             return [[] for _ in named]
-        states = [_by_key(*one) for one in zip(named, places, strict=True)]
-        points = linearisation_points(self.manifold, states)
+        at = Places.joined(places)
+        points = linearisation_points(self.manifold, [[item.keys for item in own] for own in named], at.states)
         repeated = [point for own, point in zip(named, points, strict=True) for _ in own]
         make = self._classed if self.latent is None else self._latent
-        factors = iter(make(every, Places.joined(places), repeated))
+        factors = iter(make(every, at, repeated))
         return [[next(factors) for _ in own] for own in named]
 
     def change(self, before: Places, now: Places) -> tuple[Array, NDArray[np.bool_]]:
@@ -176,12 +176,3 @@ class SemanticFactors:
         part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
         jacobians = [part.by_robot, part.by_object, part.by_descriptor]
         return linear_factors([item.keys for item in named], jacobians, part.residual, points)
-
-
-def _by_key(named: Sequence[Named], places: Places) -> dict[int, Array]:
-    """The state of every variable, once."""
-    states: dict[int, Array] = {}
-    rows = zip(named, places.robots, places.objects, places.descriptors, strict=True)
-    for item, *own in rows:
-        states.update(zip(item.keys, own, strict=False))
-    return states
