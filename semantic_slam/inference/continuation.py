@@ -281,9 +281,9 @@ def _predicted(
     new: Sequence[dict[int, GaussianPrior]],
 ) -> Predicted:
     """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent, the new objects after the known ones."""
-    keys = [[robot_key(component.keyframe), *(object_key(n) for n in known)] for component in components]
-    mean = np.array([component.states(own) for component, own in zip(components, keys, strict=True)])
-    covariance = np.array([component.joint_covariance(own) for component, own in zip(components, keys, strict=True)])
+    keys = [robot_key(components[0].keyframe), *(object_key(n) for n in known)]
+    mean = np.array([component.states(keys) for component in components])
+    covariance = np.array([component.joint_covariance(keys) for component in components])
     dimension, transition = manifold.dimension, manifold.propagation(step.motion.control)
     mean[:, 0] = manifold.compose(mean[:, 0], step.motion.control)
     covariance[:, :dimension] = transition @ covariance[:, :dimension]

@@ -95,6 +95,8 @@ def split(expanded: Expanded, weights: WeightsConfiguration, path_mode: int | No
         effective[plain] = (shares * counts)[plain]
     look = heavy & (shares < weights.gaussian_share) if path_mode is None else heavy
     rows = np.flatnonzero(look)
+    if not len(rows) and not has_history.any():
+        return Split.unchanged(log_evidence, effective)
     found: list[list[Refined]] = [[] for _ in log_evidence]
     for row, modes in zip(rows, refine_all(_starts(expanded, rows), weights), strict=True):
         found[row] = modes
