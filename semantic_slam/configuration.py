@@ -64,7 +64,9 @@ class WeightsConfiguration:
         "importance: samples of a candidate whose history is not Gaussian; a quarter where those suffice",
         minimum=16,
     )
-    screening_samples: int = parameter(64, "importance: samples that tell whether a candidate is Gaussian", minimum=16)
+    screening_samples: int = parameter(
+        64, "importance: samples that tell whether a candidate is Gaussian; 16 where that is clear", minimum=16
+    )
     importance_gate: float = parameter(
         7.0, "importance: nats below the best candidate of its parent at which one is not sampled", minimum=0.0
     )

@@ -76,6 +76,19 @@ def test_a_lost_robot_is_searched_for() -> None:
     assert len(screened.searched) == len(OBJECTS)
 
 
+def test_a_long_step_is_not_trusted() -> None:
+    """However small the spread: one step may be off by as many nats as it is long."""
+    screened, _ = looked_at(sigma_m=0.1, sigma_rad=0.02, gate=np.inf)
+    objects = screened.prefixes.rows.objects[screened.searched, 0]
+    assert objects.tolist() == [1, 2]
+
+
+def test_what_nothing_follows_needs_no_cross_covariance() -> None:
+    """It is the largest array of all where many candidates are lost."""
+    screened, _ = looked_at(sigma_m=10.0, sigma_rad=0.5)
+    assert "cross" not in vars(screened.prefixes)
+
+
 def test_what_is_far_off_is_dropped_and_counted() -> None:
     """As many nats behind as its linear evidence."""
     screened, _ = looked_at(sigma_m=0.1, sigma_rad=0.02, gate=5.0)

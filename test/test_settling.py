@@ -312,12 +312,19 @@ def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
     assert sum(factors.exists(i) for i in range(factors.size())) == 2 + 3 + 3
 
 
+def test_a_state_that_is_not_there_is_an_error() -> None:
+    smoother = root(SemanticFactors(MANIFOLD, CLASSES))
+    with pytest.raises(KeyError):
+        smoother.states([ROBOT[0], ROBOT[5]])
+
+
 def test_linearisation_points_are_the_states() -> None:
     look, other = np.array([0.3, -1.0]), np.zeros(2)
     keys = [[(ROBOT[0], TARGET, LOOK), (ROBOT[1], TARGET, LOOK)], [], [(ROBOT[0], TARGET, LOOK)]]
-    rows = [(path(3), OBJECT, look), (path(2), OBJECT, look), (path(1), path(4), other)]
+    far = np.array([300.0, -200.0, 1e-10])  # where GTSAM's exponential map is least exact
+    rows = [(path(3), OBJECT, look), (far, OBJECT, look), (path(1), path(4), other)]
     points = linearisation_points(MANIFOLD, keys, np.array([np.concatenate(row) for row in rows]))
-    one = {ROBOT[0]: path(3), ROBOT[1]: path(2), TARGET: OBJECT, LOOK: look}
+    one = {ROBOT[0]: path(3), ROBOT[1]: far, TARGET: OBJECT, LOOK: look}
     for own, point in zip([one, {}, {ROBOT[0]: path(1), TARGET: path(4), LOOK: other}], points, strict=True):
         assert sorted(point.keys()) == sorted(own)
         for key, state in own.items():

@@ -1,9 +1,9 @@
 """Continuations of hypotheses: which object each detection is, and which class that object has.
 
-Associations are grown detection by detection with the geometric evidence of the detections so far, those far off
-recognised by one linear step where that can be trusted; classes after that with a bound of their semantic
-likelihood. What falls ``gate`` nats behind the best of its parent is
-not grown further; the mass left out is estimated by assuming that it would have continued as well as the best.
+Associations are grown detection by detection with the geometric evidence of the detections so far, by one linear step
+where that can be trusted, or else at its mode; classes after that with a bound of their semantic likelihood. What
+falls ``gate`` nats behind the best of its parent is not grown further; the mass left out is estimated by assuming that
+it would have continued as well as the best.
 """
 
 from collections.abc import Sequence
@@ -59,10 +59,13 @@ class Setting:
 
 @dataclass(frozen=True)
 class Enumerated:
-    """Candidates with the mode of their geometric part, and the score by which others were left out."""
+    """Candidates with their geometric part's mode, and the score by which others were left out.
+
+    Where classes are enumerated after that, mode and score may be those of one linear step.
+    """
 
     stack: Stack
-    start: Array  # (B, n) whitened states of the geometric mode
+    start: Array  # (B, n) whitened states of that mode
     score: Array  # (B,) log of an estimate of psi, the class prior included
     log_class_prior: Array  # (B,) of the classes first enumerated here
     log_left_out: Array  # (P,) left-out mass relative to the best score of the parent

@@ -32,7 +32,7 @@ class Estimate:
         return cls(keys[len(keys) - len(poses) - len(descriptors) :], descriptors, poses)
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(B, d) of poses."""
+        """(B, d) of poses. Raises KeyError."""
         return np.asarray(self.poses[_rows(self.keys, tuple(keys)) - len(self.descriptors)])
 
     def places(self, keys: Index) -> Places:
@@ -53,4 +53,9 @@ def _ascending(keys: tuple[int, ...]) -> Index:
 @lru_cache(maxsize=1024)
 def _rows(keys: tuple[int, ...], wanted: tuple[int, ...]) -> Index:
     """Of some among all."""
-    return np.searchsorted(_ascending(keys), wanted)
+    known = _ascending(keys)
+    rows = np.searchsorted(known, wanted)
+    lacking = set(wanted) - set(keys)
+    if lacking:
+        raise KeyError(f"no variables {sorted(lacking)}")
+    return rows

@@ -17,6 +17,9 @@ DESCRIPTOR = "e"
 _SYMBOL_BITS = 56
 """Of a key, before its letter."""
 _DESCRIPTOR_CODE = ord(DESCRIPTOR)
+ORIGIN = 0.7
+"""Coordinates from which linearisation points are steps. GTSAM's exponential loses digits where a turn is next to none,
+as it would be from a heading of 0 to one that is nearly so."""
 _jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its type does not say
 
 
@@ -56,12 +59,12 @@ def linearisation_points(
 ) -> list[gtsam.Values]:
     """GTSAM's values for each set of factors, by the variables of its factors: a robot, an object, a descriptor if any.
 
-    ``states`` (B, 2 d + L) of the variables of all B factors; in one set a variable is at one place. As steps from the
-    origin: GTSAM tries a dozen types for a pose that is inserted.
+    ``states`` (B, 2 d + L) of the variables of all B factors; in one set a variable is at one place. As steps from
+    one state: GTSAM tries a dozen types for a pose that is inserted.
     """
     size, descriptors = manifold.dimension, states.shape[1] - 2 * manifold.dimension
     poses = states[:, : 2 * size].reshape(-1, size)
-    steps = manifold.local(np.zeros(size), poses).reshape(-1, 2 * size)
+    steps = manifold.local(np.full(size, ORIGIN), poses).reshape(-1, 2 * size)
     rows = zip(steps[:, :size], steps[:, size:], states[:, 2 * size :], strict=True)
     points = []
     for own in keys:
@@ -74,12 +77,12 @@ def linearisation_points(
     return points
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=64)
 def _origin(manifold: Manifold, keys: tuple[int, ...], descriptor_size: int) -> gtsam.Values:
     values = gtsam.Values()
     for key in keys:
         if is_descriptor(key):
             values.insert(key, np.zeros(descriptor_size))
         else:
-            manifold.insert(values, key, np.zeros(manifold.dimension))
+            manifold.insert(values, key, np.full(manifold.dimension, ORIGIN))
     return values

@@ -198,7 +198,7 @@ class PlanarObservation:
         jacobian[:, 0, 4] = -jacobian[:, 1, 3]
         jacobian = jacobian @ charts
         spread = ((jacobian @ covariance) * jacobian).sum(axis=(1, 2))
-        return np.asarray(np.sqrt(spread) / polar(d)[0])
+        return np.asarray(np.sqrt(np.maximum(spread, 0.0)) / polar(d)[0])
 
     def least_cost(
         self, seen: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array

@@ -5,6 +5,7 @@ whitened covariance of those states with all others, from which that row is read
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,8 @@ class Prefixes:
     rows: Rows
     mean: Array  # (B, 1 + n, d) prior of the robot and the associated objects
     root: Array  # (B, m, m) Cholesky factor of its covariance
-    cross: Array  # (B, m, 1 + O, d): root @ cross is the covariance of those states with all
+    shorter: "Prefixes | None"  # those of one detection less, where there are such
+    origin: Index  # (B,) which of them each goes on from
 
     @classmethod
     def of_robots(cls, manifold: Manifold, predicted: Predicted) -> "Prefixes":
@@ -35,12 +37,11 @@ class Prefixes:
         size, parents = manifold.dimension, np.arange(len(predicted.mean))
         root = np.asarray(np.linalg.cholesky(predicted.covariance[:, :size, :size]), dtype=np.float64)
         rows = Rows(parents, np.zeros((len(parents), 0), dtype=int))
-        cross = forward(root, predicted.covariance[:, :size]).reshape(len(parents), size, -1, size)
-        return cls(manifold, predicted, rows, predicted.mean[:, :1], root, cross)
+        return cls(manifold, predicted, rows, predicted.mean[:, :1], root, None, parents)
 
     def take(self, selection: Index) -> "Prefixes":
         """Some of them."""
-        own = (self.mean[selection], self.root[selection], self.cross[selection])
+        own = (self.mean[selection], self.root[selection], self.shorter, self.origin[selection])
         return Prefixes(self.manifold, self.predicted, self.rows.take(selection), *own)
 
     def extended(self, origin: Index, objects: Index) -> "Prefixes":
@@ -48,31 +49,42 @@ class Prefixes:
 
         An object that its prefix has already needs no state of its own: the block is an independent standard normal.
         """
-        before, size = self.take(origin), self.manifold.dimension
-        parents, every = before.rows.parents, np.arange(len(origin))
-        cross = before.cross.reshape(len(origin), before.cross.shape[1], -1)
-        gain = np.ascontiguousarray(np.swapaxes(before.cross[every, :, 1 + objects], 1, 2))  # (K, d, m)
-        prior = self.predicted.blocks[parents, 1 + objects]  # (K, d, 1 + O, d)
-        again = (before.rows.objects == objects[:, None]).any(axis=1)
-        gain[again] = 0.0
-        added = prior.reshape(len(origin), size, -1) - gain @ cross
-        left = added.reshape(prior.shape)[every, :, 1 + objects]
-        left[again] = np.eye(size)
-        corner = np.asarray(np.linalg.cholesky(left), dtype=np.float64)
-        added = forward(corner, added)
-        added[again] = 0.0
-        known = cross.shape[1]
+        parents, before = self.rows.parents[origin], self.rows.objects[origin]
+        size, known, place = self.manifold.dimension, self.root.shape[1], 1 + objects
+        gain = np.ascontiguousarray(np.swapaxes(self.cross[origin, :, place], 1, 2))  # (K, d, m)
+        left = self.predicted.blocks[parents, place, :, place] - gain @ np.swapaxes(gain, 1, 2)
+        again = (before == objects[:, None]).any(axis=1)
+        gain[again], left[again] = 0.0, np.eye(size)
         root = np.zeros((len(origin), known + size, known + size))
-        root[:, :known, :known], root[:, known:, :known], root[:, known:, known:] = before.root, gain, corner
-        place = np.where(again, 0, 1 + objects)
+        root[:, :known, :known], root[:, known:, :known] = self.root[origin], gain
+        root[:, known:, known:] = np.linalg.cholesky(left)
+        mean = self.predicted.mean[parents, np.where(again, 0, place)]
         return Prefixes(
             self.manifold,
             self.predicted,
-            Rows(parents, np.concatenate([before.rows.objects, objects[:, None]], axis=1)),
-            np.concatenate([before.mean, self.predicted.mean[parents, place][:, None]], axis=1),
+            Rows(parents, np.concatenate([before, objects[:, None]], axis=1)),
+            np.concatenate([self.mean[origin], mean[:, None]], axis=1),
             root,
-            np.concatenate([cross, added], axis=1).reshape(len(origin), known + size, -1, size),
+            self,
+            origin,
         )
+
+    @cached_property
+    def cross(self) -> Array:
+        """(B, m, 1 + O, d): root @ cross is the covariance of these states with all.
+
+        Asked of those that go on, which are few.
+        """
+        size, parents = self.manifold.dimension, self.rows.parents
+        if self.shorter is None:
+            return forward(self.root, self.predicted.covariance[:, :size]).reshape(len(parents), size, -1, size)
+        before = self.shorter.cross[self.origin]
+        known, objects = before.shape[1], self.rows.objects[:, -1]
+        gain = np.ascontiguousarray(self.root[:, known:, :known])
+        prior = self.predicted.blocks[parents, 1 + objects].reshape(len(parents), size, -1)
+        added = forward(self.root[:, known:, known:], prior - gain @ before.reshape(len(parents), known, -1))
+        added[(self.rows.objects[:, :-1] == objects[:, None]).any(axis=1)] = 0.0
+        return np.concatenate([before, added.reshape(len(parents), size, -1, size)], axis=1)
 
     def stack(self, model: ObservationModel, seen: object) -> Stack:
         """The small problems of these associations, ``seen`` being their n detections."""

@@ -3,7 +3,7 @@
 Those that it shows to be far off are dropped; those that hardly bend are ranked by it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
 RANKED_RAD = 0.1
-"""Uncertainty of a direction of sight, given other detections, below which one linear step ranks as a search does."""
+"""Uncertainty of a direction of sight, given other detections, below which one linear step ranks as a search does; so
+many times less for a detection that is off by that many standard deviations."""
 STEADY_RAD = 0.2
 """Uncertainty of a direction of sight, given other detections, below which one linear step tells what is far off."""
 LOST_RAD = 0.3
@@ -67,8 +68,8 @@ def screen(
     lost = np.flatnonzero(newest.sigma[kept] > LOST_RAD)
     if len(lost):
         start[lost] = _better_start(stack.select(lost), start[lost])
-    mode = Mode(start, hessian, evidence[kept])
-    return Screened(longer, stack, mode, np.flatnonzero(newest.sigma[kept] >= RANKED_RAD), left_out)
+    ranked = newest.sigma * np.maximum(newest.off, 1.0) < RANKED_RAD
+    return Screened(longer, stack, Mode(start, hessian, evidence[kept]), np.flatnonzero(~ranked[kept]), left_out)
 
 
 @dataclass(frozen=True)
@@ -115,9 +116,10 @@ class _Newest:
     gain: Array  # (B, m) inverse covariance of that residual, times it
     log_density: Array  # (B,) of the detection given the others
     sigma: Array  # (B,) radians by which the direction of sight is uncertain, given the others
+    off: Array  # (B,) standard deviations by which the detection is off
 
     def take(self, rows: Index) -> "_Newest":
-        return _Newest(self.jacobian[rows], self.gain[rows], self.log_density[rows], self.sigma[rows])
+        return _Newest(*(getattr(self, item.name)[rows] for item in fields(self)))
 
 
 def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, seen: Any) -> _Newest:
@@ -130,9 +132,10 @@ def _newest(expected: _Expected, origin: Index, objects: Index, model: Observati
     root = cholesky(innovation)
     whitened = forward(root, part.residual[..., None])
     log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
-    log_density = part.log_normaliser - 0.5 * (whitened[..., 0] ** 2).sum(-1) - log_determinant
+    squared = (whitened[..., 0] ** 2).sum(-1)
+    log_density = part.log_normaliser - 0.5 * squared - log_determinant
     sigma = model.sight_sigma(x, o, covariance, charts)
-    return _Newest(jacobian, backward(root, whitened)[..., 0], log_density, sigma)
+    return _Newest(jacobian, backward(root, whitened)[..., 0], log_density, sigma, np.sqrt(squared))
 
 
 def _stepped(stack: Stack, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:

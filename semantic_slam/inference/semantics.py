@@ -45,7 +45,10 @@ class Moment:
 
 @dataclass(frozen=True)
 class Weighed:
-    """What semantics say of K continuations."""
+    """What semantics say of K continuations.
+
+    Records may be made when they are asked for, from the moment; that is before parents are used up.
+    """
 
     log_weights: Array  # (K,) evidence besides that of the factors
     effective_sample_sizes: Array  # (K,) NaN where nothing was sampled

@@ -20,10 +20,9 @@ FIXED_HEADING_VARIANCE = 1e-8
 
 @dataclass(frozen=True)
 class SmallProblems:
-    """K candidates; ``predicted`` is that of all parents."""
+    """K candidates."""
 
-    object_ids: list[int]  # the columns
-    predicted: Predicted
+    object_ids: list[int]  # the columns that the stack's rows refer to
     stack: Stack
 
     @classmethod
@@ -38,7 +37,7 @@ class SmallProblems:
         object_ids = np.concatenate([known, born]).astype(int)
         rows = Rows(parents, np.searchsorted(object_ids, ids))
         stack = Stack.of(problem.manifold, problem.model, predicted, problem.model.collect(step.detections), rows)
-        return cls(object_ids.tolist(), predicted, stack)
+        return cls(object_ids.tolist(), stack)
 
 
 def evaluated(stack: Stack, mode: Mode) -> Evaluated:
