@@ -10,6 +10,7 @@ from test_hypotheses import ForgetfulPool, assert_same, beliefs
 
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.inference.component import Component, Continued, Motion, Observed, object_key, robot_key
+from semantic_slam.inference.continuation import predict
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.growth import certain, grow_all
 from semantic_slam.inference.laplace import find_modes
@@ -70,7 +71,7 @@ class OneObject:
         self.component = Component.root(MANIFOLD, GEOMETRY, robot, {0: target})
 
     def moment(self, step: Step) -> Moment:
-        predicted = self.component.predict(step.motion, [0])
+        predicted = predict([self.component], step.motion, [0], [{}])
         rows = Rows(np.zeros(1, dtype=int), np.zeros((1, 1), dtype=int))
         stack = Stack.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
         mode = find_modes(stack, np.zeros((1, stack.size)))

@@ -12,6 +12,7 @@ from planar_world import OBJECTS
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.component import Component, Motion, descriptor_key, object_key, robot_key
+from semantic_slam.inference.continuation import predict
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.identity import ROOT_ID
 from semantic_slam.inference.laplace import find_modes, search_start
@@ -56,7 +57,7 @@ def moment_of(robot_sigma_rad: float, seed: int) -> Moment:
     value = feature(MODEL, truth, o, seed)
     detection = PlanarDetection(float(np.hypot(*seen)), bearing, covariance, np.zeros(2), value, none)
     step = Step(0, 1, motion, [detection], np.zeros(1, np.uint32), np.ones(1), ("",), np.ones(1, dtype=bool))
-    predicted = component.predict(motion, [0])
+    predicted = predict([component], motion, [0], [{}])
     rows = Rows(np.zeros(1, int), np.zeros((1, 1), int))
     stack = Stack.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
     mode = find_modes(stack, search_start(stack))

@@ -19,7 +19,6 @@ from semantic_slam.inference.observation import ObservationModel
 from semantic_slam.inference.semantic_factors import Named, SemanticFactors
 from semantic_slam.inference.settling import Extension
 from semantic_slam.inference.smoother import LostComponentError, Smoother
-from semantic_slam.inference.stack import Predicted
 
 if TYPE_CHECKING:
     from semantic_slam.inference.history import History
@@ -143,18 +142,6 @@ class Component:
         semantic = [(object_key(number), views.correction) for number, views in self.views.items()]
         every = [*self.corrections.items(), *semantic, (robot_key(self.keyframe), self.robot_correction)]
         return [(key, correction) for key, correction in every if correction is not None]
-
-    def predict(self, motion: Motion, object_ids: Sequence[int]) -> Predicted:
-        """b^-[x_k, O] (Eqs. 4.11, 4.21) for one parent, over the robot and the objects named."""
-        keys = [robot_key(self.keyframe), *(object_key(n) for n in object_ids)]
-        mean, covariance = self.states(keys), self.joint_covariance(keys)
-        dimension = self.manifold.dimension
-        transition = self.manifold.propagation(motion.control)
-        mean[0] = self.manifold.compose(mean[0], motion.control)
-        covariance[:dimension] = transition @ covariance[:dimension]
-        covariance[:, :dimension] = covariance[:, :dimension] @ transition.T
-        covariance[:dimension, :dimension] += motion.covariance
-        return Predicted(mean[None], covariance[None])
 
     def extension(
         self,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from semantic_slam.inference.component import Component, Continued, Held, Observed, object_key, robot_key
+from semantic_slam.inference.component import Component, Continued, Held, Motion, Observed, object_key, robot_key
 from semantic_slam.inference.enumeration import (
     Enumerated,
     Setting,
@@ -21,7 +21,6 @@ from semantic_slam.inference.history import History
 from semantic_slam.inference.identity import generator, hypothesis_id
 from semantic_slam.inference.importance import normal_points
 from semantic_slam.inference.laplace import WEIGHING_TOLERANCE, Mode, find_modes
-from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.modes import Expanded, Split, split
 from semantic_slam.inference.object_views import Correction, ObjectViews
 from semantic_slam.inference.objects import ObjectRegistry
@@ -114,7 +113,7 @@ class Expander:
             near = known if reach is None else [known[i] for i in reach.columns()]
             object_ids = [*near, *unknown]
             setting = self._setting(step, used, object_ids, components, path, reach)
-            predicted = _predicted(self.problem.manifold, components, step, near, new)
+            predicted = predict(components, step.motion, near, new)
             enumerated, mode = self._enumerate(setting, predicted, used, given, object_ids)
             wider = reach.widened(enumerated.log_best, setting.gate) if reach is not None else None
             if wider is None:
@@ -273,22 +272,19 @@ class Expander:
         return self.problem.semantics.weigh(moment)
 
 
-def _predicted(
-    manifold: Manifold,
-    components: Sequence[Component],
-    step: Step,
-    known: list[int],
-    new: Sequence[dict[int, GaussianPrior]],
+def predict(
+    components: Sequence[Component], motion: Motion, known: Sequence[int], new: Sequence[dict[int, GaussianPrior]]
 ) -> Predicted:
-    """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent, the new objects after the known ones."""
+    """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent of one keyframe, the new objects after the known ones."""
+    manifold = components[0].manifold
     keys = [robot_key(components[0].keyframe), *(object_key(n) for n in known)]
     mean = np.array([component.states(keys) for component in components])
     covariance = np.array([component.joint_covariance(keys) for component in components])
-    dimension, transition = manifold.dimension, manifold.propagation(step.motion.control)
-    mean[:, 0] = manifold.compose(mean[:, 0], step.motion.control)
+    dimension, transition = manifold.dimension, manifold.propagation(motion.control)
+    mean[:, 0] = manifold.compose(mean[:, 0], motion.control)
     covariance[:, :dimension] = transition @ covariance[:, :dimension]
     covariance[:, :, :dimension] = covariance[:, :, :dimension] @ transition.T
-    covariance[:, :dimension, :dimension] += step.motion.covariance
+    covariance[:, :dimension, :dimension] += motion.covariance
     if not any(new):
         return Predicted(mean, covariance)
     added = [list(priors.values()) for priors in new]

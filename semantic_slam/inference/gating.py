@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import broadcast_copy
-from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.murty import k_best
-from semantic_slam.inference.observation import Linearisation, ObservationModel
+from semantic_slam.inference.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.stack import Predicted
 
 Array = NDArray[np.float64]
@@ -51,13 +50,9 @@ def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Arr
     part = model.geometry(seen, robot, states)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
     prior = np.tile(joint, (len(detections), 1, 1))
-    spread = jacobian @ prior @ np.swapaxes(jacobian, 1, 2) + np.eye(part.residual.shape[-1])
-    root = cholesky(spread)
-    squared = (forward(root, part.residual[..., None])[..., 0] ** 2).sum(-1)
-    log_density = part.log_normaliser - 0.5 * squared - np.log(np.einsum("bii->bi", root)).sum(-1)
-    distance = np.sqrt(np.maximum(squared, 0.0)).reshape(-1, count)
+    found = Innovation.of(part, jacobian, prior)
     parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
-    return Pairs(log_density.reshape(-1, count), distance, parts)
+    return Pairs(found.log_density.reshape(-1, count), found.distance.reshape(-1, count), parts)
 
 
 def _rows(part: Linearisation, rows: slice) -> Linearisation:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.gaussian import GaussianPrior
 
 Array = NDArray[np.float64]
@@ -21,6 +22,28 @@ class Linearisation:
     jacobian_robot: Array  # (B, m, d)
     jacobian_object: Array  # (B, m, d)
     log_normaliser: Array  # (B,)
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """Detections (B,) before they are taken in, linearised, against Gaussians of robot and object."""
+
+    root: Array  # (B, m, m) Cholesky factor of the whitened residual's covariance
+    whitened: Array  # (B, m) that residual in its own standard deviations
+    log_density: Array  # (B,)
+
+    @classmethod
+    def of(cls, part: Linearisation, jacobian: Array, covariance: Array) -> "Innovation":
+        """``jacobian`` (B, m, n) of the residual by what has the ``covariance`` (B, n, n)."""
+        root = cholesky(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1]))
+        whitened = forward(root, part.residual[..., None])[..., 0]
+        log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
+        return cls(root, whitened, part.log_normaliser - 0.5 * (whitened**2).sum(-1) - log_determinant)
+
+    @property
+    def distance(self) -> Array:
+        """(B,) Mahalanobis."""
+        return np.asarray(np.linalg.norm(self.whitened, axis=-1))
 
 
 class Detections(Protocol):

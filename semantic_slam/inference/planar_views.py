@@ -75,8 +75,8 @@ class IndependentViews:
         states, stack = moment.stack.states(moment.mode.y), moment.stack
         views: list[dict[int, ObjectViews]] = [{} for _ in states]
         rows, numbers = np.nonzero(stack.active)
-        same = stack.rows.objects[rows][:, :, None] == stack.rows.objects[rows, numbers][:, None, None]
-        earlier = (same[..., 0] & (np.arange(stack.active.shape[1]) < numbers[:, None])).sum(axis=1)
+        same = stack.rows.objects[rows] == stack.rows.objects[rows, numbers][:, None]
+        earlier = (same & (np.arange(stack.active.shape[1]) < numbers[:, None])).sum(axis=1)
         for times in range(earlier.max(initial=-1) + 1):  # an object may be seen twice
             now = earlier == times
             self._add(moment, rows[now], numbers[now], states, views)
@@ -109,7 +109,7 @@ class IndependentViews:
         for row, object_id, record in zip(rows.tolist(), object_ids, records, strict=True):
             views[row][object_id] = ObjectViews(*record)
 
-    def _likelihoods(self, drawn: "Drawn", viewpoints: Viewpoints) -> tuple[Array, Array]:
+    def _likelihoods(self, drawn: Drawn, viewpoints: Viewpoints) -> tuple[Array, Array]:
         """(K, C) of K measurements, each from its own viewpoint, and up to a constant (K, M, C) of draws of them."""
         count, num_classes = len(viewpoints.azimuth_rad), len(self._model.class_names)
         repeated = Viewpoints(*(np.repeat(value, num_classes) for value in vars(viewpoints).values()))

@@ -39,7 +39,7 @@ def reoptimised(
     else:
         values = _by_rounds(semantics, kept, named, starts[0])
     keys = sorted({key for item in named for key in item.keys})
-    places = Places.of(named, _states(semantics.manifold, values, keys), semantics.manifold.dimension)
+    places = Places.of(named, _states(semantics.manifold, values, keys))
     factors = semantics.make([named], [places])[0]
     return smoother.restarted(kept, values, factors, NO_FACTORS.added(named, (), places))
 
@@ -51,7 +51,7 @@ def _by_rounds(
     keys = sorted({key for item in named for key in item.keys})
     states = _states(semantics.manifold, values, keys)
     for _ in range(MAX_ROUNDS):
-        factors = semantics.make([named], [Places.of(named, states, semantics.manifold.dimension)])[0]
+        factors = semantics.make([named], [Places.of(named, states)])[0]
         values = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), values).optimize()
         before, states = states, _states(semantics.manifold, values, keys)
         if all(np.abs(semantics.manifold.local(before[key], states[key])).max() < SAME for key in keys):
@@ -80,7 +80,7 @@ def _exactly(
     """The best of the optima next to some starts, with callbacks for all semantic factors, nearly reached."""
     exact = [replace(item, exact=True) for item in named]
     states = _states(semantics.manifold, starts[0], sorted({key for item in named for key in item.keys}))
-    graph = _joined(kept, semantics.make([exact], [Places.of(exact, states, semantics.manifold.dimension)])[0])
+    graph = _joined(kept, semantics.make([exact], [Places.of(exact, states)])[0])
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(MAX_EXACT_ITERATIONS)
     ends = [gtsam.LevenbergMarquardtOptimizer(graph, start, parameters).optimize() for start in starts]

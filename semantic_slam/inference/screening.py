@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.small_matrices import backward, cholesky, forward
+from semantic_slam.geometry.small_matrices import backward
 from semantic_slam.inference.laplace import Mode, search_start
-from semantic_slam.inference.observation import ObservationModel
+from semantic_slam.inference.observation import Innovation, ObservationModel
 from semantic_slam.inference.prefixes import Prefixes
 from semantic_slam.inference.stack import Stack
 
@@ -128,14 +128,10 @@ def _newest(expected: _Expected, origin: Index, objects: Index, model: Observati
     covariance, charts = expected.pairs(origin, objects)
     part = model.geometry(seen, x, o)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1) @ charts
-    innovation = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1])
-    root = cholesky(innovation)
-    whitened = forward(root, part.residual[..., None])
-    log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
-    squared = (whitened[..., 0] ** 2).sum(-1)
-    log_density = part.log_normaliser - 0.5 * squared - log_determinant
+    found = Innovation.of(part, jacobian, covariance)
+    gain = backward(found.root, found.whitened[..., None])[..., 0]
     sigma = model.sight_sigma(x, o, covariance, charts)
-    return _Newest(jacobian, backward(root, whitened)[..., 0], log_density, sigma, np.sqrt(squared))
+    return _Newest(jacobian, gain, found.log_density, sigma, found.distance)
 
 
 def _stepped(stack: Stack, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:

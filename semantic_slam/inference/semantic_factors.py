@@ -55,10 +55,10 @@ class Places:
     dimension: int  # d
 
     @classmethod
-    def of(cls, named: Sequence[Named], states: Mapping[int, Array], dimension: int) -> "Places":
+    def of(cls, named: Sequence[Named], states: Mapping[int, Array]) -> "Places":
         """From the state of every key."""
         rows = [np.concatenate([states[key] for key in item.keys]) for item in named]
-        return cls(np.array(rows), dimension) if rows else NOWHERE
+        return cls(np.array(rows), len(states[named[0].robot_key])) if rows else NOWHERE
 
     @classmethod
     def stacked(cls, robots: Array, objects: Array, descriptors: Array) -> "Places":

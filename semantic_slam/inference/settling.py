@@ -98,8 +98,7 @@ def _forked(
     if not smoothers:
         return {}
     before, own = list(smoothers.values()), list(extensions.values())
-    semantics, dimension = before[0].semantics, before[0].manifold.dimension
-    places = [Places.of(one.named, one.start, dimension) for one in own]
+    semantics, places = before[0].semantics, [Places.of(one.named, one.start) for one in own]
     stale = [each.rows for each in _stale(before, [one.start.keys() for one in own])]
     now = [one.places(rows) if rows else NOWHERE for one, rows in zip(before, stale, strict=True)]
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)

@@ -150,7 +150,7 @@ class Smoother:
         """
         isam = self.isam if in_place else gtsam.ISAM2(self.isam)
         try:
-            places = Places.of(named, start, self.manifold.dimension)
+            places = Places.of(named, start)
             added = Added(named, self.semantics.make([named], [places])[0], places)
             child = self.updated(isam, graph, values, added)
             if again:
