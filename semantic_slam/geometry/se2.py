@@ -17,6 +17,8 @@ SMALL_ANGLE = 1e-4
 """Below it a term is that of its series: the next one is a millionth of a millionth."""
 SMALLEST_ANGLE = 1e-9
 """Below it sin(t)/t is 1."""
+NO_ZERO = 1e-200
+"""Added to an angle that is divided by: nothing to any but 0, whose quotients then are their limits."""
 
 
 def sine_cosine(angle: Array) -> tuple[Array, Array]:
@@ -34,6 +36,39 @@ def compose(a: Array, b: Array) -> Array:
     x = a[..., 0] + cosine * b[..., 0] - sine * b[..., 1]
     y = a[..., 1] + sine * b[..., 0] + cosine * b[..., 1]
     return _columns(x, y, wrap_angle(a[..., 2] + b[..., 2]))
+
+
+def frame(pose: Array) -> Array:
+    """(..., 5) of poses: x, y, yaw, its sine and cosine, for :func:`placed`."""
+    found = np.empty((*pose.shape[:-1], 5))
+    found[..., :3] = pose
+    found[..., 3], found[..., 4] = sine_cosine(pose[..., 2])
+    return found
+
+
+def placed(frames: Array, b: Array) -> Array:
+    """T_a b from the :func:`frame` of a; the heading is the sum, not wrapped."""
+    sine, cosine = frames[..., 3], frames[..., 4]
+    x = frames[..., 0] + cosine * b[..., 0] - sine * b[..., 1]
+    y = frames[..., 1] + sine * b[..., 0] + cosine * b[..., 1]
+    return _columns(x, y, frames[..., 2] + b[..., 2])
+
+
+def wrapped(pose: Array) -> Array:
+    """The same poses, headings in [-pi, pi)."""
+    return _columns(pose[..., 0], pose[..., 1], wrap_angle(pose[..., 2]))
+
+
+def along(start: Array, steps: Array) -> Array:
+    """(..., T, 3) poses after each of T steps (..., T, 3), one after the other from ``start`` (..., 3).
+
+    The headings are sums, not wrapped.
+    """
+    headings = np.cumsum(np.concatenate([start[..., None, 2], steps[..., 2]], axis=-1), axis=-1)
+    sine, cosine = sine_cosine(headings[..., :-1])
+    x = start[..., None, 0] + np.cumsum(cosine * steps[..., 0] - sine * steps[..., 1], axis=-1)
+    y = start[..., None, 1] + np.cumsum(sine * steps[..., 0] + cosine * steps[..., 1], axis=-1)
+    return _columns(x, y, headings[..., 1:])
 
 
 def inverse(a: Array) -> Array:
@@ -171,7 +206,7 @@ def _columns(x: Array, y: Array, theta: Array) -> Array:
 
 def _sine_terms(theta: Array) -> tuple[Array, Array]:
     """sin(t)/t and (1 - cos(t))/t, also at zero; from half the angle, where nothing cancels."""
-    half = 0.5 * theta
+    half = 0.5 * theta + NO_ZERO
     sine, cosine = sine_cosine(half)
-    ratio = np.divide(sine, half, out=np.ones_like(half), where=np.abs(half) >= SMALLEST_ANGLE)
+    ratio = sine / half
     return ratio * cosine, ratio * sine

@@ -49,13 +49,13 @@ class Chain:
 
     def __init__(self, manifold: Manifold, model: ObservationModel, anchored: Anchored, links: Sequence[Link]):
         self.manifold, self.model, self.links = manifold, model, tuple(links)
-        self.mean, self.dimension = anchored.mean, manifold.dimension
+        self._count, self.dimension = anchored.mean.shape[1], manifold.dimension
         self.places, self.classes = anchored.places, anchored.classes
         self.root = np.asarray(np.linalg.cholesky(anchored.covariance), dtype=np.float64)
         self.width = self.root.shape[-1]
         controls = np.array([link.motion.control for link in links]).reshape(len(links), self.dimension)
-        every = np.tile(controls, (len(self.mean), 1, 1))
-        self._bases = np.concatenate([self.mean, every], axis=1)  # (K, 1 + O + T, d)
+        every = np.tile(controls, (len(anchored.mean), 1, 1))
+        self._frames = manifold.frame(np.concatenate([anchored.mean, every], axis=1))  # (K, 1 + O + T, f)
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
         self.size = self.width + len(links) * self.dimension
         self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
@@ -68,12 +68,17 @@ class Chain:
         ]
 
     def __len__(self) -> int:
-        return len(self.mean)
+        return len(self.root)
+
+    @property
+    def mean(self) -> Array:
+        """(K, 1 + O, d) of robot and objects at the anchor."""
+        return self._frames[:, : self._count, : self.dimension]
 
     def select(self, selection: Any) -> "Chain":
         """Some of the hypotheses, any number of times."""
         part = copy.copy(self)
-        part.mean, part.root, part._bases = self.mean[selection], self.root[selection], self._bases[selection]
+        part.root, part._frames = self.root[selection], self._frames[selection]
         part.places, part.classes = self.places[selection], self.classes[selection]
         return part
 
@@ -90,13 +95,13 @@ class Chain:
         """(K, 1 + O, d, size) derivatives of the newest robot state and of the objects by y (K, size)."""
         moves, chart = self.manifold.exp_and_jacobian(self._tangents(y))
         by_robot, by_object = self._slopes(self._composed(moves), chart)
-        found = np.zeros((len(y), self.mean.shape[1], self.dimension, self.size))
+        found = np.zeros((len(y), self._count, self.dimension, self.size))
         found[:, 0], found[:, 1:, :, : self.width] = by_robot[:, 0, -1], by_object[:, 0]
         return found
 
     def states(self, y: Array) -> tuple[Array, Array]:
         """(B, 1 + T, d) robot, the anchor's first, and (B, O, d) objects."""
-        robots, objects = self._states(y)
+        robots, objects = (self.manifold.wrapped(states) for states in self._states(y))
         return robots.reshape(len(y), *robots.shape[2:]), objects.reshape(len(y), *objects.shape[2:])
 
     def log_likelihood(self, y: Array) -> Array:
@@ -193,13 +198,13 @@ class Chain:
         return broadcast_copy(classes, (len(classes), count, len(sights))).reshape(-1)
 
     def _states(self, y: Array) -> tuple[Array, Array]:
-        """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""
+        """(K, N, 1 + T, d) robot and (K, N, O, d) objects, headings as they add up."""
         return self._moved(self._composed(self.manifold.exp(self._tangents(y))))
 
     def _tangents(self, y: Array) -> Array:
         """(K, N, 1 + O + T, d): of robot and objects at the anchor, then of the motions."""
         y = y.reshape(len(self), -1, self.size)
-        count, d = self.mean.shape[1], self.dimension
+        count, d = self._count, self.dimension
         tangents = np.empty((*y.shape[:2], count + len(self.links), d))
         anchor = y[..., : self.width] @ np.swapaxes(self.root, 1, 2)
         tangents[:, :, :count] = anchor.reshape(*y.shape[:2], count, d)
@@ -210,20 +215,19 @@ class Chain:
 
     def _composed(self, moves: Array) -> Array:
         """(K, N, 1 + O + T, d) states at the anchor and motions since, from Exp of all tangents."""
-        return self.manifold.compose(self._bases[:, None], moves)
+        return self.manifold.placed(self._frames[:, None], moves)
 
     def _moved(self, composed: Array) -> tuple[Array, Array]:
         """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""
-        count = self.mean.shape[1]
+        count = self._count
         robots = np.empty((*composed.shape[:2], 1 + len(self.links), self.dimension))
         robots[:, :, 0] = composed[:, :, 0]
-        for t in range(len(self.links)):
-            robots[:, :, t + 1] = self.manifold.compose(robots[:, :, t], composed[:, :, count + t])
+        robots[:, :, 1:] = self.manifold.along(composed[:, :, 0], composed[:, :, count:])
         return robots, composed[:, :, 1:count]
 
     def _slopes(self, composed: Array, chart: Array) -> tuple[Array, Array]:
         """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, width) of the objects: in tangent spaces by y."""
-        count, d, leading = self.mean.shape[1], self.dimension, composed.shape[:2]
+        count, d, leading = self._count, self.dimension, composed.shape[:2]
         anchor = chart[:, :, :count] @ self.root.reshape(len(self), 1, -1, d, self.width)
         robots = np.zeros((*leading, 1 + len(self.links), d, self.size))
         robots[:, :, 0, :, : self.width] = anchor[:, :, 0]

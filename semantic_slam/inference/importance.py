@@ -36,17 +36,17 @@ class Targets(Protocol):
 
 @dataclass(frozen=True)
 class Gaussians:
-    """M Gaussians over n whitened coordinates with their shares of a mixture."""
+    """M Gaussians over n whitened coordinates with their shares of a mixture; or several mixtures of as many."""
 
-    means: Array  # (M, n)
-    roots: Array  # (M, n, n) lower Cholesky factors of the precisions
-    log_shares: Array  # (M,)
+    means: Array  # (..., M, n)
+    roots: Array  # (..., M, n, n) lower Cholesky factors of the precisions
+    log_shares: Array  # (..., M)
 
     def log_densities(self, y: Array) -> Array:
-        """(M, B) logs of share times density."""
-        deviation = (y[None] - self.means[:, None]) @ self.roots
-        scale = np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(-1) - 0.5 * y.shape[1] * np.log(2.0 * np.pi)
-        return np.asarray((self.log_shares + scale)[:, None] - 0.5 * (deviation**2).sum(-1))
+        """(..., M, B) logs of share times density at (..., B, n)."""
+        deviation = (y[..., None, :, :] - self.means[..., None, :]) @ self.roots
+        scale = np.log(np.diagonal(self.roots, axis1=-2, axis2=-1)).sum(-1) - 0.5 * y.shape[-1] * np.log(2.0 * np.pi)
+        return np.asarray((self.log_shares + scale)[..., None] - 0.5 * (deviation**2).sum(-1))
 
     def log_responsibilities(self, y: Array) -> Array:
         """(M, B) logs of each Gaussian's part in the mixture at y."""
@@ -89,13 +89,12 @@ class Samples:
         return np.asarray(weights / weights.sum())
 
 
-def effective_share(log_weights: Array) -> float:
-    """Effective sample size over the number of samples, 0 where none has any weight."""
-    largest = log_weights.max()
-    if not np.isfinite(largest):
-        return 0.0
-    weights = np.exp(log_weights - largest)
-    return float(weights.sum() ** 2 / (weights**2).sum() / len(weights))
+def effective_share(log_weights: Array) -> Array:
+    """(...,) effective sample size over the number N of samples, from (..., N); 0 where none has any weight."""
+    largest = log_weights.max(axis=-1, keepdims=True)
+    weights = np.exp(log_weights - np.where(np.isfinite(largest), largest, 0.0))
+    squares = np.maximum((weights**2).sum(axis=-1), 1e-300)
+    return np.asarray(weights.sum(axis=-1) ** 2 / squares / log_weights.shape[-1])
 
 
 def proposal(modes: Array, hessians: Array, log_evidence: Array) -> Gaussians:
@@ -133,36 +132,42 @@ def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians
 
 def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> list[Samples]:
     """``num_samples`` points for each of K problems, weighed against its whole mixture (balance heuristic)."""
-    pairs = [_pairs(mixture, num_samples // 2) for mixture in mixtures]
-    points = np.array([_points(mixture, counts) for mixture, counts in zip(mixtures, pairs, strict=True)])
-    log_target = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(len(mixtures), -1)
-    log_target -= 0.5 * (points**2).sum(-1) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
-    found = []
-    for mixture, counts, y, logs in zip(mixtures, pairs, points, log_target, strict=True):
-        drawn = Gaussians(mixture.means, mixture.roots, np.log(counts / counts.sum()))
-        found.append(Samples(y, logs - log_sum(drawn.log_densities(y))))
-    return found
+    total = num_samples // 2
+    points = np.empty((len(mixtures), 2 * total, mixtures[0].means.shape[-1]))
+    log_proposal = np.empty(points.shape[:2])
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for row, mixture in enumerate(mixtures):
+        alike.setdefault(_pairs(mixture, total), []).append(row)
+    for counts, rows in alike.items():
+        means, roots = (np.array([getattr(mixtures[row], part) for row in rows]) for part in ("means", "roots"))
+        points[rows] = _points(means, roots, counts)
+        drawn = Gaussians(means, roots, np.log(np.array(counts) / total))
+        log_proposal[rows] = log_sum(drawn.log_densities(points[rows]))
+    log_weights = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(log_proposal.shape) - log_proposal
+    log_weights -= 0.5 * (points**2).sum(-1) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
+    return [Samples(*own) for own in zip(points, log_weights, strict=True)]
 
 
-def _pairs(mixture: Gaussians, total: int) -> NDArray[np.int_]:
+def _pairs(mixture: Gaussians, total: int) -> tuple[int, ...]:
     """(M,) points and mirror images of each Gaussian, at least one; the heaviest takes what rounding leaves."""
     counts = np.maximum(1, np.round(total * np.exp(mixture.log_shares))).astype(int)
     counts[np.argmax(counts)] += total - counts.sum()
-    return np.asarray(counts)
+    return tuple(counts.tolist())
 
 
-def _points(mixture: Gaussians, pairs: NDArray[np.int_]) -> Array:
-    parts = []
-    for mean, root, count in zip(mixture.means, mixture.roots, pairs, strict=True):
-        half = normal_points(int(count), len(mean)) @ np.linalg.inv(root)
-        parts += [mean + half, mean - half]
-    return np.concatenate(parts)
+def _points(means: Array, roots: Array, pairs: tuple[int, ...]) -> Array:
+    """(K, N, n) of K mixtures (K, M, n), from each of whose M Gaussians come as many."""
+    parts, inverse = [], np.linalg.inv(roots)
+    for number, count in enumerate(pairs):
+        half, centre = normal_points(count, means.shape[-1]) @ inverse[:, number], means[:, number, None]
+        parts += [centre + half, centre - half]
+    return np.concatenate(parts, axis=1)
 
 
 def log_sum(logs: Array) -> Array:
-    """(B,) log of the sum of exponentials of (M, B) finite logs."""
-    largest = logs.max(axis=0)
-    return np.asarray(largest + np.log(np.exp(logs - largest).sum(axis=0)))
+    """(..., B) log of the sum of exponentials of (..., M, B) finite logs."""
+    largest = logs.max(axis=-2, keepdims=True)
+    return np.asarray(largest[..., 0, :] + np.log(np.exp(logs - largest).sum(axis=-2)))
 
 
 def normal_points(count: int, size: int) -> Array:

@@ -4,6 +4,7 @@ With the prior whitened, psi = p(Z | y*) exp(-|y*|^2 / 2) det(H)^(-1/2), H = I +
 the mode y*. Undamped Gauss-Newton loses the mode while the robot is lost; Levenberg-Marquardt keeps it.
 """
 
+import copy
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -56,75 +57,101 @@ class Mode:
 def find_modes(
     stack: LeastSquares, start: Array, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0
 ) -> Mode:
-    """Levenberg-Marquardt from ``start`` (B, n); rows that have converged are left alone.
+    """Levenberg-Marquardt from ``start`` (B, n); see :meth:`Descent.finished`."""
+    return Descent(stack, start).finished(max_iterations, tolerance)
 
-    ``tolerance`` (B,): nats that a step may be expected to bring where a mode counts as found all the same.
+
+class Descent:
+    """B problems on their way to their modes.
+
     The damping follows the gain of each step (Nielsen, 1999): rows with large residuals settle at the damping
     they need instead of swinging about it.
     """
-    search = _Search(stack, start, np.zeros(len(start)) + tolerance)
-    for _ in range(max_iterations):
-        if len(search.rows) == 0:
-            break
-        search.iterate()
-    return search.found()
 
-
-class _Search:
-    """Problems that are still searched; what has converged is set aside."""
-
-    def __init__(self, stack: LeastSquares, start: Array, enough: Array):
-        self.rows = np.arange(len(start))
-        self._stack, self._enough, self._y = stack, enough, start.copy()
-        self._energy, self._gradient, self._hessian = (np.array(value) for value in stack.normal_equations(start))
+    def __init__(self, stack: LeastSquares, start: Array):
+        self._stack, self.y = stack, start.copy()
+        self.energy, self._gradient, self.hessian = (np.array(value) for value in stack.normal_equations(start))
         self._damping, self._growth = np.full(len(start), INITIAL_DAMPING), np.full(len(start), 2.0)
-        self._ends = np.empty_like(self._y), np.empty_like(self._energy), np.empty_like(self._hessian)
 
-    def found(self) -> Mode:
-        """Of all problems, those still searched as they are."""
-        self._end(np.ones(len(self.rows), dtype=bool))
-        y, energy, hessian = self._ends
+    def select(self, rows: NDArray[np.int_]) -> "Descent":
+        """Some of the problems, where they are."""
+        part = copy.copy(self)
+        part._stack = self._stack.select(rows)
+        part.y, part.energy, part._gradient = self.y[rows], self.energy[rows], self._gradient[rows]
+        part.hessian, part._damping, part._growth = self.hessian[rows], self._damping[rows], self._growth[rows]
+        return part
+
+    def mode(self) -> Mode:
+        """Of all problems, where they are."""
+        return Mode(self.y, self.hessian, -self.energy - 0.5 * log_determinants(self.hessian))
+
+    def advance(self, iterations: int, enough: Array) -> None:
+        """So many steps of each problem; fewer once its next one is not expected to bring ``enough`` (B,) nats."""
+        for _ in range(iterations):
+            step, expected = _damped_step(self.hessian, self._gradient, self._damping)
+            near = self._near(expected, enough)
+            if near.all():
+                return
+            step[near] = 0.0
+            damping, growth = self._damping[near], self._growth[near]
+            self._take(step, expected)
+            self._damping[near], self._growth[near] = damping, growth
+
+    def finished(self, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0) -> Mode:
+        """After that many steps at most; problems that have converged are left alone. Uses up this descent.
+
+        ``tolerance`` (B,): nats that a step may be expected to bring where a mode counts as found all the same.
+        """
+        going, rows, enough = self, np.arange(len(self.y)), np.zeros(len(self.y)) + tolerance
+        ends = np.empty_like(self.y), np.empty_like(self.energy), np.empty_like(self.hessian)
+
+        def without(ended: Flags) -> tuple["Descent", NDArray[np.int_], Array]:
+            if not ended.any():
+                return going, rows, enough
+            for end, own in zip(ends, (going.y, going.energy, going.hessian), strict=True):
+                end[rows[ended]] = own[ended]
+            left = np.flatnonzero(~ended)
+            return going.select(left), rows[left], enough[left]
+
+        for _ in range(max_iterations):
+            if not len(rows):
+                break
+            step, expected = _damped_step(going.hessian, going._gradient, going._damping)
+            last = going._near(expected, enough)
+            if last.any():  # what the quadratic model says is as good as looking
+                going.y[last] += step[last]
+                going.energy[last] -= expected[last]
+                going, rows, enough = without(last)
+                step, expected = step[~last], expected[~last]
+                if not len(rows):
+                    break
+            better = going._take(step, expected)
+            small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < enough))
+            going, rows, enough = without(small | (going._damping > LARGEST_DAMPING))
+        without(np.ones(len(rows), dtype=bool))
+        y, energy, hessian = ends
         return Mode(y, hessian, -energy - 0.5 * log_determinants(hessian))
 
-    def iterate(self) -> None:
-        """One step of each."""
-        step, expected = _damped_step(self._hessian, self._gradient, self._damping)
-        last = (expected < self._enough) & (self._damping < LAST_DAMPING)
-        if last.any():  # what the quadratic model says is as good as looking
-            self._y[last] += step[last]
-            self._energy[last] -= expected[last]
-            self._end(last)
-            step, expected = step[~last], expected[~last]
-            if len(self.rows) == 0:
-                return
-        trial = self._y + step
+    def _near(self, expected: Array, enough: Array) -> Flags:
+        """(B,) whether the next step ends at the mode."""
+        return np.asarray((expected < enough) & (self._damping < LAST_DAMPING))
+
+    def _take(self, step: Array, expected: Array) -> Flags:
+        """One step of each; (B,) whether it made it better, for others stay where they are."""
+        trial = self.y + step
         energy, gradient, hessian = self._stack.normal_equations(trial)
-        gain = (self._energy - energy) / np.maximum(expected, 1e-300)
-        better = energy <= self._energy + 1e-12 * np.abs(self._energy)
-        self._accept(better, trial, energy, gradient, hessian)
-        relaxed = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 1.0) - 1) ** 3)
+        gain = (self.energy - energy) / np.maximum(expected, 1e-300)
+        better = np.asarray(energy <= self.energy + 1e-12 * np.abs(self.energy))
+        if better.all():
+            self.y, self.energy, self._gradient, self.hessian = trial, energy, gradient, hessian
+        else:
+            self.y[better], self.energy[better] = trial[better], energy[better]
+            self._gradient[better], self.hessian[better] = gradient[better], hessian[better]
+        beyond = 2.0 * np.minimum(gain, 1.0) - 1.0
+        relaxed = np.maximum(1.0 / 3.0, 1.0 - beyond * beyond * beyond)
         self._damping *= np.where(better, relaxed, self._growth)
         self._growth = np.where(better, 2.0, 2.0 * self._growth)
-        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < self._enough))
-        self._end(small | (self._damping > LARGEST_DAMPING))
-
-    def _accept(self, better: Flags, y: Array, energy: Array, gradient: Array, hessian: Array) -> None:
-        if better.all():
-            self._y, self._energy, self._gradient, self._hessian = y, energy, gradient, hessian
-            return
-        self._y[better], self._energy[better] = y[better], energy[better]
-        self._gradient[better], self._hessian[better] = gradient[better], hessian[better]
-
-    def _end(self, ended: Flags) -> None:
-        if not ended.any():
-            return
-        at = self.rows[ended]
-        for end, own in zip(self._ends, (self._y, self._energy, self._hessian), strict=True):
-            end[at] = own[ended]
-        going = np.flatnonzero(~ended)
-        self.rows, self._stack, self._enough = self.rows[going], self._stack.select(going), self._enough[going]
-        self._y, self._energy, self._gradient = self._y[going], self._energy[going], self._gradient[going]
-        self._hessian, self._damping, self._growth = self._hessian[going], self._damping[going], self._growth[going]
+        return better
 
 
 def log_determinants(matrices: Array) -> Array:

@@ -24,6 +24,18 @@ class Manifold(Protocol):
     def compose(self, state: Array, control: Array) -> Array:
         """The state after a control."""
 
+    def frame(self, state: Array) -> Array:
+        """(..., f) a state to compose with many a control: its d coordinates first."""
+
+    def placed(self, frame: Array, control: Array) -> Array:
+        """:meth:`compose` from a :meth:`frame`, headings as they add up."""
+
+    def along(self, start: Array, controls: Array) -> Array:
+        """(..., T, d) states from ``start`` (..., d) after each of (..., T, d) controls, headings as they add up."""
+
+    def wrapped(self, state: Array) -> Array:
+        """The same states, headings in [-pi, pi)."""
+
     def retract(self, state: Array, tangent: Array) -> Array:
         """state * Exp(tangent)."""
 
@@ -70,6 +82,18 @@ class PlanarPoses:
 
     def compose(self, state: Array, control: Array) -> Array:
         return se2.compose(state, control)
+
+    def frame(self, state: Array) -> Array:
+        return se2.frame(state)
+
+    def placed(self, frame: Array, control: Array) -> Array:
+        return se2.placed(frame, control)
+
+    def along(self, start: Array, controls: Array) -> Array:
+        return se2.along(start, controls)
+
+    def wrapped(self, state: Array) -> Array:
+        return se2.wrapped(state)
 
     def retract(self, state: Array, tangent: Array) -> Array:
         return se2.retract(state, tangent)
@@ -120,6 +144,18 @@ class PlanarPositions:
 
     def compose(self, state: Array, control: Array) -> Array:
         return np.asarray(state + control)
+
+    def frame(self, state: Array) -> Array:
+        return state
+
+    def placed(self, frame: Array, control: Array) -> Array:
+        return np.asarray(frame + control)
+
+    def along(self, start: Array, controls: Array) -> Array:
+        return np.asarray(start[..., None, :] + np.cumsum(controls, axis=-2))
+
+    def wrapped(self, state: Array) -> Array:
+        return state
 
     def retract(self, state: Array, tangent: Array) -> Array:
         return np.asarray(state + tangent)

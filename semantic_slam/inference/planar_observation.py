@@ -98,10 +98,11 @@ class PlanarObservation:
         distance, azimuth = polar(v)
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
-        stacked = np.empty((*prediction.mean.shape, 3))
-        stacked[..., 0] = self._feature_residual(prediction, seen)
-        stacked[..., 1:] = prediction.mean_jacobian[:, :, ::2]
-        whitened = forward(root, stacked)
+        residual = self._feature_residual(prediction, seen)
+        stacked = np.empty((*residual.shape, 3))
+        stacked[..., 0] = residual
+        stacked[..., 1:] = prediction.mean_jacobian[:, :, ::2].reshape(*residual.shape, 2)
+        whitened = forward(root, stacked).reshape(len(x), -1, 3)
         radial, turn = polar_jacobian(v, distance)
         by_view = whitened[..., 1:2] * turn[:, None]
         by_view += whitened[..., 2:] * radial[:, None]
@@ -119,7 +120,7 @@ class PlanarObservation:
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
         residual = forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
-        return np.asarray(total + log_normaliser - 0.5 * (residual**2).sum(-1))
+        return np.asarray(total + log_normaliser - 0.5 * (residual**2).sum(-1).reshape(-1))
 
     def best_heading(
         self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
@@ -155,7 +156,7 @@ class PlanarObservation:
         repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), count if len(seen.range_m) > 1 else 1))
         root, log_normaliser = self._noise(prediction, repeated)
         whitened = forward(root, self._feature_residual(prediction, repeated)[..., None])[..., 0]
-        return (log_normaliser - 0.5 * (whitened**2).sum(-1)).reshape(turns.shape), turns
+        return (log_normaliser - 0.5 * (whitened**2).sum(-1).reshape(-1)).reshape(turns.shape), turns
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
@@ -230,20 +231,22 @@ class PlanarObservation:
         return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
 
     def _noise(self, prediction: Prediction, seen: PlanarDetections) -> tuple[Array, Array]:
-        """(B, F, F) root of the covariance that the residual counts with, and (B,) log normaliser.
+        """Root of the covariance that the residual counts with, and (B,) log normaliser.
 
+        The roots are (B / S, S, F, F), or (1, S, F, F) where the model's covariance is the same everywhere.
         The covariance S is that of the model and of the dropout passes; N(z; h, S)^(1 / N) has residuals as under N S
         and the N-th part of log N(h; h, S): the determinant must not count fully in every view either.
         """
-        covariance = _per_detection(prediction.covariance, len(seen.feature)) + seen.feature_covariance
-        root = cholesky(covariance.reshape(prediction.covariance.shape))
+        own, count = prediction.covariance, len(seen.feature)
+        by_detection = own[:1, None] if own.strides[0] == 0 else _per_detection(own, count)
+        root = cholesky(by_detection + seen.feature_covariance)
         logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
-        log_peak = -logdet - 0.5 * seen.feature.shape[1] * LOG_2PI
-        return np.sqrt(self.correlated_views) * root, log_peak / self.correlated_views
+        log_peak = (-logdet - 0.5 * seen.feature.shape[1] * LOG_2PI) / self.correlated_views
+        return np.sqrt(self.correlated_views) * root, broadcast_copy(log_peak, (len(own) // count, count)).reshape(-1)
 
     def _feature_residual(self, prediction: Prediction, seen: PlanarDetections) -> Array:
-        """(B, F) of the mean against the features."""
-        return (_per_detection(prediction.mean, len(seen.feature)) - seen.feature).reshape(prediction.mean.shape)
+        """(B / S, S, F) of the mean against the features."""
+        return _per_detection(prediction.mean, len(seen.feature)) - seen.feature
 
     def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
         assert self.model is not None

@@ -25,7 +25,7 @@ from semantic_slam.inference.importance import (
     normal_points,
     proposal,
 )
-from semantic_slam.inference.laplace import Mode, find_modes
+from semantic_slam.inference.laplace import Descent, Mode
 from semantic_slam.inference.object_views import Correction
 
 Array = NDArray[np.float64]
@@ -153,57 +153,65 @@ def _refined(starts: Sequence[Start], settings: WeightsConfiguration) -> list[li
     y = chain.coordinates(np.array([s.robots for s in starts]), np.array([s.objects for s in starts]))
     modes = _distinct(histories, chain, *_search(chain, y))
     mixtures, samples = _sampled(histories, chain, modes, settings.importance_samples)
-    return [
-        _of_one(history, chain.select(np.array([row])), modes[row], mixtures[row], samples[row], settings)
-        for row, history in enumerate(histories)
-    ]
+    looks = (
+        _Look(history, chain.select(slice(row, row + 1)), modes[row], states, mixtures[row], samples[row])
+        for row, (history, states) in enumerate(zip(histories, _states(chain, modes), strict=True))
+    )
+    return [_of_one(look, settings) for look in looks]
 
 
-def _of_one(
-    history: History,
-    chain: Chain,
-    modes: Mode,
-    mixture: Gaussians,
-    samples: Samples,
-    settings: WeightsConfiguration,
-) -> list[Refined]:
-    shares = history.log_share(chain, samples.y)
-    total = effective_share(samples.log_weights + shares)
-    if total == 0.0:
+def _states(chain: Chain, modes: Sequence[Mode]) -> list[Array]:
+    """(M, 1 + T + O, d) robot states, the anchor's first, and objects at the M modes of each history."""
+    counts = [len(own.y) for own in modes]
+    repeated = chain.select(np.repeat(np.arange(len(modes)), counts))
+    robots, objects = repeated.states(np.concatenate([own.y for own in modes]))
+    return np.split(np.concatenate([robots, objects], axis=1), np.cumsum(counts)[:-1])
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What was found of one history, whose chain it is alone in."""
+
+    history: History
+    chain: Chain
+    modes: Mode  # M
+    states: Array  # (M, 1 + T + O, d)
+    mixture: Gaussians
+    samples: Samples
+
+
+def _of_one(look: _Look, settings: WeightsConfiguration) -> list[Refined]:
+    history, samples = look.history, look.samples
+    log_shares = history.log_share(look.chain, samples.y)
+    share = float(effective_share(samples.log_weights + log_shares))
+    if share == 0.0:
         return []
-    kept, region = _kept(mixture, samples, shares)
-    parts = region.log_responsibilities(samples.y) + shares
-    gaussian = len(kept) == 1 and not history.regions and total >= settings.gaussian_share * (1.0 - PRIOR_SHARE)
+    kept, region = _kept(look.mixture, samples, log_shares)
+    parts = region.log_responsibilities(samples.y) + log_shares
+    gaussian = len(kept) == 1 and not history.regions and share >= settings.gaussian_share * (1.0 - PRIOR_SHARE)
     ends = gaussian or len(history.taken) >= settings.max_history
-    found, drawn = [], Drawn(chain, samples.y)
+    found, drawn = [], Drawn(look.chain, samples.y)
     for number, at in enumerate(kept):
         log_evidence = samples.log_evidence(parts[number])
         own = history.regions
         if len(kept) > 1:
-            own = (*own, Region(region, number, chain.mean.shape[1] - 1, len(chain.links)))
+            own = (*own, Region(region, number, look.chain.mean.shape[1] - 1, len(look.chain.links)))
         kept_history = None if ends else replace(history, regions=own, log_evidence=log_evidence)
-        weights = samples.normalised(parts[number])
-        found.append(_mode(history, drawn, modes, at, weights, log_evidence, kept_history))
+        found.append(_mode(look, drawn, at, samples.normalised(parts[number]), log_evidence, kept_history))
     return found
 
 
 def _mode(
-    history: History,
-    drawn: Drawn,
-    modes: Mode,
-    at: int,
-    weights: Array,
-    log_evidence: float,
-    kept_history: History | None,
+    look: _Look, drawn: Drawn, at: int, weights: Array, log_evidence: float, kept_history: History | None
 ) -> Refined:
-    robots, objects = drawn.chain.states(modes.y[at : at + 1])
+    history, modes = look.history, look.modes
     keyframe = history.anchor.keyframe + len(history.taken)
     keys = [robot_key(keyframe), *(object_key(n) for n in history.object_ids())]
     past = [robot_key(k) for k in range(history.anchor.keyframe, keyframe)]
     return Refined(
         log_evidence,
         float(1.0 / (weights**2).sum() / len(weights)),
-        dict(zip([*past, *keys], [*robots[0], *objects[0]], strict=True)),
+        dict(zip([*past, *keys], look.states[at], strict=True)),
         kept_history,
         Moments(drawn, modes.y[at], modes.hessian[at], weights, keys),
         len(weights),
@@ -218,7 +226,7 @@ def _sampled(
     first = int(np.ceil(FIRST_SHARE * count))
     everything = np.arange(len(histories))
     samples = _adapting(histories, chain, mixtures, everything, first, MAX_ADAPTATIONS)
-    shares = np.array([_share(*pair, chain) for pair in zip(histories, samples, strict=True)])
+    shares = effective_share(_log_weights(histories, samples, chain))
     coarse = np.flatnonzero((shares < GOOD) & (first < count))
     if len(coarse):
         more = _adapting(histories, chain, mixtures, coarse, count, MORE_ADAPTATIONS)
@@ -231,22 +239,24 @@ def _adapting(
     histories: Sequence[History], chain: Chain, mixtures: list[Gaussians], rows: Index, count: int, times: int
 ) -> list[Samples]:
     """Samples of ``rows``; their mixtures are adapted in place where modes do not match the target."""
-    samples = dict(zip(rows.tolist(), draw(chain.select(rows), [mixtures[r] for r in rows], count), strict=True))
-    pending = list(samples)
-    for _ in range(times):
-        pending = [row for row in pending if 0.0 < _share(histories[row], samples[row], chain) < POOR]
-        if not pending:
+    samples: dict[int, Samples] = {}
+    pending = rows
+    for left in reversed(range(times + 1)):
+        drawn = draw(chain.select(pending), [mixtures[row] for row in pending], count)
+        samples |= zip(pending.tolist(), drawn, strict=True)
+        shares = effective_share(_log_weights([histories[row] for row in pending], drawn, chain))
+        pending = pending[(shares > 0.0) & (shares < POOR)]
+        if not left or not len(pending):
             break
         for row in pending:
             mixtures[row] = adapted(mixtures[row], samples[row], histories[row].log_share(chain, samples[row].y))
-        drawn = draw(chain.select(np.array(pending)), [mixtures[row] for row in pending], count)
-        samples |= dict(zip(pending, drawn, strict=True))
-    return list(samples.values())
+    return [samples[row] for row in rows.tolist()]
 
 
-def _share(history: History, samples: Samples, chain: Chain) -> float:
-    """Effective share of samples in the history's region."""
-    return effective_share(samples.log_weights + history.log_share(chain, samples.y))
+def _log_weights(histories: Sequence[History], samples: Sequence[Samples], chain: Chain) -> Array:
+    """(K, N) of samples in the regions of their histories; as many of each."""
+    pairs = zip(histories, samples, strict=True)
+    return np.array([own.log_weights + history.log_share(chain, own.y) for history, own in pairs])
 
 
 def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
@@ -260,31 +270,43 @@ def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
         starts += [broadcast_copy(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
     owners = np.repeat(np.arange(len(chain)), len(starts))
     enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
-    y = np.stack(starts, axis=1).reshape(-1, chain.size)
+    descent = Descent(chain.select(owners), np.stack(starts, axis=1).reshape(-1, chain.size))
     for iterations, patience in ROUNDS:
-        rough = find_modes(chain.select(owners), y, iterations, enough)
-        groups = [np.flatnonzero(owners == number) for number in range(len(chain))]
-        rows = np.concatenate([_valleys(rough, group, patience * NEGLIGIBLE) for group in groups])
-        y, owners, enough = rough.y[rows], owners[rows], enough[rows]
-    return find_modes(chain.select(owners), y, tolerance=EXACT), owners
+        descent.advance(iterations, enough)
+        rows = _valleys(descent.mode(), owners, patience * NEGLIGIBLE)
+        descent, owners, enough = descent.select(rows), owners[rows], enough[rows]
+    return descent.finished(tolerance=EXACT), owners
 
 
-def _valleys(rough: Mode, rows: Index, gate: float) -> Index:
-    """The best of ``rows`` in each valley, those more than ``gate`` nats behind left out."""
-    order = rows[np.argsort(-rough.log_evidence[rows], kind="stable")]
-    order = order[rough.log_evidence[order] >= rough.log_evidence[order[0]] - gate]
-    kept: list[int] = []
-    for row in order:
-        if not _in_one_of(rough, kept, rough.y[row]):
-            kept.append(int(row))
-    return np.array(kept)
+def _valleys(rough: Mode, owners: Index, gate: float) -> Index:
+    """The best mode in each valley of each history, those more than ``gate`` nats behind its best left out.
+
+    By ascending ``owners`` (B,), best first. In a valley is what is close to its best in that one's own metric.
+    """
+    order = np.lexsort((-rough.log_evidence, owners))
+    best = _leaders(owners[order])
+    order = order[rough.log_evidence[order] >= rough.log_evidence[order[best]] - gate]
+    kept, place = np.zeros(len(owners), dtype=bool), order
+    while len(place):
+        leaders = place[_leaders(owners[place])]
+        kept[leaders] = True
+        place = place[~_close(rough, leaders, place)]
+    return order[kept[order]]
 
 
-def _in_one_of(found: Mode, valleys: list[int], y: Array) -> bool:
-    """Whether y (size,) is close to one of some modes, in its own metric, which is never shorter than the prior's."""
-    away = found.y[valleys] - y
-    near = np.flatnonzero((away**2).sum(-1) <= SAME_VALLEY**2)
-    return any(away[i] @ found.hessian[valleys[i]] @ away[i] <= SAME_VALLEY**2 for i in near)
+def _leaders(groups: Index) -> Index:
+    """(B,) where each one's group of (B,) ascending ``groups`` begins."""
+    return np.asarray(np.searchsorted(groups, groups))
+
+
+def _close(found: Mode, valleys: Index, rows: Index) -> NDArray[np.bool_]:
+    """(B,) whether some of ``found`` are close to others, in the metric of those: never shorter than the prior's."""
+    away = found.y[rows] - found.y[valleys]
+    close = np.asarray((away**2).sum(-1) <= SAME_VALLEY**2)
+    near = np.flatnonzero(close)
+    squared = (away[near, None] @ found.hessian[valleys[near]] @ away[near, :, None])[:, 0, 0]
+    close[near] = squared <= SAME_VALLEY**2
+    return close
 
 
 def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: Index) -> list[Mode]:

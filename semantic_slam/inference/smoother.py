@@ -27,8 +27,8 @@ Index = NDArray[np.int_]
 
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
-FEW_CLIQUES = 200
-"""Size of the Bayes tree up to which reading the whole estimate once costs less than reading parts of it."""
+FEW_VARIABLES = 200
+"""Up to which reading the whole estimate once costs less than reading parts of it."""
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
 AT_REST = 1.5
@@ -50,6 +50,7 @@ class Smoother:
     manifold: Manifold
     semantics: SemanticFactors
     isam: gtsam.ISAM2
+    num_variables: int
     made: Made = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
@@ -62,13 +63,13 @@ class Smoother:
         """A new one."""
         isam = _new_isam(manifold, semantics)
         isam.update(graph, values)
-        return cls(manifold, semantics, isam, last=_last(values.keys()))
+        return cls(manifold, semantics, isam, values.size(), last=_last(values.keys()))
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, d) estimates of different keys."""
         if not len(keys):
             return np.zeros((0, self.manifold.dimension))
-        if self.isam.size() < FEW_CLIQUES:
+        if self.num_variables < FEW_VARIABLES:
             return self.estimate.states(keys)
         ascending = self.manifold.states(self.isam.calculateEstimate(list(keys)))
         return ascending[_ranks(tuple(keys))]
@@ -179,7 +180,7 @@ class Smoother:
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         if num_biases:
             isam.update(*bias_prior(num_biases))
-        return replace(self, isam=isam, _known={})
+        return replace(self, isam=isam, num_variables=self.num_variables + bool(num_biases), _known={})
 
     def updated(
         self,
@@ -199,8 +200,9 @@ class Smoother:
         split = len(added.factors)
         made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
         made = made.added(added.named, indices[:split], added.places)
-        new_descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
-        return Smoother(self.manifold, self.semantics, isam, made, self.num_descriptors + new_descriptors, last)
+        size = self.num_variables + values.size()
+        descriptors = self.num_descriptors + sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
+        return Smoother(self.manifold, self.semantics, isam, size, made, descriptors, last)
 
     def renewed(self, renewal: Renewal) -> "Smoother":
         """After an update that relinearises, in which semantic factors are replaced. It uses up this smoother."""
@@ -228,7 +230,8 @@ class Smoother:
             raise RuntimeError("the system is not finite")
         indices = result.getNewFactorsIndices()[kept.size() :]
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
-        return Smoother(self.manifold, self.semantics, isam, replace(made, indices=tuple(indices)), descriptors, last)
+        made = replace(made, indices=tuple(indices))
+        return Smoother(self.manifold, self.semantics, isam, values.size(), made, descriptors, last)
 
     def rests(self) -> bool:
         """Whether all variables are about where they were linearised.

@@ -73,8 +73,8 @@ class Stack:
         self.slots = _first_occurrence(rows.objects)
         self._full = bool(self.active.all())
         self._distinct = bool((self.slots == np.arange(self.slots.shape[1])).all())
-        self.mean, self.root = mean, root
-        self.size = self.mean.shape[1] * self.dimension
+        self._frames, self.root = manifold.frame(mean), root
+        self.size = mean.shape[1] * self.dimension
 
     @classmethod
     def of(cls, manifold: Manifold, model: ObservationModel, predicted: Predicted, seen: Any, rows: Rows) -> "Stack":
@@ -100,7 +100,7 @@ class Stack:
     def select(self, selection: Index) -> "Stack":
         """Some of the candidates, without gathering their priors again."""
         part = self._of(selection)
-        part.mean, part.root = self.mean[selection], self.root[selection]
+        part._frames, part.root = self._frames[selection], self.root[selection]
         return part
 
     def _of(self, selection: Index) -> "Stack":
@@ -109,6 +109,11 @@ class Stack:
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
         return part
+
+    @property
+    def mean(self) -> Array:
+        """(B, 1 + n, d) prior means."""
+        return self._frames[..., : self.dimension]
 
     def tangent(self, y: Array) -> Array:
         """(B, 1 + n, d) tangent vectors at the prior means."""
@@ -145,13 +150,14 @@ class Stack:
         """(B,) log P(Z | x, O, C), Eq. 4.10."""
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
-        x, o = self._pairs(self.states(y))
+        x, o = self._pairs(self._placed(y))
         return np.asarray(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())).sum(-1))
 
     def log_joint(self, y: Array) -> Array:
         """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
         tangent = (y @ np.swapaxes(self.root, 1, 2)).reshape(*y.shape[:2], *self.mean.shape[1:])
-        states = self.manifold.retract(self.mean[:, None], tangent).reshape(-1, *self.mean.shape[1:])
+        states = self.manifold.placed(self._frames[:, None], self.manifold.exp(tangent))
+        states = states.reshape(-1, *self.mean.shape[1:])
         many = self._of(np.repeat(np.arange(len(y)), y.shape[1]))
         x, o = many._pairs(states)
         logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(self.seen, x, o, many._classes())
@@ -166,7 +172,7 @@ class Stack:
         tangent = self.tangent(y)
         energy = 0.5 * (y**2).sum(-1)
         moved, chart = self.manifold.exp_and_jacobian(tangent)
-        parts = self._parts(self.manifold.compose(self.mean, moved))
+        parts = self._parts(self.manifold.placed(self._frames, moved))
         if not parts:
             return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
         for part in parts:
@@ -191,8 +197,12 @@ class Stack:
         """(B,) log P(beta | x, O) over the associated objects."""
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
-        x, o = self._pairs(self.states(y))
+        x, o = self._pairs(self._placed(y))
         return np.asarray(self._by_row(self.model.log_visibility(x, o, soft=soft)).sum(-1))
+
+    def _placed(self, y: Array) -> Array:
+        """(B, 1 + n, d) states, for which likelihoods are asked: headings are as they add up."""
+        return self.manifold.placed(self._frames, self.manifold.exp(self.tangent(y)))
 
     def _pairs(self, states: Array) -> tuple[Array, Array]:
         """(B n, d) robot and object of every detection of every candidate."""

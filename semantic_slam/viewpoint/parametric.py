@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import broadcast_copy
+from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 
@@ -24,16 +24,16 @@ class ParametricModel:
 
     def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
         """Eq. 4.22 for (B,) class indices 0 or 1."""
-        azimuth = viewpoints.azimuth_rad
-        first = self.alpha * np.sin(azimuth / 2.0) ** 2 + 1.0 - self.alpha
-        slope = 0.5 * self.alpha * np.sin(azimuth)
-        sign = np.where(classes == 0, 1.0, -1.0)
-        mean = np.where((classes == 0)[:, None], np.stack([first, 1 - first], -1), np.stack([1 - first, first], -1))
-        jacobian = np.zeros((len(azimuth), 2, 3))
-        jacobian[:, 0, 0] = sign * slope
-        jacobian[:, 1, 0] = -sign * slope
+        sine, cosine = sine_cosine(viewpoints.azimuth_rad)
+        sign = 1.0 - 2.0 * classes
+        count = len(sine)
+        mean, jacobian = np.empty((count, 2)), np.zeros((count, 2, 3))
+        mean[:, 0] = 0.5 + sign * (0.5 - 0.5 * self.alpha * (1.0 + cosine))
+        mean[:, 1] = 1.0 - mean[:, 0]
+        jacobian[:, 0, 0] = 0.5 * self.alpha * sign * sine
+        jacobian[:, 1, 0] = -jacobian[:, 0, 0]
         covariance = np.array([[1.25, 0.5], [0.5, 1.0]]) / self.concentration**2
-        return Prediction(mean, broadcast_copy(covariance, (len(azimuth), 2, 2)), jacobian)
+        return Prediction(mean, np.broadcast_to(covariance, (count, 2, 2)), jacobian)
 
     def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
         """Always inside: the model holds for every viewpoint."""
