@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)
 
 
@@ -13,3 +14,13 @@ def broadcast_copy(values: NDArray[T], shape: tuple[int, ...]) -> NDArray[T]:
     found: NDArray[Any] = np.empty(shape, dtype=values.dtype)
     found[...] = values
     return found
+
+
+def squared_norms(vectors: Array) -> Array:
+    """(...,) of (..., n): many times faster than a sum over an axis that is short."""
+    return np.asarray(np.vecdot(vectors, vectors))
+
+
+def row_sums(values: Array) -> Array:
+    """(...,) of (..., n), likewise."""
+    return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))

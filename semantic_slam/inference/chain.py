@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import broadcast_copy
+from semantic_slam.geometry.arrays import broadcast_copy, row_sums, squared_norms
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import Linearisation, ObservationModel
@@ -119,7 +119,7 @@ class Chain:
 
     def energy(self, y: Array) -> Array:
         """(B,) -log P(Z | y) + |y|^2 / 2."""
-        return np.asarray(0.5 * (y**2).sum(-1) - self.log_likelihood(y))
+        return 0.5 * squared_norms(y) - self.log_likelihood(y)
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
@@ -127,10 +127,10 @@ class Chain:
         composed = self._composed(moves)
         robots, objects = self._moved(composed)
         by_robot, by_object = self._slopes(composed, chart)
-        energy, residuals, jacobians = 0.5 * (y**2).sum(-1), [], []
+        energy, residuals, jacobians = 0.5 * squared_norms(y), [], []
         for parts, sights in self._linearised(robots, objects):
             for part in parts:
-                energy += (0.5 * (part.residual**2).sum(-1) - part.log_normaliser).reshape(len(y), -1).sum(-1)
+                energy += row_sums((0.5 * squared_norms(part.residual) - part.log_normaliser).reshape(len(y), -1))
             shape = (*robots.shape[:2], len(sights), -1, self.dimension)
             together = _joined([part.jacobian_robot for part in parts]).reshape(shape)
             jacobian = together @ self._timed(by_robot, sights)
@@ -151,7 +151,7 @@ class Chain:
         for seen, sights, named in self._parts:
             x, o = self._pairs(robots, objects, sights)
             classes = self._repeated(sights, robots.shape[1]) if named else None
-            total += self.model.log_likelihood(seen, x, o, classes).reshape(len(total), -1).sum(-1)
+            total += row_sums(self.model.log_likelihood(seen, x, o, classes).reshape(len(total), -1))
         return total
 
     def _log_visibility(self, robots: Array, objects: Array, *, soft: bool) -> Array:
@@ -159,7 +159,7 @@ class Chain:
         if not len(self._times):
             return np.zeros(count)
         x, o = self._pairs(robots, objects, np.arange(len(self._times)))
-        return np.asarray(self.model.log_visibility(x, o, soft=soft).reshape(count, -1).sum(-1))
+        return row_sums(self.model.log_visibility(x, o, soft=soft).reshape(count, -1))
 
     def _linearised(self, robots: Array, objects: Array) -> list[tuple[list[Linearisation], Index]]:
         """Geometry of all sights, with semantics where they have a class, and which they are."""

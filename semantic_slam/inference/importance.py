@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from semantic_slam.geometry.arrays import row_sums, squared_norms
+
 Array = NDArray[np.float64]
 
 PRIOR_SHARE = 0.1
@@ -45,8 +47,8 @@ class Gaussians:
     def log_densities(self, y: Array) -> Array:
         """(..., M, B) logs of share times density at (..., B, n)."""
         deviation = (y[..., None, :, :] - self.means[..., None, :]) @ self.roots
-        scale = np.log(np.diagonal(self.roots, axis1=-2, axis2=-1)).sum(-1) - 0.5 * y.shape[-1] * np.log(2.0 * np.pi)
-        return np.asarray((self.log_shares + scale)[..., None] - 0.5 * (deviation**2).sum(-1))
+        scale = row_sums(np.log(np.diagonal(self.roots, axis1=-2, axis2=-1))) - 0.5 * y.shape[-1] * np.log(2.0 * np.pi)
+        return np.asarray((self.log_shares + scale)[..., None] - 0.5 * squared_norms(deviation))
 
     def log_responsibilities(self, y: Array) -> Array:
         """(M, B) logs of each Gaussian's part in the mixture at y."""
@@ -76,17 +78,19 @@ class Samples:
     y: Array  # (N, n)
     log_weights: Array  # (N,)
 
-    def log_evidence(self, log_parts: Array | None = None) -> float:
-        """Log of the estimate, of all of it or of the part with (N,) logs of shares."""
-        logs = self.log_weights if log_parts is None else self.log_weights + log_parts
-        largest = float(logs.max())
-        return largest + float(np.log(np.exp(logs - largest).mean())) if np.isfinite(largest) else -np.inf
+    def log_evidence(self) -> float:
+        """Log of the estimate."""
+        return self.part(np.zeros(len(self.y)))[0]
 
-    def normalised(self, log_parts: Array) -> Array:
-        """(N,) weights that sum to one, of the part with (N,) logs of shares."""
+    def part(self, log_parts: Array) -> tuple[float, Array]:
+        """Log of the part with (N,) logs of shares, and (N,) weights in it that sum to one; 0 where it has none."""
         logs = self.log_weights + log_parts
-        weights = np.exp(logs - logs.max())
-        return np.asarray(weights / weights.sum())
+        largest = float(logs.max())
+        if not np.isfinite(largest):
+            return -np.inf, np.zeros(len(logs))
+        weights = np.exp(logs - largest)
+        total = float(weights.sum())
+        return largest + np.log(total / len(logs)), weights / total
 
 
 def effective_share(log_weights: Array) -> Array:
@@ -111,7 +115,7 @@ def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians
     Moments of few effective samples are shrunk towards the Gaussian they were drawn from.
     """
     alone = mixture.without_prior()
-    weights = samples.normalised(log_parts)
+    _, weights = samples.part(log_parts)
     parts = np.exp(alone.log_responsibilities(samples.y)) * weights  # (M, N)
     totals = np.maximum(parts.sum(axis=1), 1e-12)
     size = samples.y.shape[1]
@@ -144,7 +148,7 @@ def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> l
         drawn = Gaussians(means, roots, np.log(np.array(counts) / total))
         log_proposal[rows] = log_sum(drawn.log_densities(points[rows]))
     log_weights = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(log_proposal.shape) - log_proposal
-    log_weights -= 0.5 * (points**2).sum(-1) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
+    log_weights -= 0.5 * squared_norms(points) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
     return [Samples(*own) for own in zip(points, log_weights, strict=True)]
 
 

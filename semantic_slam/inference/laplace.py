@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import row_sums
 from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
@@ -156,7 +157,7 @@ class Descent:
 
 def log_determinants(matrices: Array) -> Array:
     """(B,) of symmetric positive definite (B, n, n)."""
-    return np.asarray(2.0 * np.log(_diagonals(np.asarray(np.linalg.cholesky(matrices)))).sum(-1))
+    return 2.0 * row_sums(np.log(_diagonals(np.asarray(np.linalg.cholesky(matrices)))))
 
 
 def search_start(stack: Stack) -> Array:
@@ -184,7 +185,7 @@ def _damped_step(hessian: Array, gradient: Array, damping: Array) -> tuple[Array
     added = damping[:, None] * _diagonals(hessian)
     _diagonals(damped)[...] += added
     step = np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0], dtype=np.float64)
-    return step, 0.5 * (step * (added * step - gradient)).sum(-1)
+    return step, 0.5 * np.asarray(np.vecdot(step, added * step - gradient))
 
 
 def _diagonals(matrices: Array) -> Array:

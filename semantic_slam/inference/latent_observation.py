@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import squared_norms
 from semantic_slam.inference.planar_detection import LOG_2PI
 from semantic_slam.inference.planar_observation import LEAST_DISTANCE_M, camera_in_object
 from semantic_slam.inference.seen_features import SeenFeatures
@@ -32,7 +33,7 @@ class LatentLinearisation:
 
     def log_density(self) -> Array:
         """(B,)."""
-        return np.asarray(self.log_normaliser - 0.5 * (self.residual**2).sum(axis=-1))
+        return self.log_normaliser - 0.5 * squared_norms(self.residual)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import WeightsConfiguration
+from semantic_slam.geometry.arrays import row_sums, squared_norms
 from semantic_slam.inference.component import Component, object_key, robot_key
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.history import History, Taken
@@ -126,8 +127,8 @@ def _screened(expanded: Expanded, rows: Index, laplace: Array, count: int) -> tu
     roots = np.linalg.cholesky(expanded.mode.hessian[rows])
     deviations = np.swapaxes(np.linalg.inv(roots), 1, 2) @ points.T
     y = expanded.mode.y[rows][:, None] + np.swapaxes(deviations, 1, 2)
-    logs = expanded.stack.select(rows).log_joint(y) + 0.5 * (points**2).sum(-1)
-    logs -= np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(-1)[:, None]
+    logs = expanded.stack.select(rows).log_joint(y) + 0.5 * squared_norms(points)
+    logs -= row_sums(np.log(np.diagonal(roots, axis1=1, axis2=2)))[:, None]
     seen = np.isfinite(logs).any(axis=1)
     largest = np.where(seen, logs.max(axis=1), 0.0)
     weights = np.exp(logs - largest[:, None])

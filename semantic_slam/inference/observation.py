@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import row_sums, squared_norms
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.gaussian import GaussianPrior
 
@@ -37,8 +38,8 @@ class Innovation:
         """``jacobian`` (B, m, n) of the residual by what has the ``covariance`` (B, n, n)."""
         root = cholesky(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1]))
         whitened = forward(root, part.residual[..., None])[..., 0]
-        log_determinant = np.log(np.einsum("bii->bi", root)).sum(-1)
-        return cls(root, whitened, part.log_normaliser - 0.5 * (whitened**2).sum(-1) - log_determinant)
+        log_determinant = row_sums(np.log(np.einsum("bii->bi", root)))
+        return cls(root, whitened, part.log_normaliser - 0.5 * squared_norms(whitened) - log_determinant)
 
     @property
     def distance(self) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import broadcast_copy
+from semantic_slam.geometry.arrays import broadcast_copy, squared_norms
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.geometry.small_matrices import cholesky, forward
@@ -120,7 +120,7 @@ class PlanarObservation:
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, seen)
         residual = forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
-        return np.asarray(total + log_normaliser - 0.5 * (residual**2).sum(-1).reshape(-1))
+        return np.asarray(total + log_normaliser - 0.5 * squared_norms(residual).reshape(-1))
 
     def best_heading(
         self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
@@ -156,7 +156,7 @@ class PlanarObservation:
         repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), count if len(seen.range_m) > 1 else 1))
         root, log_normaliser = self._noise(prediction, repeated)
         whitened = forward(root, self._feature_residual(prediction, repeated)[..., None])[..., 0]
-        return (log_normaliser - 0.5 * (whitened**2).sum(-1).reshape(-1)).reshape(turns.shape), turns
+        return (log_normaliser - 0.5 * squared_norms(whitened).reshape(-1)).reshape(turns.shape), turns
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import WeightsConfiguration
-from semantic_slam.geometry.arrays import broadcast_copy
+from semantic_slam.geometry.arrays import broadcast_copy, squared_norms
 from semantic_slam.inference.chain import Chain
 from semantic_slam.inference.component import object_key, robot_key
 from semantic_slam.inference.history import History, Region, chain_of
@@ -183,21 +183,23 @@ class _Look:
 def _of_one(look: _Look, settings: WeightsConfiguration) -> list[Refined]:
     history, samples = look.history, look.samples
     log_shares = history.log_share(look.chain, samples.y)
-    share = float(effective_share(samples.log_weights + log_shares))
-    if share == 0.0:
+    log_evidence, weights = samples.part(log_shares)
+    if not weights.any():
         return []
     kept, region = _kept(look.mixture, samples, log_shares)
-    parts = region.log_responsibilities(samples.y) + log_shares
+    share = 1.0 / float(weights @ weights) / len(weights)
     gaussian = len(kept) == 1 and not history.regions and share >= settings.gaussian_share * (1.0 - PRIOR_SHARE)
     ends = gaussian or len(history.taken) >= settings.max_history
-    found, drawn = [], Drawn(look.chain, samples.y)
-    for number, at in enumerate(kept):
-        log_evidence = samples.log_evidence(parts[number])
-        own = history.regions
-        if len(kept) > 1:
-            own = (*own, Region(region, number, look.chain.mean.shape[1] - 1, len(look.chain.links)))
+    drawn = Drawn(look.chain, samples.y)
+    if len(kept) == 1:
+        kept_history = None if ends else replace(history, log_evidence=log_evidence)
+        return [_mode(look, drawn, kept[0], weights, log_evidence, kept_history)]
+    found = []
+    for number, (at, log_part) in enumerate(zip(kept, region.log_responsibilities(samples.y), strict=True)):
+        log_evidence, weights = samples.part(log_part + log_shares)
+        own = (*history.regions, Region(region, number, look.chain.mean.shape[1] - 1, len(look.chain.links)))
         kept_history = None if ends else replace(history, regions=own, log_evidence=log_evidence)
-        found.append(_mode(look, drawn, at, samples.normalised(parts[number]), log_evidence, kept_history))
+        found.append(_mode(look, drawn, at, weights, log_evidence, kept_history))
     return found
 
 
@@ -210,7 +212,7 @@ def _mode(
     past = [robot_key(k) for k in range(history.anchor.keyframe, keyframe)]
     return Refined(
         log_evidence,
-        float(1.0 / (weights**2).sum() / len(weights)),
+        1.0 / float(weights @ weights) / len(weights),
         dict(zip([*past, *keys], look.states[at], strict=True)),
         kept_history,
         Moments(drawn, modes.y[at], modes.hessian[at], weights, keys),
@@ -302,7 +304,7 @@ def _leaders(groups: Index) -> Index:
 def _close(found: Mode, valleys: Index, rows: Index) -> NDArray[np.bool_]:
     """(B,) whether some of ``found`` are close to others, in the metric of those: never shorter than the prior's."""
     away = found.y[rows] - found.y[valleys]
-    close = np.asarray((away**2).sum(-1) <= SAME_VALLEY**2)
+    close = squared_norms(away) <= SAME_VALLEY**2
     near = np.flatnonzero(close)
     squared = (away[near, None] @ found.hessian[valleys[near]] @ away[near, :, None])[:, 0, 0]
     close[near] = squared <= SAME_VALLEY**2
@@ -329,7 +331,8 @@ def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: I
 def _kept(mixture: Gaussians, samples: Samples, shares: Array) -> tuple[list[int], Gaussians]:
     """Rows of the modes with weight, and the mixture of those alone."""
     alone = mixture.without_prior()
-    parts = alone.log_responsibilities(samples.y) + shares
-    evidence = np.array([samples.log_evidence(part) for part in parts])
+    if len(alone.means) == 1:
+        return [0], alone
+    evidence = np.array([samples.part(part + shares)[0] for part in alone.log_responsibilities(samples.y)])
     kept = [int(row) for row in np.argsort(-evidence, kind="stable") if evidence[row] >= evidence.max() - NEGLIGIBLE]
     return kept, Gaussians(alone.means[kept], alone.roots[kept], alone.log_shares[kept])

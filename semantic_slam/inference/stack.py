@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import broadcast_copy
+from semantic_slam.geometry.arrays import broadcast_copy, row_sums, squared_norms
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import Linearisation, ObservationModel
 
@@ -151,7 +151,7 @@ class Stack:
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
         x, o = self._pairs(self._placed(y))
-        return np.asarray(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())).sum(-1))
+        return row_sums(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())))
 
     def log_joint(self, y: Array) -> Array:
         """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
@@ -161,22 +161,22 @@ class Stack:
         many = self._of(np.repeat(np.arange(len(y)), y.shape[1]))
         x, o = many._pairs(states)
         logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(self.seen, x, o, many._classes())
-        return np.asarray(many._by_row(logs).sum(-1).reshape(y.shape[:2]) - 0.5 * (y**2).sum(-1))
+        return row_sums(many._by_row(logs)).reshape(y.shape[:2]) - 0.5 * squared_norms(y)
 
     def energy(self, y: Array) -> Array:
         """(B,) -log P(Z | y) + |y|^2 / 2."""
-        return np.asarray(0.5 * (y**2).sum(-1) - self.log_likelihood(y))
+        return 0.5 * squared_norms(y) - self.log_likelihood(y)
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
-        energy = 0.5 * (y**2).sum(-1)
+        energy = 0.5 * squared_norms(y)
         moved, chart = self.manifold.exp_and_jacobian(tangent)
         parts = self._parts(self.manifold.placed(self._frames, moved))
         if not parts:
             return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
         for part in parts:
-            energy += self._by_row(0.5 * (part.residual**2).sum(-1) - part.log_normaliser).sum(-1)
+            energy += row_sums(self._by_row(0.5 * squared_norms(part.residual) - part.log_normaliser))
         residual = self._by_row(np.concatenate([part.residual for part in parts], axis=1)).reshape(len(y), -1)
         jacobian = self._in_y(chart, parts)
         transposed = np.swapaxes(jacobian, -1, -2)
@@ -191,14 +191,16 @@ class Stack:
         by_object = self._by_row(np.concatenate([part.jacobian_object for part in parts], axis=1))
         slopes = chart @ self.root.reshape(*self.mean.shape, self.size)
         own = slopes[:, 1:] if self._distinct else slopes[np.arange(len(slopes))[:, None], 1 + self.slots]
-        return (by_robot @ slopes[:, :1] + by_object @ own).reshape(len(chart), -1, self.size)
+        found = by_robot @ slopes[:, :1]
+        found += by_object @ own
+        return found.reshape(len(chart), -1, self.size)
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) over the associated objects."""
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
         x, o = self._pairs(self._placed(y))
-        return np.asarray(self._by_row(self.model.log_visibility(x, o, soft=soft)).sum(-1))
+        return row_sums(self._by_row(self.model.log_visibility(x, o, soft=soft)))
 
     def _placed(self, y: Array) -> Array:
         """(B, 1 + n, d) states, for which likelihoods are asked: headings are as they add up."""
