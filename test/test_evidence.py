@@ -7,7 +7,7 @@ from linear_gaussian import LinearDetection, LinearModel
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.identity import generator, hypothesis_id
-from semantic_slam.inference.laplace import find_modes, search_start
+from semantic_slam.inference.laplace import Descent, find_modes, search_start
 from semantic_slam.inference.manifold import PlanarPoses, PlanarPositions
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
@@ -125,3 +125,20 @@ def test_pruning_accounts_for_mass_that_was_never_enumerated() -> None:
 def test_nothing_to_keep_is_an_error() -> None:
     with pytest.raises(SemanticSlamError, match="no candidate explains"):
         prune(np.array([-np.inf]), np.zeros(1, dtype=np.uint64), np.zeros(0), PruningConfiguration())
+
+
+def test_a_descent_goes_on_as_if_nobody_had_looked() -> None:
+    """In part, from where it was, whatever was beside it."""
+    stack = planar_stack(np.diag([100.0, 100.0, 0.04, 0.05, 0.05, 0.0005]), PlanarVisibility(), semantics=False)
+    many = stack.select(np.zeros(6, dtype=int))
+    start = np.random.default_rng(3).normal(size=(6, stack.size))
+    descent = Descent(many, start)
+    descent.advance(5, np.full(6, 1e-3))
+    rows = np.array([4, 1])
+    part = descent.select(rows).finished(tolerance=1e-6)
+    alone = find_modes(many.select(rows), start[rows])
+    np.testing.assert_allclose(part.log_evidence, alone.log_evidence, atol=1e-5)
+    for row, found in zip(rows, part.log_evidence, strict=True):
+        single = Descent(many.select(np.array([row])), start[[row]])
+        single.advance(5, np.full(1, 1e-3))
+        assert single.finished(tolerance=1e-6).log_evidence[0] == found

@@ -12,12 +12,13 @@ from semantic_slam.inference.component import Component, Continued, Motion, Obse
 from semantic_slam.inference.gaussian import GaussianPrior
 from semantic_slam.inference.growth import certain, grow_all
 from semantic_slam.inference.history import History, Taken
+from semantic_slam.inference.laplace import Mode
 from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.refinement import Refined, refine
+from semantic_slam.inference.refinement import SAME_VALLEY, Refined, refine, valleys
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 
@@ -182,3 +183,21 @@ def test_a_component_at_which_a_history_is_anchored_stays_as_it_was() -> None:
             assert anchor.smoother.num_factors == num_factors
             assert np.array_equal(state, before)
     assert looked_at_again >= 4
+
+
+def test_valleys_are_those_that_one_finds_after_the_other() -> None:
+    """The best first; whoever is close to one that is kept, in its metric, is of its valley."""
+    random = np.random.default_rng(5)
+    owners = np.repeat(np.arange(3), [7, 1, 12])
+    modes = Mode(random.normal(scale=0.4, size=(20, 2)), np.tile(2.0 * np.eye(2), (20, 1, 1)), random.normal(size=20))
+    expected: list[int] = []
+    for owner in range(3):
+        rows = np.flatnonzero(owners == owner)
+        best, kept = modes.log_evidence[rows].max(), list[int]()
+        for row in rows[np.argsort(-modes.log_evidence[rows])]:
+            apart = all(2.0 * ((modes.y[row] - modes.y[other]) ** 2).sum() > SAME_VALLEY**2 for other in kept)
+            if modes.log_evidence[row] >= best - 2.0 and apart:
+                kept.append(int(row))
+        expected += kept
+    assert 3 < len(expected) < 20
+    assert valleys(modes, owners, 2.0).tolist() == expected

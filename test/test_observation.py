@@ -1,5 +1,7 @@
 """Planar observation model: Jacobians, factors and visibility."""
 
+from dataclasses import fields, replace
+
 import gtsam
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from semantic_slam.inference.manifold import PlanarPoses
 from semantic_slam.inference.planar_detection import PlanarDetection
 from semantic_slam.inference.planar_observation import PlanarObservation, PlanarVisibility
 from semantic_slam.inference.semantic_factors import Named, Places, SemanticFactors
+from semantic_slam.viewpoint.model import Prediction, Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 RANDOM = np.random.default_rng(1)
@@ -146,3 +149,20 @@ def test_an_object_first_seen_without_depth_is_guessed_with_a_guess_s_uncertaint
     )
     assert np.sqrt(with_range.covariance[0, 0]) > 100.0
     assert np.sqrt(without.covariance[0, 0]) == pytest.approx(MODEL.new_objects.range_m)
+
+
+def test_a_covariance_that_is_the_same_everywhere_counts_as_one_of_each_row_does() -> None:
+    class Spelled(ParametricModel):
+        def predict(self, classes: np.ndarray, viewpoints: Viewpoints) -> Prediction:
+            found = super().predict(classes, viewpoints)
+            return Prediction(found.mean, found.covariance.copy(), found.mean_jacobian)
+
+    spelled = PlanarObservation(Spelled(0.5, 15.0), PlanarVisibility(), correlated_views=4.0)
+    shared = PlanarObservation(ParametricModel(0.5, 15.0), PlanarVisibility(), correlated_views=4.0)
+    other = replace(detection(True), feature_covariance=np.array([[0.02, 0.005], [0.005, 0.03]]))
+    for seen in ([detection(True)], [detection(True), other]):
+        parts = [model.semantics(model.collect(seen), X, O, CLASSES) for model in (spelled, shared)]
+        for item in fields(parts[0]):
+            np.testing.assert_array_equal(*(getattr(part, item.name) for part in parts))
+        logs = [model.log_likelihood(model.collect(seen), X, O, CLASSES) for model in (spelled, shared)]
+        np.testing.assert_array_equal(*logs)

@@ -68,3 +68,19 @@ def test_moments_of_two_equal_components_at_plus_minus_one() -> None:
     assert covariance[0, 0] == pytest.approx(1.1)
     assert covariance[5, 5] == pytest.approx(0.1 + 0.04)
     assert covariance[0, 5] == pytest.approx(0.2)
+
+
+def test_frames_place_as_composition_does() -> None:
+    placed = se2.placed(se2.frame(POSES[:10]), POSES[10:])
+    np.testing.assert_allclose(placed[:, 2], POSES[:10, 2] + POSES[10:, 2], atol=1e-15)
+    np.testing.assert_allclose(se2.wrapped(placed), se2.compose(POSES[:10], POSES[10:]), atol=1e-14)
+
+
+def test_a_walk_is_one_step_after_the_other() -> None:
+    start, steps = POSES[:4], POSES[4:].reshape(4, 4, 3)
+    expected = [start]
+    for number in range(4):
+        expected.append(se2.compose(expected[-1], steps[:, number]))
+    walked = se2.wrapped(se2.along(start, steps))
+    np.testing.assert_allclose(se2.between(walked, np.stack(expected[1:], axis=1)), 0.0, atol=1e-12)
+    assert se2.along(start, steps[:, :0]).shape == (4, 0, 3)

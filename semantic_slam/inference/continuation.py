@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from semantic_slam.inference.allocation import keep_freed_memory
 from semantic_slam.inference.component import Component, Continued, Held, Motion, Observed, object_key, robot_key
 from semantic_slam.inference.enumeration import (
     Enumerated,
@@ -81,6 +82,7 @@ class Expander:
         self.problem, self.registry = problem, registry
         if problem.association != "open" and problem.weights.method == "importance":
             normal_points(1, 1)  # what it imports takes longer than a keyframe may
+            keep_freed_memory()
 
     def root(self, number: int) -> Component:
         """The component before any keyframe."""

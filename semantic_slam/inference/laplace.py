@@ -15,6 +15,7 @@ from semantic_slam.geometry.arrays import row_sums
 from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int_]
 Flags = NDArray[np.bool_]
 
 MAX_ITERATIONS = 30
@@ -38,7 +39,7 @@ class LeastSquares(Protocol):
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, n) and Gauss-Newton Hessian (B, n, n)."""
 
-    def select(self, selection: NDArray[np.int_]) -> "LeastSquares":
+    def select(self, selection: Index) -> "LeastSquares":
         """Some of the problems."""
 
 
@@ -50,7 +51,7 @@ class Mode:
     hessian: Array  # (B, n, n)
     log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
 
-    def take(self, rows: NDArray[np.int_]) -> "Mode":
+    def take(self, rows: Index) -> "Mode":
         """Some of the problems."""
         return Mode(self.y[rows], self.hessian[rows], self.log_evidence[rows])
 
@@ -72,14 +73,14 @@ class Descent:
     def __init__(self, stack: LeastSquares, start: Array):
         self._stack, self.y = stack, start.copy()
         self.energy, self._gradient, self.hessian = (np.array(value) for value in stack.normal_equations(start))
-        self._damping, self._growth = np.full(len(start), INITIAL_DAMPING), np.full(len(start), 2.0)
+        self.damping, self._growth = np.full(len(start), INITIAL_DAMPING), np.full(len(start), 2.0)
 
-    def select(self, rows: NDArray[np.int_]) -> "Descent":
+    def select(self, rows: Index) -> "Descent":
         """Some of the problems, where they are."""
         part = copy.copy(self)
         part._stack = self._stack.select(rows)
         part.y, part.energy, part._gradient = self.y[rows], self.energy[rows], self._gradient[rows]
-        part.hessian, part._damping, part._growth = self.hessian[rows], self._damping[rows], self._growth[rows]
+        part.hessian, part.damping, part._growth = self.hessian[rows], self.damping[rows], self._growth[rows]
         return part
 
     def mode(self) -> Mode:
@@ -89,56 +90,45 @@ class Descent:
     def advance(self, iterations: int, enough: Array) -> None:
         """So many steps of each problem; fewer once its next one is not expected to bring ``enough`` (B,) nats."""
         for _ in range(iterations):
-            step, expected = _damped_step(self.hessian, self._gradient, self._damping)
-            near = self._near(expected, enough)
+            step, expected = self.next_step()
+            near = self.is_near(expected, enough)
             if near.all():
                 return
             step[near] = 0.0
-            damping, growth = self._damping[near], self._growth[near]
-            self._take(step, expected)
-            self._damping[near], self._growth[near] = damping, growth
+            damping, growth = self.damping[near], self._growth[near]
+            self.take(step, expected)
+            self.damping[near], self._growth[near] = damping, growth
 
     def finished(self, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0) -> Mode:
         """After that many steps at most; problems that have converged are left alone. Uses up this descent.
 
         ``tolerance`` (B,): nats that a step may be expected to bring where a mode counts as found all the same.
         """
-        going, rows, enough = self, np.arange(len(self.y)), np.zeros(len(self.y)) + tolerance
+        count = len(self.y)
         ends = np.empty_like(self.y), np.empty_like(self.energy), np.empty_like(self.hessian)
-
-        def without(ended: Flags) -> tuple["Descent", NDArray[np.int_], Array]:
-            if not ended.any():
-                return going, rows, enough
-            for end, own in zip(ends, (going.y, going.energy, going.hessian), strict=True):
-                end[rows[ended]] = own[ended]
-            left = np.flatnonzero(~ended)
-            return going.select(left), rows[left], enough[left]
-
+        finish = _Finish(self, np.arange(count), np.zeros(count) + tolerance, ends)
         for _ in range(max_iterations):
-            if not len(rows):
+            if not len(finish.rows):
                 break
-            step, expected = _damped_step(going.hessian, going._gradient, going._damping)
-            last = going._near(expected, enough)
-            if last.any():  # what the quadratic model says is as good as looking
-                going.y[last] += step[last]
-                going.energy[last] -= expected[last]
-                going, rows, enough = without(last)
-                step, expected = step[~last], expected[~last]
-                if not len(rows):
-                    break
-            better = going._take(step, expected)
-            small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < enough))
-            going, rows, enough = without(small | (going._damping > LARGEST_DAMPING))
-        without(np.ones(len(rows), dtype=bool))
+            finish.iterate()
+        finish.set_aside(np.ones(len(finish.rows), dtype=bool))
         y, energy, hessian = ends
         return Mode(y, hessian, -energy - 0.5 * log_determinants(hessian))
 
-    def _near(self, expected: Array, enough: Array) -> Flags:
-        """(B,) whether the next step ends at the mode."""
-        return np.asarray((expected < enough) & (self._damping < LAST_DAMPING))
+    def next_step(self) -> tuple[Array, Array]:
+        """(B, n) damped step and (B,) decrease of the energy that the quadratic model expects of it."""
+        damped = self.hessian.copy()
+        added = self.damping[:, None] * _diagonals(self.hessian)
+        _diagonals(damped)[...] += added
+        step = np.asarray(-np.linalg.solve(damped, self._gradient[..., None])[..., 0], dtype=np.float64)
+        return step, 0.5 * np.asarray(np.vecdot(step, added * step - self._gradient))
 
-    def _take(self, step: Array, expected: Array) -> Flags:
-        """One step of each; (B,) whether it made it better, for others stay where they are."""
+    def is_near(self, expected: Array, enough: Array) -> Flags:
+        """(B,) whether the next step ends at the mode."""
+        return np.asarray((expected < enough) & (self.damping < LAST_DAMPING))
+
+    def take(self, step: Array, expected: Array) -> Flags:
+        """One step of each; (B,) whether it is better there, for others stay where they are."""
         trial = self.y + step
         energy, gradient, hessian = self._stack.normal_equations(trial)
         gain = (self.energy - energy) / np.maximum(expected, 1e-300)
@@ -150,9 +140,44 @@ class Descent:
             self._gradient[better], self.hessian[better] = gradient[better], hessian[better]
         beyond = 2.0 * np.minimum(gain, 1.0) - 1.0
         relaxed = np.maximum(1.0 / 3.0, 1.0 - beyond * beyond * beyond)
-        self._damping *= np.where(better, relaxed, self._growth)
+        self.damping *= np.where(better, relaxed, self._growth)
         self._growth = np.where(better, 2.0, 2.0 * self._growth)
         return better
+
+
+@dataclass
+class _Finish:
+    """Problems that are still searched; what has converged is set aside."""
+
+    descent: Descent
+    rows: Index  # (B,) of all problems
+    enough: Array  # (B,)
+    ends: tuple[Array, Array, Array]  # y, energies and Hessians of all problems
+
+    def iterate(self) -> None:
+        """One step of each."""
+        step, expected = self.descent.next_step()
+        last = self.descent.is_near(expected, self.enough)
+        if last.any():  # what the quadratic model says is as good as looking
+            self.descent.y[last] += step[last]
+            self.descent.energy[last] -= expected[last]
+            self.set_aside(last)
+            step, expected = step[~last], expected[~last]
+            if not len(self.rows):
+                return
+        better = self.descent.take(step, expected)
+        small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < self.enough))
+        self.set_aside(small | (self.descent.damping > LARGEST_DAMPING))
+
+    def set_aside(self, ended: Flags) -> None:
+        """Where they are."""
+        if not ended.any():
+            return
+        at, descent = self.rows[ended], self.descent
+        for end, own in zip(self.ends, (descent.y, descent.energy, descent.hessian), strict=True):
+            end[at] = own[ended]
+        left = np.flatnonzero(~ended)
+        self.descent, self.rows, self.enough = descent.select(left), self.rows[left], self.enough[left]
 
 
 def log_determinants(matrices: Array) -> Array:
@@ -177,15 +202,6 @@ def search_start(stack: Stack) -> Array:
         better = energy < least
         best[better], least = start[better], np.minimum(least, energy)
     return best
-
-
-def _damped_step(hessian: Array, gradient: Array, damping: Array) -> tuple[Array, Array]:
-    """(B, n) step and (B,) decrease of the energy that the quadratic model expects of it."""
-    damped = hessian.copy()
-    added = damping[:, None] * _diagonals(hessian)
-    _diagonals(damped)[...] += added
-    step = np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0], dtype=np.float64)
-    return step, 0.5 * np.asarray(np.vecdot(step, added * step - gradient))
 
 
 def _diagonals(matrices: Array) -> Array:

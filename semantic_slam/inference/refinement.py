@@ -275,12 +275,12 @@ def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
     descent = Descent(chain.select(owners), np.stack(starts, axis=1).reshape(-1, chain.size))
     for iterations, patience in ROUNDS:
         descent.advance(iterations, enough)
-        rows = _valleys(descent.mode(), owners, patience * NEGLIGIBLE)
+        rows = valleys(descent.mode(), owners, patience * NEGLIGIBLE)
         descent, owners, enough = descent.select(rows), owners[rows], enough[rows]
     return descent.finished(tolerance=EXACT), owners
 
 
-def _valleys(rough: Mode, owners: Index, gate: float) -> Index:
+def valleys(rough: Mode, owners: Index, gate: float) -> Index:
     """The best mode in each valley of each history, those more than ``gate`` nats behind its best left out.
 
     By ascending ``owners`` (B,), best first. In a valley is what is close to its best in that one's own metric.
