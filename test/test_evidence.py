@@ -7,6 +7,7 @@ from linear_gaussian import LinearDetection, LinearModel
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.identity import generator, hypothesis_id
+from semantic_slam.inference.importance import WIDENED, Samples, adapted, effective_share, proposal
 from semantic_slam.inference.laplace import Descent, find_modes, search_start
 from semantic_slam.inference.manifold import PlanarPoses, PlanarPositions
 from semantic_slam.inference.planar_detection import PlanarDetection
@@ -142,3 +143,19 @@ def test_a_descent_goes_on_as_if_nobody_had_looked() -> None:
         single = Descent(many.select(np.array([row])), start[[row]])
         single.advance(5, np.full(1, 1e-3))
         assert single.finished(tolerance=1e-6).log_evidence[0] == found
+
+
+def test_a_mode_that_no_sample_is_of_stays_as_it_was() -> None:
+    """Not a singular matrix: there is nothing to adapt it to."""
+    near = np.random.default_rng(0).normal(size=(200, 2))
+    mixture = proposal(np.array([[0.0, 0.0], [60.0, 0.0]]), np.tile(np.eye(2), (2, 1, 1)), np.zeros(2))
+    found = adapted(mixture, Samples(near, np.zeros(200)), np.zeros(200))
+    np.testing.assert_allclose(found.means[1], [60.0, 0.0])
+    assert np.abs(found.roots[1] @ found.roots[1].T - np.eye(2) / WIDENED).max() < 1e-12
+    assert np.abs(found.means[0]).max() < 0.3
+
+
+@pytest.mark.parametrize("logs", [[np.nan, 0.0, 0.0], [-np.inf] * 3, [np.inf, 0.0, 0.0]])
+def test_weights_that_are_none_have_no_share(logs: list[float]) -> None:
+    assert effective_share(np.array(logs)) == 0.0
+    np.testing.assert_allclose(effective_share(np.array([logs, [0.0, 0.0, -np.inf]])), [0.0, 2.0 / 3.0])

@@ -201,3 +201,9 @@ def test_valleys_are_those_that_one_finds_after_the_other() -> None:
         expected += kept
     assert 3 < len(expected) < 20
     assert valleys(modes, owners, 2.0).tolist() == expected
+
+
+def test_valleys_end_where_a_search_went_astray() -> None:
+    lost = Mode(np.array([[np.inf], [0.0], [np.inf]]), np.ones((3, 1, 1)), np.array([-np.inf, 0.0, -np.inf]))
+    with np.errstate(invalid="ignore"):
+        assert valleys(lost, np.array([0, 1, 1]), 14.0).tolist() == [0, 1]

@@ -18,7 +18,7 @@ SMALL_ANGLE = 1e-4
 SMALLEST_ANGLE = 1e-9
 """Below it sin(t)/t is 1."""
 NO_ZERO = 1e-200
-"""Added to an angle that is divided by: nothing to any but 0, whose quotients then are their limits."""
+"""Added to an angle that is divided by, which changes no other than 0: its quotients then are their limits."""
 
 
 def sine_cosine(angle: Array) -> tuple[Array, Array]:

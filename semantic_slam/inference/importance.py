@@ -38,7 +38,10 @@ class Targets(Protocol):
 
 @dataclass(frozen=True)
 class Gaussians:
-    """M Gaussians over n whitened coordinates with their shares of a mixture; or several mixtures of as many."""
+    """M Gaussians over n whitened coordinates with their shares of a mixture.
+
+    Densities are also those of several mixtures of as many, which the leading axes count.
+    """
 
     means: Array  # (..., M, n)
     roots: Array  # (..., M, n, n) lower Cholesky factors of the precisions
@@ -96,7 +99,8 @@ class Samples:
 def effective_share(log_weights: Array) -> Array:
     """(...,) effective sample size over the number N of samples, from (..., N); 0 where none has any weight."""
     largest = log_weights.max(axis=-1, keepdims=True)
-    weights = np.exp(log_weights - np.where(np.isfinite(largest), largest, 0.0))
+    some = np.isfinite(largest)
+    weights = np.where(some, np.exp(log_weights - np.where(some, largest, 0.0)), 0.0)
     squares = np.maximum((weights**2).sum(axis=-1), 1e-300)
     return np.asarray(weights.sum(axis=-1) ** 2 / squares / log_weights.shape[-1])
 
@@ -112,7 +116,7 @@ def proposal(modes: Array, hessians: Array, log_evidence: Array) -> Gaussians:
 def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians:
     """The mixture after what its samples showed: each mode with the moments of its part, the prior as before.
 
-    Moments of few effective samples are shrunk towards the Gaussian they were drawn from.
+    Moments of few effective samples are shrunk towards the Gaussian they were drawn from; of none, it stays.
     """
     alone = mixture.without_prior()
     _, weights = samples.part(log_parts)
@@ -122,7 +126,7 @@ def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians
     means: Array = alone.means.copy()
     roots: Array = alone.roots.copy()
     for row, (part, total) in enumerate(zip(parts, totals, strict=True)):
-        effective = total**2 / max(float((part**2).sum()), 1e-300)
+        effective = float(part.sum()) ** 2 / max(float(part @ part), 1e-300)
         trust = effective / (effective + size)
         centre = part @ samples.y / total
         spread = samples.y - centre

@@ -85,7 +85,7 @@ class Descent:
 
     def mode(self) -> Mode:
         """Of all problems, where they are."""
-        return Mode(self.y, self.hessian, -self.energy - 0.5 * log_determinants(self.hessian))
+        return Mode(self.y.copy(), self.hessian.copy(), -self.energy - 0.5 * log_determinants(self.hessian))
 
     def advance(self, iterations: int, enough: Array) -> None:
         """So many steps of each problem; fewer once its next one is not expected to bring ``enough`` (B,) nats."""
@@ -96,7 +96,7 @@ class Descent:
                 return
             step[near] = 0.0
             damping, growth = self.damping[near], self._growth[near]
-            self.take(step, expected)
+            self.step(step, expected)
             self.damping[near], self._growth[near] = damping, growth
 
     def finished(self, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0) -> Mode:
@@ -127,7 +127,7 @@ class Descent:
         """(B,) whether the next step ends at the mode."""
         return np.asarray((expected < enough) & (self.damping < LAST_DAMPING))
 
-    def take(self, step: Array, expected: Array) -> Flags:
+    def step(self, step: Array, expected: Array) -> Flags:
         """One step of each; (B,) whether it is better there, for others stay where they are."""
         trial = self.y + step
         energy, gradient, hessian = self._stack.normal_equations(trial)
@@ -165,7 +165,7 @@ class _Finish:
             step, expected = step[~last], expected[~last]
             if not len(self.rows):
                 return
-        better = self.descent.take(step, expected)
+        better = self.descent.step(step, expected)
         small = (np.abs(step).max(-1) < STEP_TOLERANCE) | (better & (expected < self.enough))
         self.set_aside(small | (self.descent.damping > LARGEST_DAMPING))
 

@@ -102,7 +102,7 @@ class PlanarObservation:
         stacked = np.empty((*residual.shape, 3))
         stacked[..., 0] = residual
         stacked[..., 1:] = prediction.mean_jacobian[:, :, ::2].reshape(*residual.shape, 2)
-        whitened = forward(root, stacked).reshape(len(x), -1, 3)
+        whitened = forward(root, stacked).reshape(len(x), residual.shape[-1], 3)
         radial, turn = polar_jacobian(v, distance)
         by_view = whitened[..., 1:2] * turn[:, None]
         by_view += whitened[..., 2:] * radial[:, None]

@@ -227,11 +227,10 @@ def _sampled(
     mixtures = [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes]
     first = int(np.ceil(FIRST_SHARE * count))
     everything = np.arange(len(histories))
-    samples = _adapting(histories, chain, mixtures, everything, first, MAX_ADAPTATIONS)
-    shares = effective_share(_log_weights(histories, samples, chain))
+    samples, shares = _adapting(histories, chain, mixtures, everything, first, MAX_ADAPTATIONS)
     coarse = np.flatnonzero((shares < GOOD) & (first < count))
     if len(coarse):
-        more = _adapting(histories, chain, mixtures, coarse, count, MORE_ADAPTATIONS)
+        more, _ = _adapting(histories, chain, mixtures, coarse, count, MORE_ADAPTATIONS)
         for row, better in zip(coarse, more, strict=True):
             samples[row] = better
     return mixtures, samples
@@ -239,20 +238,19 @@ def _sampled(
 
 def _adapting(
     histories: Sequence[History], chain: Chain, mixtures: list[Gaussians], rows: Index, count: int, times: int
-) -> list[Samples]:
-    """Samples of ``rows``; their mixtures are adapted in place where modes do not match the target."""
-    samples: dict[int, Samples] = {}
-    pending = rows
+) -> tuple[list[Samples], Array]:
+    """Samples of ``rows`` and their effective shares; mixtures are adapted in place where modes miss the target."""
+    samples, shares, pending = dict[int, Samples](), np.zeros(len(histories)), rows
     for left in reversed(range(times + 1)):
         drawn = draw(chain.select(pending), [mixtures[row] for row in pending], count)
         samples |= zip(pending.tolist(), drawn, strict=True)
-        shares = effective_share(_log_weights([histories[row] for row in pending], drawn, chain))
-        pending = pending[(shares > 0.0) & (shares < POOR)]
+        shares[pending] = effective_share(_log_weights([histories[row] for row in pending], drawn, chain))
+        pending = pending[(shares[pending] > 0.0) & (shares[pending] < POOR)]
         if not left or not len(pending):
             break
         for row in pending:
             mixtures[row] = adapted(mixtures[row], samples[row], histories[row].log_share(chain, samples[row].y))
-    return [samples[row] for row in rows.tolist()]
+    return [samples[row] for row in rows.tolist()], shares[rows]
 
 
 def _log_weights(histories: Sequence[History], samples: Sequence[Samples], chain: Chain) -> Array:
@@ -292,7 +290,7 @@ def valleys(rough: Mode, owners: Index, gate: float) -> Index:
     while len(place):
         leaders = place[_leaders(owners[place])]
         kept[leaders] = True
-        place = place[~_close(rough, leaders, place)]
+        place = place[~_close(rough, leaders, place) & (place != leaders)]
     return order[kept[order]]
 
 
@@ -301,12 +299,12 @@ def _leaders(groups: Index) -> Index:
     return np.asarray(np.searchsorted(groups, groups))
 
 
-def _close(found: Mode, valleys: Index, rows: Index) -> NDArray[np.bool_]:
+def _close(found: Mode, leaders: Index, rows: Index) -> NDArray[np.bool_]:
     """(B,) whether some of ``found`` are close to others, in the metric of those: never shorter than the prior's."""
-    away = found.y[rows] - found.y[valleys]
+    away = found.y[rows] - found.y[leaders]
     close = squared_norms(away) <= SAME_VALLEY**2
     near = np.flatnonzero(close)
-    squared = (away[near, None] @ found.hessian[valleys[near]] @ away[near, :, None])[:, 0, 0]
+    squared = (away[near, None] @ found.hessian[leaders[near]] @ away[near, :, None])[:, 0, 0]
     close[near] = squared <= SAME_VALLEY**2
     return close
 
@@ -328,11 +326,11 @@ def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: I
     return modes
 
 
-def _kept(mixture: Gaussians, samples: Samples, shares: Array) -> tuple[list[int], Gaussians]:
+def _kept(mixture: Gaussians, samples: Samples, log_shares: Array) -> tuple[list[int], Gaussians]:
     """Rows of the modes with weight, and the mixture of those alone."""
     alone = mixture.without_prior()
     if len(alone.means) == 1:
         return [0], alone
-    evidence = np.array([samples.part(part + shares)[0] for part in alone.log_responsibilities(samples.y)])
+    evidence = np.array([samples.part(part + log_shares)[0] for part in alone.log_responsibilities(samples.y)])
     kept = [int(row) for row in np.argsort(-evidence, kind="stable") if evidence[row] >= evidence.max() - NEGLIGIBLE]
     return kept, Gaussians(alone.means[kept], alone.roots[kept], alone.log_shares[kept])

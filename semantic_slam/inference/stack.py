@@ -150,7 +150,7 @@ class Stack:
         """(B,) log P(Z | x, O, C), Eq. 4.10."""
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
-        x, o = self._pairs(self._placed(y))
+        x, o = self._pairs(self._states(y))
         return row_sums(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())))
 
     def log_joint(self, y: Array) -> Array:
@@ -199,11 +199,11 @@ class Stack:
         """(B,) log P(beta | x, O) over the associated objects."""
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
-        x, o = self._pairs(self._placed(y))
+        x, o = self._pairs(self._states(y))
         return row_sums(self._by_row(self.model.log_visibility(x, o, soft=soft)))
 
-    def _placed(self, y: Array) -> Array:
-        """(B, 1 + n, d) states, for which likelihoods are asked: headings are as they add up."""
+    def _states(self, y: Array) -> Array:
+        """(B, 1 + n, d) states, headings as they add up: for likelihoods."""
         return self.manifold.placed(self._frames, self.manifold.exp(self.tangent(y)))
 
     def _pairs(self, states: Array) -> tuple[Array, Array]:

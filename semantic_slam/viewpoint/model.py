@@ -25,7 +25,7 @@ class Prediction:
     """Distribution of the semantic feature at B viewpoints; F components."""
 
     mean: Array  # (B, F)
-    covariance: Array  # (B, F, F); NumPy's view of one matrix where it is the same everywhere
+    covariance: Array  # (B, F, F); NumPy's read-only view of one matrix where it is the same everywhere
     mean_jacobian: Array  # (B, F, 3) with respect to azimuth, elevation [1/rad] and range [1/m]
 
 

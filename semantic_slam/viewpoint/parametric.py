@@ -25,7 +25,7 @@ class ParametricModel:
     def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
         """Eq. 4.22 for (B,) class indices 0 or 1."""
         sine, cosine = sine_cosine(viewpoints.azimuth_rad)
-        sign = 1.0 - 2.0 * classes
+        sign = np.where(classes == 0, 1.0, -1.0)
         count = len(sine)
         mean, jacobian = np.empty((count, 2)), np.zeros((count, 2, 3))
         mean[:, 0] = 0.5 + sign * (0.5 - 0.5 * self.alpha * (1.0 + cosine))
