@@ -337,3 +337,24 @@ def test_a_part_of_a_known_joint_covariance_is_that_of_gtsam() -> None:
     smoother.joint_covariance([ROBOT[1], TARGET, ROBOT[0]])
     expected = smoother.isam.jointMarginalCovariance([ROBOT[0], ROBOT[1]]).fullMatrix()
     np.testing.assert_allclose(smoother.joint_covariance([ROBOT[0], ROBOT[1]]), expected, atol=1e-12)
+
+
+def test_objects_that_nobody_has_seen_need_not_be_optimised(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Most of a large map: they stay where their priors have them, and the others come to where they would."""
+    random = np.random.default_rng(4)
+    far = {gtsam.symbol("o", n): np.append(random.uniform(-50.0, 50.0, 2), 0.5) for n in range(1, 60)}
+    semantics = SemanticFactors(MANIFOLD, CLASSES)
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for key, mean in {ROBOT[0]: np.zeros(3), TARGET: OBJECT, **far}.items():
+        graph.add(MANIFOLD.prior_factor(key, mean, 0.5**2 * np.eye(3)))
+        MANIFOLD.insert(values, key, mean)
+    smoother = Smoother.of(MANIFOLD, semantics, graph, values)
+    seen = detection(np.array([0.4, -0.3, 0.2]), np.array([0.6, 0.4]))
+    extension = replace(step(0, [Named(ROBOT[1], TARGET, seen, 1)], seen, STEP), jumped=True)
+    part = extend(smoother, extension)
+    monkeypatch.setattr("semantic_slam.inference.reoptimisation.FEW_VARIABLES", 1000)
+    whole = extend(smoother, extension)
+    tied = [ROBOT[0], ROBOT[1], TARGET]
+    assert np.abs(MANIFOLD.local(part.states([ROBOT[0]])[0], np.zeros(3))).max() > 0.05
+    np.testing.assert_allclose(part.states(tied), whole.states(tied), atol=1e-6)
+    np.testing.assert_allclose(part.states(list(far)), list(far.values()), atol=1e-12)

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 SAME = 1e-3
 """Change of a state, metres or radians, below which linear factors need not be made again."""
 MAX_ROUNDS = 6
+FEW_VARIABLES = 40
+"""Up to so many, it costs less to optimise all than to find out which are tied to others."""
 MAX_EXACT_ITERATIONS = 15
 """Of an optimisation with callbacks."""
 
@@ -50,13 +52,35 @@ def _by_rounds(
     """Optimised with linear factors, made anew until that changes nothing."""
     keys = sorted({key for item in named for key in item.keys})
     states = _states(semantics.manifold, values, keys)
+    kept, tied = _tied(kept, values)
     for _ in range(MAX_ROUNDS):
         factors = semantics.make([named], [Places.of(named, states)])[0]
-        values = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), values).optimize()
-        before, states = states, _states(semantics.manifold, values, keys)
+        tied = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), tied).optimize()
+        before, states = states, _states(semantics.manifold, tied, keys)
         if all(np.abs(semantics.manifold.local(before[key], states[key])).max() < SAME for key in keys):
             break
-    return values
+    whole = gtsam.Values(values)
+    whole.update(tied)
+    return whole
+
+
+def _tied(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """Factors and values of the variables that some factor ties to another.
+
+    The others, objects that nobody has seen, are where their priors have them; most of a large map are.
+    """
+    if values.size() <= FEW_VARIABLES:
+        return graph, values
+    factors = [graph.at(i) for i in range(graph.size())]
+    keys = [factor.keys() for factor in factors]
+    known = set[int]().union(*(own for own in keys if len(own) > 1))
+    part, states = gtsam.NonlinearFactorGraph(), gtsam.Values(values)
+    for factor, own in zip(factors, keys, strict=True):
+        if known.issuperset(own):
+            part.add(factor)
+    for key in set(values.keys()) - known:
+        states.erase(key)
+    return part, states
 
 
 def changed(manifold: Manifold, values: gtsam.Values, states: Mapping[int, Array]) -> gtsam.Values:
