@@ -1,6 +1,7 @@
 """Which backends are alive, as DDS sees it: its own threads assert it, whatever the process is busy with."""
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.duration import Duration
@@ -22,16 +23,23 @@ class Sign:
 
 
 class Watch:
-    """Calls ``gone`` with the id of a backend whose sign of life was there and ends."""
+    """How long the signs of life of backends have been missing."""
 
-    def __init__(self, node: Node, backend_ids: Sequence[int], gone: Callable[[int], None]) -> None:
-        self._subscriptions = [self._watch(node, number, gone) for number in backend_ids]
+    def __init__(self, node: Node, backend_ids: Sequence[int]) -> None:
+        self._missing_since: dict[int, float] = {}
+        self._subscriptions = [self._watch(node, number) for number in backend_ids]
 
-    @staticmethod
-    def _watch(node: Node, backend_id: int, gone: Callable[[int], None]) -> Any:
+    def missing_s(self, backend_id: int) -> float:
+        """Seconds; 0 while it is there, and before it ever was."""
+        since = self._missing_since.get(backend_id)
+        return 0.0 if since is None else time.monotonic() - since
+
+    def _watch(self, node: Node, backend_id: int) -> Any:
         def changed(event: Any) -> None:
-            if event.alive_count == 0 and (event.alive_count_change < 0 or event.not_alive_count_change > 0):
-                gone(backend_id)
+            if event.alive_count > 0:
+                self._missing_since.pop(backend_id, None)
+            elif event.alive_count_change < 0 or event.not_alive_count_change > 0:
+                self._missing_since.setdefault(backend_id, time.monotonic())
 
         return node.create_subscription(
             ros_type("std_msgs/msg/Empty"),

@@ -19,13 +19,15 @@ from semantic_slam.ros.liveliness import Watch
 from semantic_slam.ros.transport import Outlet, private_name, receive
 
 CHECK_S = 0.2
+PATIENCE_S = 0.5
+"""For which a sign of life may be missing: after a pause of the whole machine all are, and return at once."""
 
 
 class RosPool:
     """A ``BackendPool`` over topics. Its rounds run on the worker's thread, the answers arrive on the executor's.
 
-    A backend that is gone, or does not answer within ``timeout_s``, is given up: the manager rebuilds its hypotheses
-    elsewhere.
+    A backend whose sign of life is missing for ``PATIENCE_S``, or that does not answer within ``timeout_s``, is given
+    up: the manager rebuilds its hypotheses elsewhere.
     """
 
     def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
@@ -33,9 +35,8 @@ class RosPool:
         self._timeout_s = timeout_s
         self._run_id = ""
         self._given_up: tuple[int, ...] = ()
-        self._gone: set[int] = set()
         self._logger = node.get_logger()
-        self._watch = Watch(node, backend_ids, self._gone.add)
+        self._watch = Watch(node, backend_ids)
         self._awaited: tuple[int, ...] = ()
         self._since_s = time.monotonic()
         self._what = ""
@@ -100,8 +101,9 @@ class RosPool:
         if not rclpy.ok():
             raise SemanticSlamError("interrupted while waiting for backends")
         late = time.monotonic() - self._since_s > self._timeout_s
-        for number in [n for n in self._awaited if late or n in self._gone]:
-            reason = "is gone" if number in self._gone else f"has not answered for {self._timeout_s:.0f} s"
+        gone = {n for n in self._awaited if self._watch.missing_s(n) > PATIENCE_S}
+        for number in [n for n in self._awaited if late or n in gone]:
+            reason = "is gone" if number in gone else f"has not answered for {self._timeout_s:.0f} s"
             self._logger.warning(f"backend_{number} {reason}; its hypotheses move to other backends")
             self._given_up += (number,)
             self._awaited = tuple(n for n in self._awaited if n != number)
