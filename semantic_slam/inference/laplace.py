@@ -4,14 +4,13 @@ With the prior whitened, psi = p(Z | y*) exp(-|y*|^2 / 2) det(H)^(-1/2), H = I +
 the mode y*. Undamped Gauss-Newton loses the mode while the robot is lost; Levenberg-Marquardt keeps it.
 """
 
-import copy
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import row_sums
+from semantic_slam.geometry.arrays import alike, row_sums
 from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
@@ -77,7 +76,7 @@ class Descent:
 
     def select(self, rows: Index) -> "Descent":
         """Some of the problems, where they are."""
-        part = copy.copy(self)
+        part = alike(self)
         part._stack = self._stack.select(rows)
         part.y, part.energy, part._gradient = self.y[rows], self.energy[rows], self._gradient[rows]
         part.hessian, part.damping, part._growth = self.hessian[rows], self.damping[rows], self._growth[rows]
@@ -94,10 +93,11 @@ class Descent:
             near = self.is_near(expected, enough)
             if near.all():
                 return
-            step[near] = 0.0
-            damping, growth = self.damping[near], self._growth[near]
+            there = np.flatnonzero(near)
+            step[there] = 0.0
+            damping, growth = self.damping[there], self._growth[there]
             self.step(step, expected)
-            self.damping[near], self._growth[near] = damping, growth
+            self.damping[there], self._growth[there] = damping, growth
 
     def finished(self, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0) -> Mode:
         """After that many steps at most; problems that have converged are left alone. Uses up this descent.

@@ -314,15 +314,17 @@ def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: I
     scores = found.log_evidence + chain.select(owners).log_visibility(found.y, soft=True)
     modes = []
     for number, history in enumerate(histories):
-        rows = np.flatnonzero(owners == number)
+        rows = np.arange(*np.searchsorted(owners, [number, number + 1]))
+        if len(rows) == 1:
+            modes.append(found.take(rows))
+            continue
         own = scores[rows] + history.log_share(chain, found.y[rows])
         order = rows[np.argsort(-own, kind="stable")]
         kept: list[int] = []
         for row in order[np.sort(-own) <= NEGLIGIBLE - own.max()]:
             if all(np.abs(found.y[row] - found.y[other]).max() > SAME_MODE for other in kept):
                 kept.append(int(row))
-        kept = kept[:MAX_MODES]
-        modes.append(Mode(found.y[kept], found.hessian[kept], found.log_evidence[kept]))
+        modes.append(found.take(np.array(kept[:MAX_MODES])))
     return modes
 
 
