@@ -149,7 +149,7 @@ def test_a_mode_that_no_sample_is_of_stays_as_it_was() -> None:
     """Not a singular matrix: there is nothing to adapt it to."""
     near = np.random.default_rng(0).normal(size=(200, 2))
     mixture = proposal(np.array([[0.0, 0.0], [60.0, 0.0]]), np.tile(np.eye(2), (2, 1, 1)), np.zeros(2))
-    found = adapted(mixture, Samples(near, np.zeros(200)), np.zeros(200))
+    found = adapted(mixture, Samples(near, np.zeros(200)))
     np.testing.assert_allclose(found.means[1], [60.0, 0.0])
     assert np.abs(found.roots[1] @ found.roots[1].T - np.eye(2) / WIDENED).max() < 1e-12
     assert np.abs(found.means[0]).max() < 0.3

@@ -15,8 +15,6 @@ Array = NDArray[np.float64]
 TURN = 2.0 * pi
 SMALL_ANGLE = 1e-4
 """Below it a term is that of its series: the next one is a millionth of a millionth."""
-SMALLEST_ANGLE = 1e-9
-"""Below it sin(t)/t is 1."""
 NO_ZERO = 1e-200
 """Added to an angle that is divided by, which changes no other than 0: its quotients then are their limits."""
 
@@ -32,10 +30,8 @@ def compose(a: Array, b: Array) -> Array:
     """T_a b: pose b, given in the frame of a, in the frame of a's parent."""
     if a.ndim == b.ndim == 1:
         return np.array(_composed(*a.tolist(), *b.tolist()))
-    sine, cosine = sine_cosine(a[..., 2])
-    x = a[..., 0] + cosine * b[..., 0] - sine * b[..., 1]
-    y = a[..., 1] + sine * b[..., 0] + cosine * b[..., 1]
-    return _columns(x, y, wrap_angle(a[..., 2] + b[..., 2]))
+    x, y = _turned(*sine_cosine(a[..., 2]), b)
+    return _columns(a[..., 0] + x, a[..., 1] + y, wrap_angle(a[..., 2] + b[..., 2]))
 
 
 def frame(pose: Array) -> Array:
@@ -48,10 +44,8 @@ def frame(pose: Array) -> Array:
 
 def placed(frames: Array, b: Array) -> Array:
     """T_a b from the :func:`frame` of a; the heading is the sum, not wrapped."""
-    sine, cosine = frames[..., 3], frames[..., 4]
-    x = frames[..., 0] + cosine * b[..., 0] - sine * b[..., 1]
-    y = frames[..., 1] + sine * b[..., 0] + cosine * b[..., 1]
-    return _columns(x, y, frames[..., 2] + b[..., 2])
+    x, y = _turned(frames[..., 3], frames[..., 4], b)
+    return _columns(frames[..., 0] + x, frames[..., 1] + y, frames[..., 2] + b[..., 2])
 
 
 def wrapped(pose: Array) -> Array:
@@ -65,10 +59,8 @@ def along(start: Array, steps: Array) -> Array:
     The headings are sums, not wrapped.
     """
     headings = np.cumsum(np.concatenate([start[..., None, 2], steps[..., 2]], axis=-1), axis=-1)
-    sine, cosine = sine_cosine(headings[..., :-1])
-    x = start[..., None, 0] + np.cumsum(cosine * steps[..., 0] - sine * steps[..., 1], axis=-1)
-    y = start[..., None, 1] + np.cumsum(sine * steps[..., 0] + cosine * steps[..., 1], axis=-1)
-    return _columns(x, y, headings[..., 1:])
+    x, y = (np.cumsum(part, axis=-1) for part in _turned(*sine_cosine(headings[..., :-1]), steps))
+    return _columns(start[..., None, 0] + x, start[..., None, 1] + y, headings[..., 1:])
 
 
 def inverse(a: Array) -> Array:
@@ -191,10 +183,15 @@ def _inverse(x: float, y: float, turn: float) -> list[float]:
 
 
 def _element(x: float, y: float, turn: float) -> list[float]:
-    half = 0.5 * turn
-    ratio = sin(half) / half if abs(half) >= SMALLEST_ANGLE else 1.0
+    half = 0.5 * turn + NO_ZERO
+    ratio = sin(half) / half
     a, b = ratio * cos(half), ratio * sin(half)
     return [a * x - b * y, b * x + a * y, turn - TURN * floor((turn + pi) / TURN)]
+
+
+def _turned(sine: Array, cosine: Array, b: Array) -> tuple[Array, Array]:
+    """The position of b, turned."""
+    return cosine * b[..., 0] - sine * b[..., 1], sine * b[..., 0] + cosine * b[..., 1]
 
 
 def _columns(x: Array, y: Array, theta: Array) -> Array:

@@ -5,6 +5,7 @@ exactly and the evidence of everything since is the mean of the likelihood over 
 Hypotheses of one shape (the same keyframes since the anchor, as many objects) are looked at together.
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import alike, broadcast_copy, row_sums, squared_norms
+from semantic_slam.geometry.arrays import broadcast_copy, row_sums, squared_norms
 from semantic_slam.inference.component import Motion
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import Linearisation, ObservationModel
@@ -76,7 +77,7 @@ class Chain:
 
     def select(self, selection: Any) -> "Chain":
         """Some of the hypotheses, any number of times."""
-        part = alike(self)
+        part = copy.copy(self)
         part.root, part._frames = self.root[selection], self._frames[selection]
         part.places, part.classes = self.places[selection], self.classes[selection]
         return part

@@ -81,12 +81,11 @@ class Samples:
     y: Array  # (N, n)
     log_weights: Array  # (N,)
 
-    def log_evidence(self) -> float:
-        """Log of the estimate."""
-        return self.part(np.zeros(len(self.y)))[0]
+    def part(self, log_parts: Array | float = 0.0) -> tuple[float, Array]:
+        """Log of the estimate, and (N,) weights that sum to one: of all, or of the part with (N,) logs of shares.
 
-    def part(self, log_parts: Array) -> tuple[float, Array]:
-        """Log of the part with (N,) logs of shares, and (N,) weights in it that sum to one; 0 where it has none."""
+        Weights are 0 where it has none.
+        """
         logs = self.log_weights + log_parts
         largest = float(logs.max())
         if not np.isfinite(largest):
@@ -113,13 +112,13 @@ def proposal(modes: Array, hessians: Array, log_evidence: Array) -> Gaussians:
     return Gaussians(modes, roots, np.log((1.0 - PRIOR_SHARE) * shares)).with_prior()
 
 
-def adapted(mixture: Gaussians, samples: Samples, log_parts: Array) -> Gaussians:
+def adapted(mixture: Gaussians, samples: Samples) -> Gaussians:
     """The mixture after what its samples showed: each mode with the moments of its part, the prior as before.
 
     Moments of few effective samples are shrunk towards the Gaussian they were drawn from; of none, it stays.
     """
     alone = mixture.without_prior()
-    _, weights = samples.part(log_parts)
+    _, weights = samples.part()
     parts = np.exp(alone.log_responsibilities(samples.y)) * weights  # (M, N)
     totals = np.maximum(parts.sum(axis=1), 1e-12)
     size = samples.y.shape[1]

@@ -4,13 +4,14 @@ With the prior whitened, psi = p(Z | y*) exp(-|y*|^2 / 2) det(H)^(-1/2), H = I +
 the mode y*. Undamped Gauss-Newton loses the mode while the robot is lost; Levenberg-Marquardt keeps it.
 """
 
+import copy
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import alike, row_sums
+from semantic_slam.geometry.arrays import row_sums
 from semantic_slam.inference.stack import Stack
 
 Array = NDArray[np.float64]
@@ -76,7 +77,7 @@ class Descent:
 
     def select(self, rows: Index) -> "Descent":
         """Some of the problems, where they are."""
-        part = alike(self)
+        part = copy.copy(self)
         part._stack = self._stack.select(rows)
         part.y, part.energy, part._gradient = self.y[rows], self.energy[rows], self._gradient[rows]
         part.hessian, part.damping, part._growth = self.hessian[rows], self.damping[rows], self._growth[rows]

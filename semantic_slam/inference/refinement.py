@@ -182,11 +182,10 @@ class _Look:
 
 def _of_one(look: _Look, settings: WeightsConfiguration) -> list[Refined]:
     history, samples = look.history, look.samples
-    log_shares = history.log_share(look.chain, samples.y)
-    log_evidence, weights = samples.part(log_shares)
+    log_evidence, weights = samples.part()
     if not weights.any():
         return []
-    kept, region = _kept(look.mixture, samples, log_shares)
+    kept, region = _kept(look.mixture, samples)
     share = 1.0 / float(weights @ weights) / len(weights)
     gaussian = len(kept) == 1 and not history.regions and share >= settings.gaussian_share * (1.0 - PRIOR_SHARE)
     ends = gaussian or len(history.taken) >= settings.max_history
@@ -196,7 +195,7 @@ def _of_one(look: _Look, settings: WeightsConfiguration) -> list[Refined]:
         return [_mode(look, drawn, kept[0], weights, log_evidence, kept_history)]
     found = []
     for number, (at, log_part) in enumerate(zip(kept, region.log_responsibilities(samples.y), strict=True)):
-        log_evidence, weights = samples.part(log_part + log_shares)
+        log_evidence, weights = samples.part(log_part)
         own = (*history.regions, Region(region, number, look.chain.mean.shape[1] - 1, len(look.chain.links)))
         kept_history = None if ends else replace(history, regions=own, log_evidence=log_evidence)
         found.append(_mode(look, drawn, at, weights, log_evidence, kept_history))
@@ -239,24 +238,21 @@ def _sampled(
 def _adapting(
     histories: Sequence[History], chain: Chain, mixtures: list[Gaussians], rows: Index, count: int, times: int
 ) -> tuple[list[Samples], Array]:
-    """Samples of ``rows`` and their effective shares; mixtures are adapted in place where modes miss the target."""
+    """Samples of ``rows``, weighed in the regions that these answer for, and their effective shares.
+
+    Mixtures are adapted in place where modes miss the target.
+    """
     samples, shares, pending = dict[int, Samples](), np.zeros(len(histories)), rows
     for left in reversed(range(times + 1)):
-        drawn = draw(chain.select(pending), [mixtures[row] for row in pending], count)
-        samples |= zip(pending.tolist(), drawn, strict=True)
-        shares[pending] = effective_share(_log_weights([histories[row] for row in pending], drawn, chain))
+        for row, drawn in zip(pending, draw(chain.select(pending), [mixtures[r] for r in pending], count), strict=True):
+            samples[row] = Samples(drawn.y, drawn.log_weights + histories[row].log_share(chain, drawn.y))
+        shares[pending] = effective_share(np.array([samples[row].log_weights for row in pending]))
         pending = pending[(shares[pending] > 0.0) & (shares[pending] < POOR)]
         if not left or not len(pending):
             break
         for row in pending:
-            mixtures[row] = adapted(mixtures[row], samples[row], histories[row].log_share(chain, samples[row].y))
-    return [samples[row] for row in rows.tolist()], shares[rows]
-
-
-def _log_weights(histories: Sequence[History], samples: Sequence[Samples], chain: Chain) -> Array:
-    """(K, N) of samples in the regions of their histories; as many of each."""
-    pairs = zip(histories, samples, strict=True)
-    return np.array([own.log_weights + history.log_share(chain, own.y) for history, own in pairs])
+            mixtures[row] = adapted(mixtures[row], samples[row])
+    return [samples[row] for row in rows], shares[rows]
 
 
 def _search(chain: Chain, start: Array) -> tuple[Mode, Index]:
@@ -328,11 +324,11 @@ def _distinct(histories: Sequence[History], chain: Chain, found: Mode, owners: I
     return modes
 
 
-def _kept(mixture: Gaussians, samples: Samples, log_shares: Array) -> tuple[list[int], Gaussians]:
+def _kept(mixture: Gaussians, samples: Samples) -> tuple[list[int], Gaussians]:
     """Rows of the modes with weight, and the mixture of those alone."""
     alone = mixture.without_prior()
     if len(alone.means) == 1:
         return [0], alone
-    evidence = np.array([samples.part(part + log_shares)[0] for part in alone.log_responsibilities(samples.y)])
+    evidence = np.array([samples.part(part)[0] for part in alone.log_responsibilities(samples.y)])
     kept = [int(row) for row in np.argsort(-evidence, kind="stable") if evidence[row] >= evidence.max() - NEGLIGIBLE]
     return kept, Gaussians(alone.means[kept], alone.roots[kept], alone.log_shares[kept])

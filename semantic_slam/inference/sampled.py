@@ -20,6 +20,6 @@ def sample_evidence(stack: Stack, num_samples: int, generators: list[np.random.G
         repeated = stack.select(np.full(num_samples, row))
         y = random.standard_normal((num_samples, stack.size))
         log_weight = repeated.log_likelihood(y) + repeated.log_visibility(y, soft=False)
-        log_evidence[row] = Samples(y, log_weight).log_evidence()
+        log_evidence[row] = Samples(y, log_weight).part()[0]
         effective[row] = num_samples * effective_share(log_weight)
     return log_evidence, effective

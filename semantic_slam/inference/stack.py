@@ -5,13 +5,14 @@ the object of detection i. A slot that a candidate does not use (clutter, or a s
 object) carries an independent standard normal that no measurement touches, so that it adds nothing.
 """
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import alike, broadcast_copy, row_sums, squared_norms
+from semantic_slam.geometry.arrays import broadcast_copy, row_sums, squared_norms
 from semantic_slam.inference.manifold import Manifold
 from semantic_slam.inference.observation import Linearisation, ObservationModel
 
@@ -104,7 +105,7 @@ class Stack:
 
     def _of(self, selection: Index) -> "Stack":
         """The same with the priors of all."""
-        part = alike(self)
+        part = copy.copy(self)
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
         return part
