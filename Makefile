@@ -39,8 +39,9 @@ $(MESSAGES_BUILT): $(ROS_INSTALLED) cmake/ros_wheels.cmake $(shell find msg_defs
 	$(COLCON) semantic_slam_msgs --cmake-args -DCMAKE_PROJECT_INCLUDE=$(CURDIR)/cmake/ros_wheels.cmake
 	touch $@
 
-$(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml $(wildcard launch/* config/*)
+$(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml lab/pyproject.toml $(wildcard launch/* config/*)
 	export SEMANTIC_SLAM_BUILDING=1; source ./env.sh; $(COLCON) semantic_slam
+	$(PIP) --no-deps --no-build-isolation --editable ./lab
 	touch $@
 
 demo: $(BUILT)

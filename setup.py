@@ -7,15 +7,12 @@ from setuptools import find_packages, setup
 NAME = "semantic_slam"
 NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node", "demo")
 COMMANDS = (
-    "make_scene",
     "import_dataset",
     "bag_to_report",
     "find_lookalike",
     "train_classifier",
     "fit_viewpoint_models",
     "train_latent_model",
-    "run_study",
-    "bench",
 )
 
 setup(
@@ -25,9 +22,6 @@ setup(
     package_data={
         f"{NAME}.messages": ["definitions/*.msg"],
         f"{NAME}.report": ["templates/*"],
-        f"{NAME}.studies": ["templates/*", "scenarios/*"],
-        f"{NAME}.perception": ["weights/*"],
-        f"{NAME}.viewpoint": ["weights/*"],
         NAME: ["weights/*"],
     },
     data_files=[

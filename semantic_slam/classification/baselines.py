@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.classification.classifier import SequentialClassifier, View
 from semantic_slam.classification.joint import JointClassifier
 from semantic_slam.classification.processes import ClassProcesses
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 SCORE_CLIP = 0.01
 """Simple Bayes takes no score for less than this: one zero would rule a class out for ever."""

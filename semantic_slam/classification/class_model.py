@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.errors import InputError
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

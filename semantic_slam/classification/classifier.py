@@ -7,8 +7,9 @@ from typing import Self
 import numpy as np
 
 from semantic_slam.classification.growing import Indices
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.perception.uncertainty import sample_covariance
-from semantic_slam.viewpoint.model import Array
 
 
 @dataclass(frozen=True)
@@ -76,15 +77,6 @@ class SequentialClassifier(ABC):
         self.log_posteriors = normalised(log_sum_exp(joint - totals[..., None], axis=1))
         self.log_evidence = self.log_evidence + log_sum_exp(totals, axis=-1) - count
         return averaged(self.log_posteriors)
-
-
-def log_sum_exp(logs: Array, axis: int = -1, keepdims: bool = False) -> Array:
-    """Log of the sum of exponentials along an axis, -inf where all are; a plain one, without scipy's dispatch."""
-    greatest = logs.max(axis=axis, keepdims=True)
-    greatest[np.isneginf(greatest)] = 0.0
-    with np.errstate(divide="ignore"):
-        total = np.log(np.exp(logs - greatest).sum(axis=axis, keepdims=True)) + greatest
-    return np.asarray(total if keepdims else total.squeeze(axis))
 
 
 def normalised(log_weights: Array) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 Indices = NDArray[np.int_]
 

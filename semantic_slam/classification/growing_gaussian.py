@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.classification.growing import GrowingArray, GrowingMatrix, Indices
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 RELATIVE_FLOOR = 1e-12
 """Least conditional variance, as a share of the processes' greatest: below it a difference of doubles means nothing.

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 
 def location(relative_m: Array) -> Array:

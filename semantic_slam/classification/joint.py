@@ -10,7 +10,7 @@ from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextB
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.recursive import Coupling
 from semantic_slam.classification.track import NextView, TrackViews
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 
 class JointClassifier(SequentialClassifier):

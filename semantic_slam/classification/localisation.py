@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.classification.classifier import Scores, SequentialClassifier, View, averaged, normalised
 from semantic_slam.classification.resampling import effective_size, rejection_control, systematic_resampling
 from semantic_slam.classification.track_posterior import TrackPosterior
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 LEAST_MOVE = 0.01
 """A move goes this share of the posterior's spread at least."""

@@ -11,7 +11,7 @@ from semantic_slam.classification.class_model import ClassModel
 from semantic_slam.classification.growing_gaussian import RELATIVE_FLOOR
 from semantic_slam.classification.inputs import INPUT_MAPS
 from semantic_slam.errors import InputError
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 TestNoise = Literal["sigma_n", "none"]
 ViewNoise = Literal["independent", "kernel"]

@@ -7,14 +7,10 @@ import numpy as np
 
 from semantic_slam.classification.classifier import SequentialClassifier, View
 from semantic_slam.classification.growing import GrowingArray, Indices
-from semantic_slam.classification.growing_gaussian import (
-    GrowingGaussian,
-    NextBlock,
-    floored_cholesky,
-)
+from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock, floored_cholesky
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.track import NextView, TrackViews
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 Coupling = Literal["full", "per_component"]
 """Of the scores' components by Sigma_z: as it is, or its diagonal alone."""

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from semantic_slam.classification.classifier import log_sum_exp, normalised
+from semantic_slam.classification.classifier import normalised
 from semantic_slam.classification.growing import Indices
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import log_sum_exp
 
 
 def effective_size(log_weights: Array) -> float:

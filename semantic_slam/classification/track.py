@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from semantic_slam.classification.growing import GrowingArray, Indices
 from semantic_slam.classification.processes import ClassProcesses, Marginals
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

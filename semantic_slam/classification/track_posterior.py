@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 RELATIVE_JITTER = 1e-9
 """Share of the greatest variance that is added to all: tracks that share one offset have a singular covariance."""

@@ -73,7 +73,7 @@ def run_name(configuration: Path | None) -> str:
 def command() -> None:
     """Parse, run, report; raises InputError, after the report where the bag is only damaged."""
     arguments = parse()
-    from semantic_slam.report.make import make_report  # heavy, and not needed for --help
+    from semantic_slam.report.make import make_report
 
     if holds_beliefs(arguments.bag):
         _announce_unused(arguments)

@@ -39,9 +39,9 @@ def command() -> None:
     import numpy as np
 
     from semantic_slam.configuration import from_dict
+    from semantic_slam.evaluation.belief_bag import read_record
     from semantic_slam.evaluation.record import json_object
     from semantic_slam.pipeline.lookalike_query import LookalikeQuery, picture
-    from semantic_slam.report.belief_bag import read_record
 
     record = read_record(belief_bag(arguments.belief))
     settings = from_dict(json_object(record.run.configuration), str(arguments.belief)).semantic_model

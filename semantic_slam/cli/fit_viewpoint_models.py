@@ -57,7 +57,7 @@ def command() -> None:
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network
     from semantic_slam.report.viewpoint_page import write_page
-    from semantic_slam.viewpoint.fit import fit_samples
+    from semantic_slam.training.viewpoint.fit import fit_samples
     from semantic_slam.viewpoint.store import save_model
 
     perception = PerceptionConfiguration(network=str(arguments.weights or ""))
@@ -89,9 +89,9 @@ def command() -> None:
 def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, Any], dict[str, int]]:
     """Samples of each class by name from whichever source was given, and what was left out."""
     if arguments.turntables:
-        from semantic_slam.perception.turntables import load_views, with_classes
         from semantic_slam.perception.weights import load_network
-        from semantic_slam.viewpoint.fit import FitSettings, measure_views
+        from semantic_slam.training.turntables import load_views, with_classes
+        from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
 
         views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
         if arguments.classes:

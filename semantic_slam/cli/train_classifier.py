@@ -39,13 +39,13 @@ def command() -> None:
     """Parse, train, save and say how well the network does around the objects. Raises InputError."""
     arguments = parse()
     chosen = _chosen(arguments)
-    from semantic_slam.perception.turntables import class_names_of, load_views, with_classes
+    from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 
     views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
     if arguments.classes:
         views = with_classes(views, arguments.classes)
-    from semantic_slam.perception.training import TrainingConfiguration, accuracy_by_azimuth, train
     from semantic_slam.perception.weights import save_compact_network
+    from semantic_slam.training.classifier import TrainingConfiguration, accuracy_by_azimuth, train
 
     configuration = TrainingConfiguration(**chosen)
     names = class_names_of(views)

@@ -9,8 +9,8 @@ from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
 if TYPE_CHECKING:
-    from semantic_slam.latent.training import TrainingSettings
-    from semantic_slam.perception.views import ObjectView
+    from semantic_slam.training.latent.fit import TrainingSettings
+    from semantic_slam.training.views import ObjectView
 
 CLASSES_FILE = "classes.json"
 SHOWN = {
@@ -69,10 +69,10 @@ def command() -> None:
         raise InputError("train_latent_model: --effort must be positive, --held-out and --seed not negative")
     views, classes = _views(arguments)
     from semantic_slam.latent.store import save_latent_model
-    from semantic_slam.latent.training import TrainingSettings, train
-    from semantic_slam.latent.training_report import training_report
-    from semantic_slam.latent.turntable_split import choose_held_out, split
-    from semantic_slam.perception.turntables import class_names_of, read_classes
+    from semantic_slam.training.latent.fit import TrainingSettings, train
+    from semantic_slam.training.latent.report import training_report
+    from semantic_slam.training.latent.turntable_split import choose_held_out, split
+    from semantic_slam.training.turntables import class_names_of, read_classes
 
     tags = {name: tag for path in arguments.tags or () for name, tag in read_classes(path).items()}
     held_out = choose_held_out(class_names_of(views), classes, arguments.held_out, arguments.seed)
@@ -102,8 +102,8 @@ def command() -> None:
 
 def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, str]]":
     """Views of all folders, and {instance: class} where a folder tells; raises InputError."""
-    from semantic_slam.latent.turntable_split import wanted_angle
-    from semantic_slam.perception.turntables import load_views, read_classes
+    from semantic_slam.training.latent.turntable_split import wanted_angle
+    from semantic_slam.training.turntables import load_views, read_classes
 
     views, classes = [], {}
     for root in arguments.turntables:

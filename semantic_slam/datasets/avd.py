@@ -19,9 +19,8 @@ from scipy.io.matlab import MatReadError
 
 from semantic_slam.datasets.avd_poses import downwards, map_axes, map_pose, world_pose
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.frame import CameraModel
-
-Array = NDArray[np.float64]
 
 MOVES = ("forward", "backward", "left", "right", "rotate_cw", "rotate_ccw")
 CAMERA_LINE = 3

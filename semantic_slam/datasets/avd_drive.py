@@ -7,7 +7,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.avd import AvdScene
@@ -15,13 +14,12 @@ from semantic_slam.datasets.avd_messages import camera_info, compressed_image, s
 from semantic_slam.datasets.avd_objects import TrueObject, box_depth
 from semantic_slam.datasets.avd_path import Stop
 from semantic_slam.datasets.planar_odometry import Odometry, OdometryNoise
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
-
-Array = NDArray[np.float64]
 
 BODY_FRAME = "base_link"
 CAMERA_FRAME = "camera_optical_frame"

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
@@ -17,8 +16,7 @@ from semantic_slam.datasets.avd_objects import triangulated_prior, true_objects,
 from semantic_slam.datasets.avd_path import Stop, automatic_tour, read_path
 from semantic_slam.datasets.planar_odometry import Odometry, OdometryNoise, simulate_odometry
 from semantic_slam.errors import InputError
-
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 PURPOSES = {"odometry": 11, "initial_pose": 12, "map_prior": 13}
 """Keys that make the random draws of one seed independent."""

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
-
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 def world_pose(record: Any) -> tuple[Array | None, Array, Array] | None:

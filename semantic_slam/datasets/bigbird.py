@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
-
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 CAMERAS = ("NP1", "NP2", "NP3", "NP4", "NP5")
 METRES_PER_RAW_DEPTH = 1e-4

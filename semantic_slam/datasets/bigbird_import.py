@@ -11,7 +11,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
@@ -19,6 +18,7 @@ from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.avd_messages import camera_info, compressed_image
 from semantic_slam.datasets.bigbird import CAMERAS, TurntableView, object_folders, read_calibration, turntable_views
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.geometry.transform import between, compose, inverse
 from semantic_slam.messages import topics
@@ -26,8 +26,6 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundT
 from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate, PoseEstimate, header_message
 from semantic_slam.messages.typestore import message_class
 from semantic_slam.perception.frame import CameraModel, Detections
-
-Array = NDArray[np.float64]
 
 BODY_FRAME = "base_link"
 CAMERA_FRAME = "camera_optical_frame"

@@ -8,13 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.standard import stamp_ns
 from semantic_slam.perception.frame import Detections
-
-Array = NDArray[np.float64]
 
 SCORE_UNKNOWN = 1.0
 """Confidence of a box that comes without any: its detector reported it, and nothing speaks against it."""

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.geometry import se2
-
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

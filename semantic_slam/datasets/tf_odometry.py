@@ -3,14 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose
 from semantic_slam.messages.sensor import TransformTree, plain_frame
 from semantic_slam.messages.standard import OdometryEstimate, stamp_ns
-
-Array = NDArray[np.float64]
 
 
 class TfOdometry:

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
-
-Array = NDArray[np.float64]
 
 DURATION_S = 1548.6
 """Length of the drive: 0.222 s per pose on average."""

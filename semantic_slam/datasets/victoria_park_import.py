@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
@@ -19,14 +18,13 @@ from semantic_slam.datasets.victoria_park import (
     stamps,
 )
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.perception.measurement import SemanticMeasurements
-
-Array = NDArray[np.float64]
 
 BODY_FRAME = "base_link"
 LABEL = "tree_trunk"

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 LEAST_PROBABILITY = 1e-12
 """Probabilities are clipped here before their logarithm is taken."""

@@ -19,12 +19,11 @@ from semantic_slam.evaluation.history import (
     true_association_probability,
 )
 from semantic_slam.evaluation.record import GroundTruth, Record, json_object
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import PLANAR_AXES
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.map_prior import parse_map_prior
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,9 @@ geometry_msgs/PoseWithCovariance: rotations act on the left of the mean.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 def pose_error(pose: Array, reference: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+Flags = NDArray[np.bool_]
 T = TypeVar("T", bound=np.generic)
 
 

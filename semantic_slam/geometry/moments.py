@@ -1,10 +1,16 @@
 """Mean and covariance of a Gaussian mixture over poses."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
+
+
+def position_sigmas(covariances: Array) -> Array:
+    """(O,) largest standard deviations of positions [m], from (O, d, d)."""
+    xx, yy, xy = covariances[:, 0, 0], covariances[:, 1, 1], covariances[:, 0, 1]
+    largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    return np.asarray(np.sqrt(np.maximum(largest, 0.0)))
 
 
 def matched_moments(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:

@@ -5,9 +5,8 @@ A 3-D covariance is (..., 6, 6) over x y z rx ry rz, in the order of geometry_ms
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 PLANAR_AXES = (0, 1, 5)
 """Rows of a 3-D covariance (x, y, rz) that a planar engine fills."""

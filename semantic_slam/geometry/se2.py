@@ -6,11 +6,9 @@ Perturbations act on the right: x = mean * Exp(e). Closed forms as in Sola et al
 from math import cos, floor, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
-
-Array = NDArray[np.float64]
 
 TURN = 2.0 * pi
 SMALL_ANGLE = 1e-4

@@ -3,9 +3,8 @@
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 def cholesky(matrices: Array) -> Array:

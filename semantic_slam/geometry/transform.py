@@ -1,11 +1,9 @@
 """Rigid transforms in space as (7,) pose vectors: composition, inverse, interpolation."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
-
-Array = NDArray[np.float64]
 
 NEARLY_PARALLEL = 1.0 - 1e-9
 """Cosine between quaternions above which a straight line replaces the arc."""

@@ -7,21 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.inference.class_knowledge import class_knowledge
-from semantic_slam.inference.component import Component, Held, LostComponentError
-from semantic_slam.inference.continuation import Continuations, Expander
-from semantic_slam.inference.descriptor_knowledge import descriptor_knowledge
-from semantic_slam.inference.growth import Outcome, certain
-from semantic_slam.inference.identity import ROOT_ID, hypothesis_id
-from semantic_slam.inference.located import Located, located, over_all
-from semantic_slam.inference.objects import ObjectRegistry, Roster
-from semantic_slam.inference.open_world import OpenExpander
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.class_marginals import class_marginals
+from semantic_slam.inference.component_marginals import ComponentMarginals, aligned_marginals, component_marginals
+from semantic_slam.inference.descriptor_marginals import descriptor_marginals
+from semantic_slam.inference.expander import Continuations, Expander
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.objects import ObjectRegistry, ReportedObjects
+from semantic_slam.inference.open_world.open_expander import OpenExpander
 from semantic_slam.inference.problem import Problem
-from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep, RunConfiguration
-from semantic_slam.inference.run import problem_of
-from semantic_slam.inference.step import Step
-
-Array = NDArray[np.float64]
+from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.smoothing.component import Component, LostComponentError, WeightedComponent
+from semantic_slam.inference.smoothing.growth import Outcome, certain
+from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
+from semantic_slam.inference.states.lineage import LineageStep
 
 
 class Backend:
@@ -42,8 +42,8 @@ class Backend:
         self.expander: Expander | OpenExpander = Expander(self.problem, self.registry)
         if self.problem.association == "open":
             self.expander = OpenExpander(self.problem, self.registry)
-        self.held: dict[int, Held] = {
-            ROOT_ID + number: Held(self.expander.root(number), log_weight)
+        self.held: dict[int, WeightedComponent] = {
+            ROOT_ID + number: WeightedComponent(self.expander.root(number), log_weight)
             for number, log_weight in enumerate(self.problem.log_root_weights)
         }
         self.steps: list[Step] = []
@@ -51,7 +51,7 @@ class Backend:
         self._expanded: tuple[Continuations, list[int]] | None = None
         self._asked: set[int] = set()  # what the newest commit gave to this backend
         self._answer: Components | None = None
-        self._roster = Roster(self.problem.objects, len(self.problem.class_names), ())
+        self._roster = ReportedObjects(self.problem.objects, len(self.problem.class_names), ())
 
     def expand(self, keyframe: Any) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
@@ -81,7 +81,7 @@ class Backend:
         grown = self._survivors(commit, rows)
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
         kept = {number: own for number, own in grown.items() if isinstance(own, Component)}
-        self.held = {number: Held(own, weights[number]) for number, own in kept.items()}
+        self.held = {number: WeightedComponent(own, weights[number]) for number, own in kept.items()}
         self.committed, self._expanded = commit.keyframe, None
         lost = {number: str(own) for number, own in grown.items() if number not in kept}
         self._asked, self._answer = mine, self._report(commit.keyframe, lost)
@@ -129,7 +129,7 @@ class Backend:
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             if child not in rebuilt:
-                continuations = self.expander.expand(step, [number], [Held(component, 0.0)], taken)
+                continuations = self.expander.expand(step, [number], [WeightedComponent(component, 0.0)], taken)
                 if child not in continuations.ids:
                     raise LostComponentError("a lineage names an impossible continuation")
                 at = [continuations.ids.index(child)]
@@ -145,7 +145,7 @@ class Backend:
 
     def _candidates(self, step: Step, found: Continuations, parents: list[int]) -> Candidates:
         reader = self.problem.reader
-        count, detections, dimension = len(found.ids), len(step.names), self.problem.manifold.dimension
+        count, detections, dimension = len(found.ids), len(step.names), self.problem.space.dimension
         states = np.full((count, detections, dimension), np.nan)
         covariances = np.full((count, detections, dimension, dimension), np.nan)
         states[:, found.used], covariances[:, found.used] = found.objects, found.object_covariances
@@ -193,18 +193,18 @@ class Backend:
 
     def _report(self, keyframe: int, lost: dict[int, str]) -> Components:
         """``lost``: why hypotheses could not be grown, to which those are added whose moments are not to be had."""
-        found: dict[int, Located] = {}
+        found: dict[int, ComponentMarginals] = {}
         registry = self._present()
         for number in sorted(self.held):
             try:
-                found[number] = located(self.held[number].component, registry)
+                found[number] = component_marginals(self.held[number].component, registry)
             except LostComponentError as fault:
                 lost[number] = str(fault)
                 del self.held[number]
         components = [self.held[number].component for number in found]
         poses, covariances, existence = self._in_map(list(found.values()), len(registry.ids))
-        classes = class_knowledge(components, registry)
-        descriptors = [descriptor_knowledge(component, registry) for component in components]
+        classes = class_marginals(components, registry)
+        descriptors = [descriptor_marginals(component, registry) for component in components]
         return Components(
             run_id=self.run_id,
             keyframe=keyframe,
@@ -234,9 +234,9 @@ class Backend:
         self._roster = self._roster.with_only(alive)
         return self._roster
 
-    def _in_map(self, found: Sequence[Located], num_objects: int) -> tuple[Array, Array, Array]:
+    def _in_map(self, found: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:
         """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances and (H, O) existence, NaN for what is absent."""
-        states, spread, existence = over_all(found, num_objects, self.problem.manifold.dimension)
+        states, spread, existence = aligned_marginals(found, num_objects, self.problem.space.dimension)
         poses, covariances = self.problem.reader.poses(states), self.problem.reader.covariances(states, spread)
         absent = np.isnan(states).any(axis=-1)
         poses[absent], covariances[absent] = np.nan, np.nan

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

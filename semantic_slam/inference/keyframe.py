@@ -2,12 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.measurement import SemanticMeasurements
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

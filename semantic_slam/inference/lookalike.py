@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.heading_modes import HeadingModes, Sighting, updated
-from semantic_slam.inference.latent_observation import LatentObservation
-from semantic_slam.inference.planar_detection import PlanarDetection
-from semantic_slam.inference.seen_features import SeenFeatures
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
+from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
-
-Array = NDArray[np.float64]
 
 ELEVATION_RAD = 0.25
 """Camera over the object where nothing tells: that of a robot 2 m away."""
@@ -47,8 +47,8 @@ def lookalikes(
     size = len(feature)
     view = PlanarDetection(1.0, 0.0, np.eye(2), np.zeros(2), np.asarray(feature), np.zeros((size, size)), elevation_rad)
     beliefs = [DescriptorBelief(m[None], np.sqrt(v)[None]) for m, v in zip(descriptors, variances, strict=True)]
-    sightings = [Sighting(HeadingModes.all_around(each), 0, 0.0, 0.0) for each in (*beliefs, model.prior)]
-    found = updated(observation, SeenFeatures.of([view]), sightings)
+    sightings = [DirectionalView(HeadingMixture.all_around(each), 0, 0.0, 0.0) for each in (*beliefs, model.prior)]
+    found = updated_mixtures(observation, DetectionFeatures.of([view]), sightings)
     log_likelihood = np.array([evidence for _, evidence in found])
     with np.errstate(divide="ignore"):
         joint = log_likelihood + np.log(np.append(np.clip(existence, 0.0, 1.0), 1.0))

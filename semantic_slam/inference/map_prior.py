@@ -6,11 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
-
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 ID_LIMIT = 2**32
 ROUNDING = 1e-6

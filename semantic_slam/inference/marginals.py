@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments_of_many
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
+from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.objects import ObjectRegistry
-from semantic_slam.inference.protocol import LineageStep
-from semantic_slam.inference.step import Step
-
-Array = NDArray[np.float64]
+from semantic_slam.inference.states.lineage import LineageStep
 
 
 @dataclass(frozen=True)

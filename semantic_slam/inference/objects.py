@@ -5,13 +5,24 @@ have seen the same keyframes agree on it.
 """
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.inference.problem import ObjectEntry
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.gaussian import GaussianPrior
 
-Array = NDArray[np.float64]
+
+@dataclass(frozen=True)
+class ObjectEntry:
+    """An object known from the start."""
+
+    object_id: int
+    name: str
+    prior: GaussianPrior
+    class_prior: Array  # (C,) probabilities
+    existence: float = 1.0
 
 
 class ObjectRegistry:
@@ -87,7 +98,7 @@ class ObjectRegistry:
         return self._log_class_prior
 
 
-class Roster(ObjectRegistry):
+class ReportedObjects(ObjectRegistry):
     """The objects that some hypothesis of an open world holds at one keyframe, ascending by id."""
 
     def __init__(self, entries: Sequence[ObjectEntry], num_classes: int, alive: Collection[int]):
@@ -101,9 +112,9 @@ class Roster(ObjectRegistry):
         self._class_priors = [known[n][1] if n in known else uniform for n in self.ids]
         self._tabulate()
 
-    def with_only(self, alive: Collection[int]) -> "Roster":
+    def with_only(self, alive: Collection[int]) -> "ReportedObjects":
         """Of other objects; the same one where they are the same."""
-        return self if sorted(alive) == self.ids else Roster(self._entries, len(self._uniform), alive)
+        return self if sorted(alive) == self.ids else ReportedObjects(self._entries, len(self._uniform), alive)
 
     def indices(self, object_ids: NDArray[np.int64]) -> NDArray[np.int32]:
         """Positions in ``ids``; -1 for what is not there."""

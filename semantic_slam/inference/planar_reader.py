@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import (
     covariance_from_planar,
     planar_from_covariance,
@@ -13,14 +13,11 @@ from semantic_slam.geometry.pose import (
     pose_vector_from_planar,
 )
 from semantic_slam.geometry.se2 import rotate_covariance
-from semantic_slam.inference.component import Motion
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.odometry_bias import slopes
-from semantic_slam.inference.planar_detection import PlanarDetection
-from semantic_slam.inference.step import Step
+from semantic_slam.inference.models.odometry_bias import slopes
+from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.perception.measurement import SemanticMeasurements
-
-Array = NDArray[np.float64]
 
 
 class PlanarReader:
@@ -50,7 +47,7 @@ class PlanarReader:
             names=measurements.track_ids,
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
-            sight=measurements.sight,
+            free_range_scan=measurements.free_range_scan,
         )
 
     def _motion(self, keyframe: Keyframe) -> Motion:

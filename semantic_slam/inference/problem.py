@@ -4,18 +4,17 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.configuration import OpenWorldConfiguration, PruningConfiguration, WeightsConfiguration
-from semantic_slam.inference.component import Component
-from semantic_slam.inference.gaussian import GaussianPrior
-from semantic_slam.inference.latent_observation import LatentObservation
-from semantic_slam.inference.manifold import Manifold
-from semantic_slam.inference.observation import ObservationModel
-from semantic_slam.inference.semantics import CarriedSemantics, Semantics
-from semantic_slam.inference.step import Step
-
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.objects import ObjectEntry
+from semantic_slam.inference.semantics.interface import CarriedSemantics, Semantics
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.state_space import StateSpace
 
 
 class KeyframeReader(Protocol):
@@ -32,21 +31,10 @@ class KeyframeReader(Protocol):
 
 
 @dataclass(frozen=True)
-class ObjectEntry:
-    """An object known from the start."""
-
-    object_id: int
-    name: str
-    prior: GaussianPrior
-    class_prior: Array  # (C,) probabilities
-    existence: float = 1.0
-
-
-@dataclass(frozen=True)
 class Problem:
     """Everything a backend needs besides keyframes and commits."""
 
-    manifold: Manifold
+    space: StateSpace
     model: ObservationModel
     reader: KeyframeReader
     robot: GaussianPrior
@@ -73,4 +61,4 @@ class Problem:
     def root(self) -> Component:
         """The component before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
-        return Component.root(self.manifold, self.model, self.robot, priors, self.latent)
+        return Component.root(self.space, self.model, self.robot, priors, self.latent)

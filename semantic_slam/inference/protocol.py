@@ -11,22 +11,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.keyframe import Keyframe
-
-Array = NDArray[np.float64]
-
+from semantic_slam.inference.states.lineage import LineageStep
 
 LOST = "hypothesis lost"
 """How reasons begin for which a hypothesis was given up, where they are counted with what else was dropped."""
-
-
-@dataclass(frozen=True)
-class LineageStep:
-    """What one keyframe added to a hypothesis."""
-
-    association: tuple[int, ...]  # (D,) object id per detection, -1 clutter
-    class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated
-    mode: int = 0
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
-
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

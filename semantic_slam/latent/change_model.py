@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.latent.direction import encoded
 from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.smooth_network import SmoothNetwork
 from semantic_slam.viewpoint.model import Viewpoints
-
-Array = NDArray[np.float64]
 
 SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -5.0, 5.0
 """Of the second view's features."""

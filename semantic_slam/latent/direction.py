@@ -1,11 +1,9 @@
 """How a direction of view enters the networks: harmonics of the azimuth and a scaled elevation, with derivatives."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.viewpoint.model import Viewpoints
-
-Array = NDArray[np.float64]
 
 HARMONICS = 6
 NUM_INPUTS = 2 * HARMONICS + 1

@@ -5,9 +5,9 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.network import normalised
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 BLOCK = 512

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.viewpoint.model import Viewpoints
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
 
 

@@ -4,12 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.model import DescriptorBelief
-
-Array = NDArray[np.float64]
 
 PRIOR_INSTANCES = 4.0
 """Weight of the spread of all descriptors, in tagged instances, when the spread within classes is estimated."""

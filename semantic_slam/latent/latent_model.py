@@ -4,16 +4,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.latent.direction import NUM_INPUTS, encoded, encoded_with_derivative
 from semantic_slam.latent.grounding import Grounding
 from semantic_slam.latent.model import DescriptorBelief, LatentPrediction
 from semantic_slam.latent.smooth_network import SmoothNetwork
 from semantic_slam.viewpoint.model import Viewpoints
-
-Array = NDArray[np.float64]
 
 SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -4.0, 1.5
 """Bounds of what the encoder may say of its own certainty, about the spread of all descriptors."""

@@ -3,12 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.viewpoint.model import Viewpoints
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

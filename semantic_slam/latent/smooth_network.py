@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

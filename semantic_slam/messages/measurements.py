@@ -50,7 +50,7 @@ def detections_from_message(message: Any) -> Detections:
 
 def measurements_to_message(value: SemanticMeasurements) -> Any:
     values = {**vars(value), "ranges": value.ranges_m, "bearings": value.bearings_rad}
-    values["elevations"] = value.elevations_rad
+    values |= {"elevations": value.elevations_rad, "sight": value.free_range_scan}
     return message_class(MEASUREMENTS_TYPE)(
         header=header_message(value.stamp_ns, value.frame_id),
         sequence=int(value.sequence),
@@ -71,6 +71,7 @@ def measurements_from_message(message: Any) -> SemanticMeasurements:
         ranges_m=arrays.pop("ranges"),
         bearings_rad=arrays.pop("bearings"),
         elevations_rad=arrays.pop("elevations"),
+        free_range_scan=arrays.pop("sight"),
         dropped=int(message.dropped),
         **arrays,
     )

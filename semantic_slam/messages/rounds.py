@@ -7,7 +7,8 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.protocol import Candidates, Commit, Components, LineageStep, RunConfiguration
+from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.messages.layout import Layout, pack, unpack
 from semantic_slam.messages.measurements import measurements_from_message, measurements_to_message
 from semantic_slam.messages.standard import (

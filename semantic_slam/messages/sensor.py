@@ -3,15 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose, inverse
 from semantic_slam.inference.keyframe import OdometrySample
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, pose_vector
 from semantic_slam.perception.frame import CameraModel
-
-Array = NDArray[np.float64]
 
 DISTORTION_MODELS = ("plumb_bob", "rational_polynomial", "")
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.typestore import message_class
 
-Array = NDArray[np.float64]
 NANOSECONDS = 1_000_000_000
 
 

@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.load import load_extractor
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.crops import box_fault, square_crop
 from semantic_slam.perception.frame import Frame
+from semantic_slam.perception.free_range_scan import line_of_sight
 from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.range_bearing import RangeBearing, elevation, range_and_bearing
-from semantic_slam.perception.sight import line_of_sight
 from semantic_slam.perception.weights import load_network
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.load import load_model
@@ -22,8 +23,6 @@ from semantic_slam.viewpoint.novelty import KnownViews
 
 if TYPE_CHECKING:
     from semantic_slam.latent.extractor import FeatureExtractor
-
-Array = NDArray[np.float64]
 
 
 class Classifier:
@@ -82,7 +81,7 @@ class Classifier:
             sensor_position=np.asarray(T_base_camera[:3], dtype=np.float64),
             in_coverage=self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
-            sight=_sight(frame, T_base_camera),
+            free_range_scan=_sight(frame, T_base_camera),
             elevations_rad=np.array([elevation(box, frame.camera, T_base_camera) for box in boxes]),
         )
 

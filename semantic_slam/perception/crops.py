@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 MARGIN = 0.1
 """Background on either side of the box, as a fraction of its longer side."""

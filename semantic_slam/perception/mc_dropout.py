@@ -7,9 +7,8 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.network import DropoutNetwork
-
-Array = NDArray[np.float64]
 
 
 def dropout_generator(seed: int, stamp_ns: int, detection_index: int) -> np.random.Generator:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,9 @@ class SemanticMeasurements:
     sensor_position: Array  # (3,) camera in the body frame, metres
     in_coverage: NDArray[np.bool_]  # (D,)
     dropped: int = 0  # inputs the classifier has not used so far
-    sight: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (B, 2) bearing [rad], range [m] of the farthest
+    free_range_scan: Array = field(
+        default_factory=lambda: np.zeros((0, 2))
+    )  # (B, 2) bearing [rad], range [m] of the farthest
     # surface that the depth image shows in each direction, from the body's origin; none without depth
     elevations_rad: Array = field(default_factory=lambda: np.zeros(0))  # (D,) how far the camera looks down on the
     # centre of the box, in the body frame; left out: level

@@ -8,8 +8,6 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-Array = NDArray[np.float64]
-
 
 class DropoutNetwork(Protocol):
     """A network whose dropout layers all lie behind its convolutional trunk.

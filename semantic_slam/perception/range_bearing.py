@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.frame import CameraModel
-
-Array = NDArray[np.float64]
 
 CENTRAL_FRACTION = 0.6
 """Share of a box's width and height, about its centre, in which depth is read."""

@@ -1,9 +1,8 @@
 """Scalar measures of what a cloud of class probabilities does not know."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 def entropy(probabilities: Array) -> Array:

@@ -4,11 +4,11 @@ from collections import Counter
 
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
+from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.engine import HypothesisManager
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.manager import HypothesisManager
 from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.run import initial_pose_of, make_run_configuration
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.preamble import Preamble
 from semantic_slam.pipeline.provenance import revision

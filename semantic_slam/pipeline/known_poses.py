@@ -26,7 +26,7 @@ def views_of_bag(bag: Path, perception: PerceptionConfiguration) -> tuple[dict[s
     The bag needs images, detections, ``/ground_truth/odom``, ``/ground_truth/objects`` and
     ``/ground_truth/associations``. Raises InputError naming the one that is missing.
     """
-    from semantic_slam.report.belief_bag import read_record
+    from semantic_slam.evaluation.belief_bag import read_record
 
     configuration = Configuration(
         association="given", semantic_model=SemanticModelConfiguration(kind="none"), perception=perception

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.lookalike import ELEVATION_RAD, Lookalikes, lookalikes
 from semantic_slam.latent.load import load_extractor, load_latent_model
@@ -16,7 +17,6 @@ from semantic_slam.latent.model import DescriptorModel
 from semantic_slam.perception.classifier import crop_features
 from semantic_slam.perception.crops import box_fault
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 

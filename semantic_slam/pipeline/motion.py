@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.configuration import OdometryConfiguration
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar
 from semantic_slam.geometry.transform import between, interpolate, rotation_angle
 from semantic_slam.inference.keyframe import OdometrySample
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.evaluation.history import associated_objects
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.log_odds import log_odds, top_two
-
-Array = NDArray[np.float64]
 
 FIRST_VIEWS = 5
 """Views of an object after which its log-odds count as the starting point: the first ones tell something new."""

@@ -4,13 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.objects import object_label
 from semantic_slam.report.palette import OTHER_COLOUR, class_colours
-
-Array = NDArray[np.float64]
 
 ROW, LABEL, WIDTH = 22, 132, 520
 LOW, HIGH = np.array([0, 114, 178]), np.array([213, 94, 0])

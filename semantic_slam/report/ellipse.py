@@ -1,9 +1,8 @@
 """The x-y part of covariances as a picture shows it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from semantic_slam.geometry.arrays import Array
 
 
 def ellipses(covariances: Array) -> Array:

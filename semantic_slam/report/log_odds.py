@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-
-Array = NDArray[np.float64]
 
 
 def log_class_probabilities(belief: HybridBelief, object_id: int) -> Array:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
+from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import json_object
-from semantic_slam.report.belief_bag import read_record
 from semantic_slam.report.comparison import Run, comparison_rows
 from semantic_slam.report.document import Analysis, analyse, map_prior, report_document, tum_lines
 from semantic_slam.report.page import render_page

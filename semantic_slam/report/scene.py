@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from semantic_slam.evaluation.evaluate import dead_reckonings
 from semantic_slam.evaluation.history import best_index
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.objects import object_label, true_object_poses
 
-Array = NDArray[np.float64]
 SHOWN_HYPOTHESES = 16
 """Heaviest hypotheses of a keyframe that are drawn, besides the ancestors of those drawn later."""
 SHOWN_MOMENTS = 4

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.viewpoint.calibration import left_out_residuals
+from semantic_slam.training.viewpoint.calibration import left_out_residuals
 from semantic_slam.viewpoint.gaussian_process import GRID, GaussianProcessModel, even_azimuths
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.samples import ClassSamples

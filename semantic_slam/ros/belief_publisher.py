@@ -2,11 +2,10 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.node import Node
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
@@ -16,8 +15,6 @@ from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.transport import Outlet, is_installed, private_name
 from semantic_slam.ros.views import PathView, map_to_odom_view, markers_view, pose_view
-
-Array = NDArray[np.float64]
 
 
 class BeliefPublisher:

@@ -3,16 +3,14 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.transform import compose, inverse
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.standard import PoseEstimate, header_message, pose_message
 from semantic_slam.messages.typestore import message_class
-
-Array = NDArray[np.float64]
 
 MAP, ODOM = "map", "odom"
 SPHERE, TEXT, ADD = 2, 9, 0

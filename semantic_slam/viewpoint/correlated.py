@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, even_azimuths, kernel
-from semantic_slam.viewpoint.model import Array
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 MAX_BATCH_NUMBERS = 4_000_000

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.viewpoint.model import Array, Prediction, Viewpoints
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 GRID = 360
 """Azimuths at which the posterior is evaluated once; between them it is interpolated."""

@@ -6,9 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.small_matrices import cholesky, forward
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

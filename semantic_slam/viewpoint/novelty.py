@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.stats import chi2
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.viewpoint.gaussian_process import even_azimuths
-from semantic_slam.viewpoint.model import Array, ViewpointModel, Viewpoints
+from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
 NUM_AZIMUTHS = 72
 QUANTILE = 0.999

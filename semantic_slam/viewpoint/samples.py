@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from semantic_slam.viewpoint.model import Array
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,114 @@
+"""A keyframe of the engine at the end of a drive of 200 poses among 20 objects with descriptors."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.planar_observation import PlanarObservation
+from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.inference.models.visibility import PlanarVisibility
+from semantic_slam.inference.objects import ObjectEntry
+from semantic_slam.inference.planar_reader import PlanarReader
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.latent.load import load_latent_model
+from semantic_slam.latent.model import DescriptorModel
+from semantic_slam_lab.benchmarks.latent_update import DETECTIONS, OBJECTS, POSES, SIGMA_STEP, STEP, Circuit
+from semantic_slam_lab.benchmarks.row import Row
+
+BUDGET_MS = 50.0
+MEASURED = 20
+"""Last keyframes of the drive."""
+
+
+class StepReader(PlanarReader):
+    """Keyframes that are steps already."""
+
+    def step(self, keyframe: Any) -> Step:
+        found: Step = keyframe
+        return found
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The circuit with its sensors' noise, as a run of the engine."""
+
+    circuit: Circuit
+    steps: list[Step]
+    problem: Problem
+
+    @classmethod
+    def of(cls, model: DescriptorModel, seed: int) -> "Drive":
+        """Unknown association over a known map."""
+        circuit = Circuit(model, seed)
+        noise = np.random.default_rng(seed)
+        motion = Motion(STEP, np.diag(np.full(3, SIGMA_STEP**2)))
+        steps = []
+        for k in range(POSES):
+            detections, _ = circuit.seen[k]
+            count = len(detections)
+            ids, flags = np.arange(count, dtype=np.uint32), np.ones(count, dtype=bool)
+            steps.append(Step(k, k + 1, motion, detections, ids, np.ones(count), ("",) * count, flags))
+        names = model.class_names
+        uniform = np.full(len(names), 1.0 / max(len(names), 1))
+        sigma = np.array([0.1, 0.1, 0.02])
+        means = [se2.compose(o, se2.exp(noise.normal(size=3) * sigma)) for o in circuit.objects]
+        priors = [GaussianPrior(mean, np.diag(sigma**2)) for mean in means]
+        entries = tuple(ObjectEntry(n, str(n), prior, uniform) for n, prior in enumerate(priors))
+        observation = LatentObservation(model)
+        start = se2.compose(circuit.poses[0], se2.inverse(STEP))
+        problem = Problem(
+            space=PlanarPoses(),
+            model=PlanarObservation(None, PlanarVisibility()),
+            reader=StepReader(model.num_features),
+            robot=GaussianPrior(start, np.diag([0.1, 0.1, 0.05]) ** 2),
+            objects=entries,
+            class_names=names,
+            seed=seed,
+            association="enumerated",
+            distinct=True,
+            semantics=DescriptorViews(observation),
+            latent=observation,
+        )
+        return cls(circuit, steps, problem)
+
+    def manager(self) -> HypothesisManager:
+        """Before the first keyframe."""
+        pose, covariance = pose_vector_from_planar(self.problem.robot.mean), covariance_from_planar(np.eye(3))
+        run = RunConfiguration("bench", 0, "", "", pose, covariance, self.problem.class_names)
+        return HypothesisManager(run, InProcessPool(1, self.problem), self.problem)
+
+
+def drive(quick: bool, seed: int) -> list[Row]:
+    """Median of the last keyframes: the whole of manager and backend."""
+    model = load_latent_model(SemanticModelConfiguration(kind="latent"))
+    assert model is not None
+    return driven(model, seed)
+
+
+def driven(model: DescriptorModel, seed: int) -> list[Row]:
+    """With any model."""
+    run = Drive.of(model, seed)
+    manager, times = run.manager(), []
+    for step in run.steps:
+        begun = time.thread_time()
+        manager.process(step)
+        times.append(time.thread_time() - begun)
+    median = 1e3 * float(np.median(times[-MEASURED:]))
+    how = (
+        f"HypothesisManager.process with one backend in the same process, {OBJECTS} mapped objects, {DETECTIONS}"
+        f" detections of unknown association, keyframes {POSES - MEASURED + 1} to {POSES}, descriptors of"
+        f" {model.num_dimensions}; against the {BUDGET_MS:g} ms of the requirement"
+    )
+    return [Row("latent_keyframe", median, BUDGET_MS, "ms", median / BUDGET_MS, MEASURED, how)]

@@ -1,0 +1,83 @@
+"""``run_study NAME --out DIR``: an experiment, its result.json and its page."""
+
+import importlib
+from argparse import Namespace
+from pathlib import Path
+
+from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.errors import InputError
+
+STUDIES = {
+    "aliased_scenes": "semantic_slam_lab.studies.aliased_room.scenes",
+    "aliased_room": "semantic_slam_lab.studies.aliased_room.study",
+    "avd_bigbird": "semantic_slam_lab.studies.avd_bigbird.study",
+    "ch3_localization": "semantic_slam_lab.studies.ch3.localization",
+    "ch3_model_uncertainty": "semantic_slam_lab.studies.ch3.model_uncertainty",
+    "ch4_example": "semantic_slam_lab.studies.ch4.example",
+    "ch4_statistics": "semantic_slam_lab.studies.ch4.statistics",
+    "ch5_grounding": "semantic_slam_lab.studies.ch5.grounding",
+    "ch5_latent_space": "semantic_slam_lab.studies.ch5.latent_space",
+    "ch5_likelihood": "semantic_slam_lab.studies.ch5.likelihood",
+    "ch5_localization": "semantic_slam_lab.studies.ch5.localization",
+    "ch5_sensitivity": "semantic_slam_lab.studies.ch5.sensitivity",
+    "latent_slam": "semantic_slam_lab.studies.latent_slam.study",
+    "rendered_localization": "semantic_slam_lab.studies.rendered.localization",
+    "rendered_model_uncertainty": "semantic_slam_lab.studies.rendered.model_uncertainty",
+    "replay_scaling": "semantic_slam_lab.studies.replay_scaling.study",
+    "victoria_park": "semantic_slam_lab.studies.victoria_park.study",
+}
+"""Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
+STUDIES_OF_DATA = ("avd_bigbird",)
+"""Those whose ``run`` also takes ``avd`` and ``bigbird``, folders of data sets or None."""
+
+
+def parse(words: list[str] | None = None) -> Namespace:
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
+        prog="run_study", description="Run an experiment and set its claims beside what it measured."
+    )
+    parser.add_argument("name", nargs="?", metavar="NAME", help="study (--list names them)")
+    parser.add_argument("--list", action="store_true", help="print the names of the studies, one per line")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for result.json and result.html")
+    parser.add_argument("--quick", action="store_true", help="a small part of it, in minutes")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: 1)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of every random draw (default: 0)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the work (default: none)")
+    for name in ("avd", "bigbird"):
+        text = f"folder in {name.upper()}'s layout, for {', '.join(STUDIES_OF_DATA)} (default: simulated)"
+        parser.add_argument(f"--{name}", type=Path, metavar="DIR", help=text)
+    return parser.parse_args(words)
+
+
+def command() -> None:
+    """Run the study that the command line names; raises InputError."""
+    arguments = parse()
+    if arguments.list:
+        print("\n".join(STUDIES))
+        return
+    if arguments.name is None:
+        raise InputError(f"run_study: name a study; there are: {', '.join(STUDIES)}")
+    if arguments.name not in STUDIES:
+        raise InputError(f"run_study: no study {arguments.name!r}; there are: {', '.join(STUDIES)}")
+    if arguments.out is None:
+        raise InputError("run_study: --out is missing; name a folder for the results")
+    if arguments.jobs < 1 or arguments.seed < 0:
+        raise InputError("run_study: --jobs must be at least 1 and --seed at least 0; correct the number")
+    data = {"avd": arguments.avd, "bigbird": arguments.bigbird} if arguments.name in STUDIES_OF_DATA else {}
+    if not data and (arguments.avd or arguments.bigbird):
+        raise InputError(f"run_study: {arguments.name} reads no data set; leave --avd and --bigbird out")
+    from semantic_slam_lab.repetitions import scheduler
+
+    study = importlib.import_module(STUDIES[arguments.name])
+    with scheduler(arguments.scheduler):
+        paths = study.run(arguments.out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed, **data)
+    for path in paths:
+        print(path)
+
+
+def main() -> None:
+    run_main(command)
+
+
+if __name__ == "__main__":
+    main()

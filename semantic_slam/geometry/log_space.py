@@ -1,0 +1,14 @@
+"""Sums and means of numbers that are kept as logs."""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+
+
+def log_sum_exp(logs: Array, axis: int = -1, keepdims: bool = False) -> Array:
+    """Log of the sum of exponentials along an axis, -inf where all are; a plain one, without scipy's dispatch."""
+    greatest = logs.max(axis=axis, keepdims=True)
+    greatest[np.isneginf(greatest)] = 0.0
+    with np.errstate(divide="ignore"):
+        total = np.log(np.exp(logs - greatest).sum(axis=axis, keepdims=True)) + greatest
+    return np.asarray(total if keepdims else total.squeeze(axis))

@@ -1,0 +1,142 @@
+"""Which detections may be of which objects, and the best joint assignments of one hypothesis.
+
+Costs are those of single pairs, linearised at the prediction. The sum over all assignments is known exactly in these
+terms, and so is the mass of those that are not enumerated.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
+from semantic_slam.inference.association.murty import k_best
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
+
+LARGEST_SET = 12
+"""Detections of which all sets are looked at."""
+NEGLIGIBLE = 1e-15
+"""Weight relative to the best of a detection."""
+
+
+@dataclass(frozen=True)
+class PairDensities:
+    """D detections and M objects; d dimensions of a state."""
+
+    log_density: Array  # (D, M) of the detection if it is of this object
+    distance: Array  # (D, M) Mahalanobis
+    parts: list[Linearisation]  # D, of M rows each
+
+
+def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array) -> PairDensities:
+    """From the predicted ``mean`` (1 + M, d) and ``covariance`` of the robot and M objects."""
+    count, dimension = len(mean) - 1, mean.shape[-1]
+    if not count or not detections:
+        nothing = np.zeros((len(detections), count))
+        return PairDensities(nothing, nothing, [])
+    joint = PredictedBelief(mean[None], covariance[None]).pair_covariances()[0]
+    rows = len(detections) * count
+    seen = model.collect(detections)
+    if len(detections) > 1:  # one row stands for any number
+        seen = seen.take(np.repeat(np.arange(len(detections)), count))
+    robot, states = broadcast_copy(mean[0], (rows, dimension)), np.tile(mean[1:], (len(detections), 1))
+    part = model.geometry(seen, robot, states)
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
+    prior = np.tile(joint, (len(detections), 1, 1))
+    found = Innovation.of(part, jacobian, prior)
+    parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
+    return PairDensities(found.log_density.reshape(-1, count), found.distance.reshape(-1, count), parts)
+
+
+def _rows(part: Linearisation, rows: slice) -> Linearisation:
+    return Linearisation(
+        part.residual[rows], part.jacobian_robot[rows], part.jacobian_object[rows], part.log_normaliser[rows]
+    )
+
+
+@dataclass(frozen=True)
+class RankedAssignments:
+    """B joint assignments of D detections, best first."""
+
+    columns: Index  # (B, D) object, or M + i: detection i is of no known object
+    log_scores: Array  # (B,)
+    log_left_out: float  # mass of all others, relative to the best
+
+
+def best_assignments(
+    log_known: Array,
+    admitted: NDArray[np.bool_],
+    log_new: Array,
+    limit: int,
+    gate: float,
+    log_beyond: Array | None = None,
+) -> RankedAssignments:
+    """The best assignments of distinct objects, at most ``limit``, none more than ``gate`` nats behind the best.
+
+    ``log_known`` (D, M) weighs a detection as one of each object, against a miss of it; ``admitted`` (D, M) says which
+    pairs are looked at; ``log_new`` (D,) weighs it as one of no known object. ``log_beyond`` (D,) weighs what is
+    not among these options at all: left out.
+    """
+    count, known = log_known.shape
+    cost = np.full((count, known + count), np.inf)
+    cost[:, :known] = np.where(admitted, -log_known, np.inf)
+    cost[np.arange(count), known + np.arange(count)] = -log_new
+    columns, total = _cheapest(cost, limit)
+    scores = -total
+    kept = scores >= scores[0] - gate
+    columns, scores = columns[kept], scores[kept]
+    others = log_new if log_beyond is None else np.logaddexp(log_new, log_beyond)
+    return RankedAssignments(columns, scores, _log_rest(log_sum_of_all(log_known, others), scores) - float(scores[0]))
+
+
+def log_sum_of_all(log_known: Array, log_new: Array) -> float:
+    """Log of the sum over all assignments of D detections to distinct objects out of M, or to none.
+
+    One object after the other takes no detection or one of those left: a sum over the sets of detections that are
+    taken, 2^D terms. With more than :data:`LARGEST_SET` detections an upper bound, in which objects may be taken twice.
+    """
+    count = len(log_new)
+    scale = np.maximum(log_new, log_known.max(axis=1, initial=-np.inf))
+    known, new = np.exp(log_known - scale[:, None]), np.exp(log_new - scale)
+    if count > LARGEST_SET:
+        return float((np.log(known.sum(axis=1) + new) + scale).sum())
+    taken = np.zeros((2,) * count)
+    taken[(0,) * count] = 1.0
+    for weights in known.T[(known > NEGLIGIBLE).any(axis=0)]:
+        before = taken.copy()
+        for number in np.flatnonzero(weights > NEGLIGIBLE):
+            free, used = (_at(int(number), state, count) for state in (0, 1))
+            taken[used] += weights[number] * before[free]
+    for weight in new:  # those left over are of no known object
+        taken = taken[0] * weight + taken[1]
+    return float(np.log(taken) + scale.sum())
+
+
+def _at(axis: int, state: int, count: int) -> tuple[slice | int, ...]:
+    return tuple(state if number == axis else slice(None) for number in range(count))
+
+
+def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:
+    """All assignments where there are few, else the cheapest."""
+    options = [np.flatnonzero(np.isfinite(row)) for row in cost]
+    if np.prod([float(len(own)) for own in options]) > limit:
+        found = k_best(cost, limit)
+        return found.columns, found.costs
+    listed = list(product(*options))
+    every = np.array(listed, dtype=int).reshape(len(listed), len(cost))
+    ordered = np.sort(every, axis=1)
+    distinct = every[(ordered[:, 1:] != ordered[:, :-1]).all(axis=1)]
+    total = cost[np.arange(len(cost)), distinct].sum(axis=1)
+    order = np.argsort(total, kind="stable")[:limit]
+    return distinct[order], total[order]
+
+
+def _log_rest(everything: float, scores: Array) -> float:
+    """Log of what is left of ``everything`` without the assignments of these scores."""
+    enumerated = float(np.logaddexp.reduce(scores))
+    share = -np.expm1(min(enumerated - everything, 0.0))
+    return everything + float(np.log(share)) if share > 1e-12 else -np.inf

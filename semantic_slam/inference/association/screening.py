@@ -1,0 +1,163 @@
+"""Partial associations of which one linear step tells enough are not searched for their modes.
+
+Those that it shows to be far off are dropped; those that hardly bend are ranked by it.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.small_matrices import backward
+from semantic_slam.inference.association.partial_assignments import PartialAssignments
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, search_start
+from semantic_slam.inference.evidence.laplace import Mode
+from semantic_slam.inference.models.observation import Innovation, ObservationModel
+
+RANKED_RAD = 0.1
+"""Uncertainty of a direction of sight, given other detections, below which one linear step ranks as a search does; so
+many times less for a detection that is off by that many standard deviations."""
+STEADY_RAD = 0.2
+"""Uncertainty of a direction of sight, given other detections, below which one linear step tells what is far off."""
+LOST_RAD = 0.3
+"""Uncertainty from which on the expected state may lead to another mode than the best."""
+SAFETY = 2.0
+"""A linear step's nats count half: so much may the rest of the nonlinearity change them."""
+
+
+@dataclass(frozen=True)
+class ScreenedAssignments:
+    """What is left of B candidates."""
+
+    prefixes: PartialAssignments  # K, with the newest detection
+    stack: KeyframeProblem  # K
+    mode: Mode  # K, as one linear step has it where that ranks; else with the state to search from
+    searched: Index  # those of K whose modes are to be searched
+    log_left_out: Array  # (P,) of the others, relative to the parent's best that one linear step tells
+
+
+def screen(
+    prefixes: PartialAssignments,
+    previous: Mode,
+    origin: Index,
+    objects: Index,
+    model: ObservationModel,
+    seen: Any,
+    gate: float,
+) -> ScreenedAssignments:
+    """Drop candidates whose evidence one step from where they were puts far behind, where that step can be trusted.
+
+    ``previous`` are modes of the prefixes; candidate b goes on from ``origin[b]``, the newest of the detections
+    ``seen`` being of ``objects[b]``. Of those not dropped, the steady ones start at that step, lost ones at what
+    explains most, the rest where they were.
+    """
+    known = np.asarray(np.linalg.inv(previous.hessian))
+    expected = _expected(prefixes, previous, known)
+    newest = _newest(expected, origin, objects, model, seen.take([prefixes.rows.objects.shape[1]]))
+    linear, parents = newest.sigma < STEADY_RAD, prefixes.rows.parents[origin]
+    evidence = previous.log_evidence[origin] + newest.log_density
+    best = np.full(len(prefixes.predicted.mean), -np.inf)
+    np.maximum.at(best, parents[linear], evidence[linear])
+    behind = evidence - best[parents]
+    dropped = linear & (behind < -SAFETY * gate)
+    left_out = np.full(len(best), -np.inf)
+    np.logaddexp.at(left_out, parents[dropped], behind[dropped])
+    kept = np.flatnonzero(~dropped)
+    longer = prefixes.extended(origin[kept], objects[kept])
+    stack = longer.stack(model, seen)
+    start, step, hessian = _stepped(stack, previous.take(origin[kept]), known[origin[kept]], newest.take(kept))
+    start[linear[kept]] += step[linear[kept]]
+    lost = np.flatnonzero(newest.sigma[kept] > LOST_RAD)
+    if len(lost):
+        start[lost] = _better_start(stack.select(lost), start[lost])
+    ranked = newest.sigma * np.maximum(newest.off, 1.0) < RANKED_RAD
+    return ScreenedAssignments(
+        longer, stack, Mode(start, hessian, evidence[kept]), np.flatnonzero(~ranked[kept]), left_out
+    )
+
+
+@dataclass(frozen=True)
+class _Expected:
+    """Robot and all objects where the modes of B prefixes have them, in the tangent spaces at their prior means."""
+
+    states: Array  # (B, 1 + O, d)
+    charts: Array  # (B, 1 + O, d, d) to the tangent spaces at the states
+    own: Array  # (B, 1 + O, d, d) covariances
+    with_robot: Array  # (B, 1 + O, d, d) covariances of the robot with each
+
+    def pairs(self, origin: Index, objects: Index) -> tuple[Array, Array]:
+        """(K, 2 d, 2 d) covariances of robots with some objects, and their charts."""
+        size, place = self.own.shape[-1], 1 + objects
+        covariance, charts = np.empty((len(origin), 2 * size, 2 * size)), np.zeros((len(origin), 2 * size, 2 * size))
+        covariance[:, :size, :size], covariance[:, size:, size:] = self.own[origin, 0], self.own[origin, place]
+        covariance[:, :size, size:] = self.with_robot[origin, place]
+        covariance[:, size:, :size] = np.swapaxes(covariance[:, :size, size:], 1, 2)
+        charts[:, :size, :size], charts[:, size:, size:] = self.charts[origin, 0], self.charts[origin, place]
+        return covariance, charts
+
+
+def _expected(prefixes: PartialAssignments, previous: Mode, known: Array) -> _Expected:
+    """``known`` (B, m, m): inverse Hessians of the modes, which tell what the detections so far left uncertain."""
+    space, predicted, parents = prefixes.space, prefixes.predicted, prefixes.rows.parents
+    mean, size = predicted.mean[parents], prefixes.space.dimension
+    flat = prefixes.cross.reshape(len(parents), previous.y.shape[1], -1)
+    moved, charts = space.exp_and_jacobian((previous.y[:, None] @ flat)[:, 0].reshape(mean.shape))
+    explained = ((np.eye(flat.shape[1]) - known) @ flat).reshape(prefixes.cross.shape)
+    own = np.ascontiguousarray(np.moveaxis(prefixes.cross, 1, 3)) @ np.ascontiguousarray(np.moveaxis(explained, 1, 2))
+    robot = np.ascontiguousarray(np.swapaxes(prefixes.cross[:, :, 0], 1, 2))
+    with_robot = np.swapaxes((robot @ explained.reshape(flat.shape)).reshape(len(parents), size, -1, size), 1, 2)
+    states = np.arange(mean.shape[1])
+    diagonal = np.moveaxis(predicted.blocks[:, states, :, states], 0, 1)
+    first = np.swapaxes(predicted.blocks[:, 0], 1, 2)
+    return _Expected(space.compose(mean, moved), charts, diagonal[parents] - own, first[parents] - with_robot)
+
+
+@dataclass(frozen=True)
+class _Newest:
+    """The newest detection of B candidates, linearised at the mode of the others; m components of a residual."""
+
+    jacobian: Array  # (B, m, 2 d) of its whitened residual by the tangents of robot and object at their prior means
+    gain: Array  # (B, m) inverse covariance of that residual, times it
+    log_density: Array  # (B,) of the detection given the others
+    sigma: Array  # (B,) radians by which the direction of sight is uncertain, given the others
+    off: Array  # (B,) standard deviations by which the detection is off
+
+    def take(self, rows: Index) -> "_Newest":
+        return _Newest(*(getattr(self, item.name)[rows] for item in fields(self)))
+
+
+def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, seen: Any) -> _Newest:
+    """One Kalman update for each candidate."""
+    x, o = expected.states[origin, 0], expected.states[origin, 1 + objects]
+    covariance, charts = expected.pairs(origin, objects)
+    part = model.geometry(seen, x, o)
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1) @ charts
+    found = Innovation.of(part, jacobian, covariance)
+    gain = backward(found.root, found.whitened[..., None])[..., 0]
+    sigma = model.bearing_sigma(x, o, covariance, charts)
+    return _Newest(jacobian, gain, found.log_density, sigma, found.distance)
+
+
+def _stepped(stack: KeyframeProblem, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:
+    """(K, n) whitened states where the others' modes have them, steps from there to those of all, and Hessians."""
+    count, before, size = len(stack.mean), previous.y.shape[1], stack.dimension
+    start = np.concatenate([previous.y, np.zeros((count, stack.size - before))], axis=1)
+    blocks = np.stack([np.zeros(count, dtype=int), 1 + stack.slots[:, -1]], axis=1)
+    slopes = stack.root.reshape(*stack.mean.shape, stack.size)[np.arange(count)[:, None], blocks]  # (K, 2, d, n)
+    jacobian = newest.jacobian @ slopes.reshape(count, 2 * size, stack.size)
+    transposed = np.ascontiguousarray(np.swapaxes(jacobian, 1, 2))
+    step = -(transposed @ newest.gain[..., None])
+    step[:, :before] = known @ step[:, :before]
+    hessian = transposed @ jacobian
+    hessian[:, :before, :before] += previous.hessian
+    new = np.arange(before, stack.size)
+    hessian[:, new, new] += 1.0
+    return start, step[..., 0], hessian
+
+
+def _better_start(stack: KeyframeProblem, carried: Array) -> Array:
+    """The mode of the detections so far, or a start that explains one detection: whichever fits better."""
+    fresh = search_start(stack)
+    better = stack.energy(carried) <= stack.energy(fresh)
+    return np.where(better[:, None], carried, fresh)

@@ -1,0 +1,205 @@
+"""Candidates become modes: those heavy enough are sampled, and split where they are not one Gaussian."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import WeightsConfiguration
+from semantic_slam.geometry.arrays import Array, Index, row_sums, squared_norms
+from semantic_slam.inference.evidence.importance import normal_points
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
+from semantic_slam.inference.evidence.laplace import Mode
+from semantic_slam.inference.evidence.mode_search import SearchStart, search_modes
+from semantic_slam.inference.evidence.posterior_mode import PosteriorMode
+from semantic_slam.inference.evidence.window import Window, WindowStep
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.lineage import LineageStep
+
+FEW_SAMPLES = 16
+"""Samples that do for a candidate whose weights hardly differ among them, and whose objects are well in sight: they
+tell its evidence, and that it is Gaussian."""
+CLEAR_SHARE = 0.995
+"""Effective share of those from which on weights hardly differ: none of 299 such candidates had a share below 0.95
+among 64 samples."""
+LOG_IN_SIGHT = -0.02
+"""Soft log visibility of all objects together from which on they are well inside every limit."""
+
+
+@dataclass(frozen=True)
+class WeighedAssignments:
+    """K candidates before they split: each under one association and class assignment."""
+
+    step: Step
+    parents: Sequence[Component]
+    log_parent_weights: Array  # (P,)
+    stack: KeyframeProblem
+    mode: Mode
+    log_prior: Array  # (K,) of the classes first enumerated here
+    lineage_steps: Sequence[LineageStep]  # K
+    used: Index  # (n,) detections that ``stack`` is about
+    new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
+    object_ids: Sequence[int]  # that ``stack.rows.objects`` refers to
+
+    def taken(self, row: int) -> WindowStep:
+        """What one candidate makes of the keyframe."""
+        own = self.lineage_steps[row]
+        return WindowStep(self.step.motion, self.step.observed(own.association, own.class_assignment, self.used))
+
+    def states_of(self, row: int, refined: PosteriorMode) -> Array:
+        """(1 + n, d) states of the blocks of one candidate at a mode of its whole history."""
+        states: Array = self.stack.mean[row].copy()
+        states[0] = refined.smoothed[robot_key(self.parents[self.stack.rows.parents[row]].keyframe + 1)]
+        for slot, place in enumerate(self.stack.rows.objects[row]):
+            if place >= 0 and self.stack.slots[row, slot] == slot:
+                states[1 + slot] = refined.smoothed[object_key(self.object_ids[place])]
+        return states
+
+
+@dataclass(frozen=True)
+class ModeSplit:
+    """M >= K modes of candidates."""
+
+    origin: Index  # (M,) candidate
+    number: Index  # (M,) 0: the candidate as it is; from 1 on: a mode found in its whole history
+    log_evidence: Array  # (M,) log psi without the class prior
+    effective_sample_sizes: Array  # (M,) NaN where nothing was sampled
+    refined: list[PosteriorMode | None]  # M
+    histories: list[Window | None]  # M
+
+    @classmethod
+    def unchanged(cls, log_evidence: Array, effective_sample_sizes: Array) -> "ModeSplit":
+        """Every candidate one mode."""
+        count = len(log_evidence)
+        number = np.zeros(count, dtype=int)
+        return cls(np.arange(count), number, log_evidence, effective_sample_sizes, [None] * count, [None] * count)
+
+
+def split_modes(expanded: WeighedAssignments, weights: WeightsConfiguration, path_mode: int | None) -> ModeSplit:
+    """All modes of all candidates. ``path_mode`` names the mode of a lineage: 0 has no history looked at."""
+    log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
+    log_evidence = expanded.mode.log_evidence + log_visible
+    effective = np.full(len(log_evidence), np.nan)
+    heavy = _heavy(expanded, log_evidence, weights.importance_gate, path_mode)
+    has_history = np.array([parent.history is not None for parent in expanded.parents])[expanded.stack.rows.parents]
+    plain = heavy & ~has_history
+    shares = np.zeros(len(log_evidence))
+    if plain.any():
+        rows, counts = np.flatnonzero(plain), np.zeros(len(shares), dtype=int)
+        for count in (FEW_SAMPLES, weights.screening_samples):
+            log_evidence[rows], shares[rows] = _screened(expanded, rows, log_evidence[rows], count)
+            counts[rows] = count
+            rows = rows[(shares[rows] < CLEAR_SHARE) | (log_visible[rows] < LOG_IN_SIGHT)]
+        effective[plain] = (shares * counts)[plain]
+    look = heavy & (shares < weights.gaussian_share) if path_mode is None else heavy
+    rows = np.flatnonzero(look)
+    if not len(rows) and not has_history.any():
+        return ModeSplit.unchanged(log_evidence, effective)
+    found: list[list[PosteriorMode]] = [[] for _ in log_evidence]
+    for row, modes in zip(rows, search_modes(_starts(expanded, rows), weights), strict=True):
+        found[row] = modes
+    return _collected(expanded, found, log_evidence, effective, weights)
+
+
+def _heavy(expanded: WeighedAssignments, log_evidence: Array, gate: float, path_mode: int | None) -> NDArray[np.bool_]:
+    """(K,) whether a candidate weighs so much that its weight should be exact; never for one without a rival."""
+    if path_mode is not None:
+        return np.full(len(log_evidence), path_mode > 0)
+    parents = expanded.stack.rows.parents
+    score = log_evidence + expanded.log_prior
+    best = np.full(len(expanded.parents), -np.inf)
+    np.maximum.at(best, parents, score)
+    heavy = expanded.log_parent_weights[parents] + score - best[parents] >= -gate
+    alone = np.bincount(parents, minlength=len(best)) == 1
+    certain = expanded.log_parent_weights >= np.log1p(-1e-9)
+    return np.asarray(heavy & ~(alone & certain)[parents])
+
+
+def _screened(expanded: WeighedAssignments, rows: Index, laplace: Array, count: int) -> tuple[Array, Array]:
+    """(R,) log evidence by samples about the mode, and their effective share."""
+    half = normal_points(count // 2, expanded.stack.size)
+    points = np.concatenate([half, -half])
+    roots = np.linalg.cholesky(expanded.mode.hessian[rows])
+    deviations = np.swapaxes(np.linalg.inv(roots), 1, 2) @ points.T
+    y = expanded.mode.y[rows][:, None] + np.swapaxes(deviations, 1, 2)
+    logs = expanded.stack.select(rows).log_joint(y) + 0.5 * squared_norms(points)
+    logs -= row_sums(np.log(np.diagonal(roots, axis1=1, axis2=2)))[:, None]
+    seen = np.isfinite(logs).any(axis=1)
+    largest = np.where(seen, logs.max(axis=1), 0.0)
+    weights = np.exp(logs - largest[:, None])
+    total = np.maximum(weights.sum(axis=1), 1e-300)
+    shares = np.where(seen, total**2 / np.maximum((weights**2).sum(axis=1), 1e-300) / len(points), 0.0)
+    found = largest + np.log(total / len(points))
+    return np.where(seen, found, laplace), shares
+
+
+def _starts(expanded: WeighedAssignments, rows: Index) -> list[SearchStart]:
+    """Histories of some candidates, and where their parents' and their own modes are."""
+    part = expanded.stack.select(rows)
+    return [_start(expanded, row, own) for row, own in zip(rows, part.states(expanded.mode.y[rows]), strict=True)]
+
+
+def _start(expanded: WeighedAssignments, row: int, states: Array) -> SearchStart:
+    parent = expanded.parents[expanded.stack.rows.parents[row]]
+    new = expanded.new[expanded.stack.rows.parents[row]]
+    history = Window.of(parent).with_keyframe(expanded.taken(row), new)
+    seen = {
+        expanded.object_ids[place]: states[1 + expanded.stack.slots[row, number]]
+        for number, place in enumerate(expanded.stack.rows.objects[row])
+        if place >= 0
+    }
+    past = range(history.anchor.keyframe, parent.keyframe + 1)
+    robots = np.concatenate([parent.states([robot_key(k) for k in past]), states[:1]])
+    objects = [seen[n] if n in seen else parent.states([object_key(n)])[0] for n in history.object_ids()]
+    return SearchStart(history, robots, np.array(objects).reshape(-1, robots.shape[1]))
+
+
+def _collected(
+    expanded: WeighedAssignments,
+    found: list[list[PosteriorMode]],
+    log_evidence: Array,
+    effective: Array,
+    weights: WeightsConfiguration,
+) -> ModeSplit:
+    origin, number, evidence, sizes = [], [], [], []
+    refined: list[PosteriorMode | None] = []
+    histories: list[Window | None] = []
+    for row, modes in enumerate(found):
+        parent = expanded.parents[expanded.stack.rows.parents[row]]
+        before = parent.history.log_evidence if parent.history is not None else 0.0
+        for at, mode in enumerate(modes):
+            origin.append(row)
+            number.append(1 + at)
+            evidence.append(mode.log_evidence - before)
+            sizes.append(mode.effective_share * mode.num_samples)
+            refined.append(mode)
+            histories.append(mode.history)
+        if not modes:
+            origin.append(row)
+            number.append(0)
+            evidence.append(float(log_evidence[row]))
+            sizes.append(float(effective[row]))
+            refined.append(None)
+            histories.append(_carried(expanded, row, log_evidence[row], weights.max_history))
+    return ModeSplit(
+        np.array(origin, dtype=int),
+        np.array(number, dtype=int),
+        np.array(evidence),
+        np.array(sizes),
+        refined,
+        histories,
+    )
+
+
+def _carried(expanded: WeighedAssignments, row: int, log_evidence: float, max_links: int) -> Window | None:
+    """The history of a candidate that was not looked at, while its parent has one."""
+    parent = expanded.parents[expanded.stack.rows.parents[row]]
+    if parent.history is None or len(parent.history.taken) + 1 >= max_links:
+        return None
+    new = expanded.new[expanded.stack.rows.parents[row]]
+    carried: Window = parent.history.with_keyframe(expanded.taken(row), new, log_evidence)
+    return carried

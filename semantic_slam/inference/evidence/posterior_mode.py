@@ -1,0 +1,63 @@
+"""One mode of a hypothesis over its window: evidence, moments, and what a Gaussian does not say."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.evidence.window import Window
+from semantic_slam.inference.evidence.window_problem import WindowProblem
+from semantic_slam.inference.states.correction import Correction
+
+
+@dataclass(frozen=True)
+class PosteriorMode:
+    """One mode of a continuation."""
+
+    log_evidence: float  # of everything since the anchor, in this mode's region
+    effective_share: float  # effective sample size over the number of samples
+    smoothed: dict[int, Array]  # GTSAM key -> (d,) mode: robot since the anchor, objects seen since
+    history: Window | None  # None where the mode is Gaussian
+    moments: "SampledMoments" = field(compare=False, repr=False)
+    num_samples: int = 0
+
+    @cached_property
+    def corrections(self) -> dict[int, Correction]:
+        """GTSAM key -> what the samples say of the Gaussian at the mode; only survivors are asked for it."""
+        return self.moments.corrections()
+
+
+@dataclass(frozen=True)
+class WindowSamples:
+    """Samples of a history, which its modes share."""
+
+    chain: WindowProblem  # of one history
+    y: Array  # (N, size)
+
+    @cached_property
+    def states(self) -> Array:
+        """(N, 1 + O, d) of the newest robot state and of the objects."""
+        robots, objects = self.chain.states(self.y)
+        return np.concatenate([robots[:, -1:], objects], axis=1)
+
+
+@dataclass(frozen=True)
+class SampledMoments:
+    """Samples of a mode's region, and the Gaussian that they correct."""
+
+    drawn: WindowSamples
+    y: Array  # (size,) mode
+    hessian: Array  # (size, size)
+    weights: Array  # (N,) normalised
+    keys: Sequence[int]  # of the newest robot state and of the objects
+
+    def corrections(self) -> dict[int, Correction]:
+        """Weighted moments of the newest robot state and of the objects, against the Laplace Gaussian's."""
+        chain = self.drawn.chain
+        slopes = chain.newest_slopes(self.y[None])[0]  # (K, d, size)
+        covariances = slopes @ np.linalg.solve(self.hessian, np.swapaxes(slopes, 1, 2))
+        mode = WindowSamples(chain, self.y[None]).states[0]
+        found = Correction.towards(chain.space, mode, covariances, self.drawn.states, self.weights)
+        return dict(zip(self.keys, found, strict=True))

@@ -1,0 +1,123 @@
+"""What a hypothesis has seen since it was last Gaussian, kept until it is Gaussian again.
+
+The anchor is the component of that time. A hypothesis that is one of several modes also keeps its region: the soft
+share of the states that it answers for, so that the modes of one association sum to its whole evidence.
+"""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.evidence.importance import Gaussians
+from semantic_slam.inference.evidence.window_problem import AnchorPrior, WindowKeyframe, WindowProblem
+from semantic_slam.inference.models.step import AssociatedDetection, Motion
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.keys import object_key, robot_key
+
+
+@dataclass(frozen=True)
+class WindowStep:
+    """One keyframe of a hypothesis."""
+
+    motion: Motion
+    observed: tuple[AssociatedDetection, ...]
+
+
+@dataclass(frozen=True)
+class Region:
+    """The share of one of several modes, over the blocks of y that a chain had when it split."""
+
+    modes: Gaussians
+    number: int
+    num_objects: int
+    num_links: int
+
+    def log_share(self, chain: WindowProblem, y: Array) -> Array:
+        """(B,) log responsibility of the mode, a function of the chain's earlier blocks."""
+        anchor = (1 + self.num_objects) * chain.dimension
+        motions = y[:, chain.width : chain.width + self.num_links * chain.dimension]
+        earlier = np.concatenate([y[:, :anchor], motions], axis=1)
+        return np.asarray(self.modes.log_responsibilities(earlier)[self.number])
+
+
+@dataclass(frozen=True)
+class Window:
+    """The anchor, the keyframes since, and the evidence of those keyframes."""
+
+    anchor: Component
+    taken: tuple[WindowStep, ...] = ()
+    introduced: tuple[tuple[int, GaussianPrior], ...] = ()  # objects that the keyframes since have introduced
+    regions: tuple[Region, ...] = ()
+    log_evidence: float = 0.0
+
+    @classmethod
+    def of(cls, component: Component) -> "Window":
+        """A component's, which is its own anchor where it is Gaussian."""
+        return component.history if component.history is not None else cls(component)
+
+    def with_keyframe(self, taken: WindowStep, new: dict[int, GaussianPrior], log_psi: float = 0.0) -> "Window":
+        """One keyframe more, with an estimate of what it adds to the evidence."""
+        return replace(
+            self,
+            taken=(*self.taken, taken),
+            introduced=(*self.introduced, *new.items()),
+            log_evidence=self.log_evidence + log_psi,
+        )
+
+    def object_ids(self) -> list[int]:
+        """Objects seen since the anchor, in the order in which they were."""
+        return list(dict.fromkeys(item.object_id for taken in self.taken for item in taken.observed))
+
+    def shape(self) -> Hashable:
+        """Equal where one :class:`WindowProblem` serves several histories."""
+        detections = tuple((id(o.detection), o.assigned_class >= 0) for t in self.taken for o in t.observed)
+        return self.anchor.keyframe, len(self.taken), detections, len(self.object_ids())
+
+    def anchored(self) -> tuple[Array, Array]:
+        """Mean (1 + O, d) and covariance of the robot at the anchor and the objects. Raises LostComponentError."""
+        anchor, objects = self.anchor, self.object_ids()
+        introduced = dict(self.introduced)
+        known = [n for n in objects if n not in introduced]
+        keys = [robot_key(anchor.keyframe), *(object_key(n) for n in known)]
+        mean, covariance = anchor.states(keys), anchor.joint_covariance(keys)
+        if not introduced:
+            return mean, covariance
+        added = [introduced[n] for n in objects if n in introduced]
+        mean = np.concatenate([mean, *(prior.mean[None] for prior in added)])
+        covariance = block_diag(covariance, *(prior.covariance for prior in added))
+        place = {n: i for i, n in enumerate([*known, *(n for n in objects if n in introduced)])}
+        order = [0, *(1 + place[n] for n in objects)]
+        blocks = (np.array(order)[:, None] * mean.shape[1] + np.arange(mean.shape[1])).ravel()
+        return mean[order], covariance[np.ix_(blocks, blocks)]
+
+    def chain(self) -> WindowProblem:
+        """The integral over everything since the anchor. Raises LostComponentError."""
+        return window_problem_of([self])
+
+    def log_share(self, chain: WindowProblem, y: Array) -> Array:
+        """(B,) log of the share that this mode answers for."""
+        return np.asarray(sum((region.log_share(chain, y) for region in self.regions), np.zeros(len(y))))
+
+
+def window_problem_of(histories: Sequence[Window]) -> WindowProblem:
+    """Of histories that have one shape. Raises LostComponentError."""
+    first = histories[0]
+    anchored = [history.anchored() for history in histories]
+    places, classes = [], []
+    for history in histories:
+        place = {n: i for i, n in enumerate(history.object_ids())}
+        observed = [item for taken in history.taken for item in taken.observed]
+        places.append([place[item.object_id] for item in observed])
+        classes.append([item.assigned_class for item in observed])
+    links = [WindowKeyframe(taken.motion, tuple(item.detection for item in taken.observed)) for taken in first.taken]
+    at_anchor = AnchorPrior(
+        np.array([mean for mean, _ in anchored]),
+        np.array([covariance for _, covariance in anchored]),
+        np.array(places, dtype=int),
+        np.array(classes, dtype=int),
+    )
+    return WindowProblem(first.anchor.space, first.anchor.model, at_anchor, links)

@@ -1,0 +1,244 @@
+"""Hypotheses from the last keyframe at which each was Gaussian: robot states since, and the objects seen since.
+
+The states are x_a = mean Exp(L y_a), o = mean Exp(L y_o) and x_t = x_(t-1) u_t Exp(M_t y_t), so that y ~ N(0, I)
+exactly and the evidence of everything since is the mean of the likelihood over y: Eq. 4.18 for the whole history.
+Hypotheses of one shape (the same keyframes since the anchor, as many objects) are looked at together.
+"""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, row_sums, squared_norms
+from semantic_slam.inference.models.observation import Linearisation, ObservationModel
+from semantic_slam.inference.models.step import Motion
+from semantic_slam.inference.states.state_space import StateSpace
+
+
+@dataclass(frozen=True)
+class WindowKeyframe:
+    """What one keyframe adds to every chain."""
+
+    motion: Motion
+    detections: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class AnchorPrior:
+    """K Gaussians over robot and O objects at the anchor, and what each of S detections since is."""
+
+    mean: Array  # (K, 1 + O, d), the robot's first
+    covariance: Array  # (K, (1 + O) d, (1 + O) d)
+    places: Index  # (K, S) among the objects
+    classes: Index  # (K, S), -1: no semantics; the same S have some in every hypothesis
+
+
+class WindowProblem:
+    """The energy -log p(Z | y) + |y|^2 / 2 of T keyframes after the anchor, for K hypotheses.
+
+    The blocks of y: robot and objects at the anchor, then the T motions; ``size`` = (1 + O + T) d numbers. Of K N rows
+    of y the first N are of the first hypothesis, and so on.
+    """
+
+    def __init__(
+        self, space: StateSpace, model: ObservationModel, anchored: AnchorPrior, links: Sequence[WindowKeyframe]
+    ):
+        self.space, self.model, self.links = space, model, tuple(links)
+        self._count, self.dimension = anchored.mean.shape[1], space.dimension
+        self.places, self.classes = anchored.places, anchored.classes
+        self.root = np.asarray(np.linalg.cholesky(anchored.covariance), dtype=np.float64)
+        self.width = self.root.shape[-1]
+        controls = np.array([link.motion.control for link in links]).reshape(len(links), self.dimension)
+        every = np.tile(controls, (len(anchored.mean), 1, 1))
+        self._frames = space.frame(np.concatenate([anchored.mean, every], axis=1))  # (K, 1 + O + T, f)
+        self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
+        self.size = self.width + len(links) * self.dimension
+        self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
+        seen = model.collect([detection for link in links for detection in link.detections])
+        named = self.classes[0] >= 0
+        self._parts = [  # detections with and without semantics
+            (seen if rows.all() else seen.take(np.flatnonzero(rows)), np.flatnonzero(rows), bool(rows is named))
+            for rows in (named, ~named)
+            if rows.any()
+        ]
+
+    def __len__(self) -> int:
+        return len(self.root)
+
+    @property
+    def mean(self) -> Array:
+        """(K, 1 + O, d) of robot and objects at the anchor."""
+        return self._frames[:, : self._count, : self.dimension]
+
+    def select(self, selection: Any) -> "WindowProblem":
+        """Some of the hypotheses, any number of times."""
+        part = copy.copy(self)
+        part.root, part._frames = self.root[selection], self._frames[selection]
+        part.places, part.classes = self.places[selection], self.classes[selection]
+        return part
+
+    def coordinates(self, robots: Array, objects: Array) -> Array:
+        """(K, size) y of robot states (K, 1 + T, d), the anchor's first, and objects (K, O, d)."""
+        anchor = self.space.local(self.mean, np.concatenate([robots[:, :1], objects], axis=1))
+        blocks = [np.linalg.solve(self.root, anchor.reshape(len(self), -1, 1))[..., 0]]
+        for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
+            moved = self.space.compose(robots[:, t], link.motion.control)
+            blocks.append(np.linalg.solve(root, self.space.local(moved, robots[:, t + 1])[..., None])[..., 0])
+        return np.concatenate(blocks, axis=1)
+
+    def newest_slopes(self, y: Array) -> Array:
+        """(K, 1 + O, d, size) derivatives of the newest robot state and of the objects by y (K, size)."""
+        moves, chart = self.space.exp_and_jacobian(self._tangents(y))
+        by_robot, by_object = self._slopes(self._composed(moves), chart)
+        found = np.zeros((len(y), self._count, self.dimension, self.size))
+        found[:, 0], found[:, 1:, :, : self.width] = by_robot[:, 0, -1], by_object[:, 0]
+        return found
+
+    def states(self, y: Array) -> tuple[Array, Array]:
+        """(B, 1 + T, d) robot, the anchor's first, and (B, O, d) objects."""
+        robots, objects = (self.space.wrapped(states) for states in self._states(y))
+        return robots.reshape(len(y), *robots.shape[2:]), objects.reshape(len(y), *objects.shape[2:])
+
+    def log_likelihood(self, y: Array) -> Array:
+        """(B,) log P(Z | y)."""
+        return self._log_likelihood(*self._states(y))
+
+    def log_visibility(self, y: Array, *, soft: bool) -> Array:
+        """(B,) log P(beta | x, O) of every keyframe since the anchor."""
+        return self._log_visibility(*self._states(y), soft=soft)
+
+    def log_target(self, y: Array) -> Array:
+        """(B,) log P(Z, beta | y), what is not visible excluded."""
+        robots, objects = self._states(y)
+        return self._log_likelihood(robots, objects) + self._log_visibility(robots, objects, soft=False)
+
+    def energy(self, y: Array) -> Array:
+        """(B,) -log P(Z | y) + |y|^2 / 2."""
+        return 0.5 * squared_norms(y) - self.log_likelihood(y)
+
+    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
+        """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
+        moves, chart = self.space.exp_and_jacobian(self._tangents(y))
+        composed = self._composed(moves)
+        robots, objects = self._moved(composed)
+        by_robot, by_object = self._slopes(composed, chart)
+        energy, residuals, jacobians = 0.5 * squared_norms(y), [], []
+        for parts, sights in self._linearised(robots, objects):
+            for part in parts:
+                energy += row_sums((0.5 * squared_norms(part.residual) - part.log_normaliser).reshape(len(y), -1))
+            shape = (*robots.shape[:2], len(sights), -1, self.dimension)
+            together = _joined([part.jacobian_robot for part in parts]).reshape(shape)
+            jacobian = together @ self._timed(by_robot, sights)
+            together = _joined([part.jacobian_object for part in parts]).reshape(shape)
+            jacobian[..., : self.width] += together @ self._placed(by_object, sights)
+            jacobians.append(jacobian.reshape(len(y), -1, self.size))
+            residuals.append(_joined([part.residual for part in parts]).reshape(len(y), -1, 1))
+        if not jacobians:
+            return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
+        jacobian, residual = _joined(jacobians), _joined(residuals)
+        transposed = np.swapaxes(jacobian, -1, -2)
+        hessian = transposed @ jacobian
+        hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
+        return energy, y + (transposed @ residual)[..., 0], hessian
+
+    def _log_likelihood(self, robots: Array, objects: Array) -> Array:
+        total = np.zeros(robots.shape[0] * robots.shape[1])
+        for seen, sights, named in self._parts:
+            x, o = self._pairs(robots, objects, sights)
+            classes = self._repeated(sights, robots.shape[1]) if named else None
+            total += row_sums(self.model.log_likelihood(seen, x, o, classes).reshape(len(total), -1))
+        return total
+
+    def _log_visibility(self, robots: Array, objects: Array, *, soft: bool) -> Array:
+        count = robots.shape[0] * robots.shape[1]
+        if not len(self._times):
+            return np.zeros(count)
+        x, o = self._pairs(robots, objects, np.arange(len(self._times)))
+        return row_sums(self.model.log_visibility(x, o, soft=soft).reshape(count, -1))
+
+    def _linearised(self, robots: Array, objects: Array) -> list[tuple[list[Linearisation], Index]]:
+        """Geometry of all sights, with semantics where they have a class, and which they are."""
+        found = []
+        for seen, sights, named in self._parts:
+            x, o = self._pairs(robots, objects, sights)
+            parts = [self.model.geometry(seen, x, o)]
+            if named:
+                parts.append(self.model.semantics(seen, x, o, self._repeated(sights, robots.shape[1])))
+            found.append((parts, sights))
+        return found
+
+    def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
+        """(K N S, d) robot and object of S sights."""
+        o = self._placed(objects, sights)
+        x = broadcast_copy(self._timed(robots, sights), o.shape)
+        return x.reshape(-1, self.dimension), o.reshape(-1, self.dimension)
+
+    def _timed(self, values: Array, sights: Index) -> Array:
+        """(K, N, S, ...) of the sights' robot states, from (K, N, 1 + T, ...); one of them where all are the same."""
+        times = self._times[sights]
+        return values[:, :, times[0] : times[0] + 1] if (times == times[0]).all() else values[:, :, times]
+
+    def _placed(self, values: Array, sights: Index) -> Array:
+        """(K, N, S, ...) of the sights' objects, from (K, N, O, ...)."""
+        places = self.places[:, sights]
+        if (places == places[:1]).all():
+            in_order = np.array_equal(places[0], np.arange(values.shape[2]))
+            return values if in_order else values[:, :, places[0]]
+        rows, columns = np.arange(values.shape[0])[:, None, None], np.arange(values.shape[1])[:, None]
+        return np.asarray(values[rows, columns, places[:, None]])
+
+    def _repeated(self, sights: Index, count: int) -> Index:
+        """(K N S,) classes."""
+        classes = self.classes[:, None, sights]
+        return broadcast_copy(classes, (len(classes), count, len(sights))).reshape(-1)
+
+    def _states(self, y: Array) -> tuple[Array, Array]:
+        """(K, N, 1 + T, d) robot and (K, N, O, d) objects, headings as they add up."""
+        return self._moved(self._composed(self.space.exp(self._tangents(y))))
+
+    def _tangents(self, y: Array) -> Array:
+        """(K, N, 1 + O + T, d): of robot and objects at the anchor, then of the motions."""
+        y = y.reshape(len(self), -1, self.size)
+        count, d = self._count, self.dimension
+        tangents = np.empty((*y.shape[:2], count + len(self.links), d))
+        anchor = y[..., : self.width] @ np.swapaxes(self.root, 1, 2)
+        tangents[:, :, :count] = anchor.reshape(*y.shape[:2], count, d)
+        for t, root in enumerate(self.motion_roots):
+            start = self.width + t * d
+            tangents[:, :, count + t] = y[..., start : start + d] @ root.T
+        return tangents
+
+    def _composed(self, moves: Array) -> Array:
+        """(K, N, 1 + O + T, d) states at the anchor and motions since, from Exp of all tangents."""
+        return self.space.placed(self._frames[:, None], moves)
+
+    def _moved(self, composed: Array) -> tuple[Array, Array]:
+        """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""
+        count = self._count
+        robots = np.empty((*composed.shape[:2], 1 + len(self.links), self.dimension))
+        robots[:, :, 0] = composed[:, :, 0]
+        robots[:, :, 1:] = self.space.along(composed[:, :, 0], composed[:, :, count:])
+        return robots, composed[:, :, 1:count]
+
+    def _slopes(self, composed: Array, chart: Array) -> tuple[Array, Array]:
+        """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, width) of the objects: in tangent spaces by y."""
+        count, d, leading = self._count, self.dimension, composed.shape[:2]
+        anchor = chart[:, :, :count] @ self.root.reshape(len(self), 1, -1, d, self.width)
+        robots = np.zeros((*leading, 1 + len(self.links), d, self.size))
+        robots[:, :, 0, :, : self.width] = anchor[:, :, 0]
+        if self.links:
+            transitions = self.space.propagation(composed[:, :, count:])
+            own = chart[:, :, count:] @ np.array(self.motion_roots)
+        for t in range(len(self.links)):
+            robots[:, :, t + 1] = transitions[..., t, :, :] @ robots[:, :, t]
+            columns = slice(self.width + t * d, self.width + (t + 1) * d)
+            robots[:, :, t + 1, :, columns] += own[:, :, t]
+        return robots, anchor[:, :, 1:]
+
+
+def _joined(parts: list[Array]) -> Array:
+    """One after the other along the second axis."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)

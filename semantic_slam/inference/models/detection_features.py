@@ -1,0 +1,36 @@
+"""What detections tell a learned likelihood, as arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.planar_detection import PlanarDetection
+
+
+@dataclass(frozen=True)
+class DetectionFeatures:
+    """Of B detections; one row stands for any number."""
+
+    feature: Array  # (B, F)
+    variance: Array  # (B, F) of the feature's components, over the dropout passes
+    sensor: Array  # (B, 2) camera in the body frame, metres
+    elevation_rad: Array  # (B,) of the camera over the object
+
+    @classmethod
+    def of(cls, detections: Sequence[PlanarDetection]) -> "DetectionFeatures":
+        """All detections of a keyframe."""
+        return cls(
+            np.array([item.feature for item in detections]),
+            np.array([item.feature_variance for item in detections]),
+            np.array([item.sensor for item in detections]),
+            np.array([item.elevation_rad for item in detections]),
+        )
+
+    def take(self, index: Any) -> "DetectionFeatures":
+        """Rows of a selection."""
+        return DetectionFeatures(
+            self.feature[index], self.variance[index], self.sensor[index], self.elevation_rad[index]
+        )

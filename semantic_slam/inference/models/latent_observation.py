@@ -1,0 +1,114 @@
+"""The learned likelihood P(f(z) | x_rel, e) of a detection's feature, seen from the plane (Eq. 5.10).
+
+A tight crop tells the direction of view and nothing of range and roll. The elevation is measured with the box; the
+azimuth is that of the camera in the object's frame, so that it depends on the poses x of the robot and o of the object.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.inference.models.detection_features import DetectionFeatures
+from semantic_slam.inference.models.planar_detection import LOG_2PI
+from semantic_slam.inference.models.planar_observation import LEAST_DISTANCE_M, camera_in_object
+from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
+from semantic_slam.viewpoint.model import Viewpoints
+
+
+@dataclass(frozen=True)
+class LatentLinearisation:
+    """log p = log_normaliser - |residual|^2 / 2 at B states, with Jacobians in the tangent spaces there."""
+
+    residual: Array  # (B, F) whitened
+    by_robot: Array  # (B, F, 3)
+    by_object: Array  # (B, F, 3)
+    by_descriptor: Array  # (B, F, L)
+    by_azimuth: Array  # (B, F)
+    log_normaliser: Array  # (B,)
+
+    def log_density(self) -> Array:
+        """(B,)."""
+        return self.log_normaliser - 0.5 * squared_norms(self.residual)
+
+
+@dataclass(frozen=True)
+class LatentObservation:
+    """A descriptor model, and what is known of descriptors before any view.
+
+    ``correlated_views`` N: so many views tell as much as one, each density enters with the power 1 / N.
+    """
+
+    model: DescriptorModel
+    correlated_views: float = 1.0
+    known: dict[int, DescriptorBelief] = field(default_factory=dict)  # object id -> prior of a map, B = 1
+
+    @property
+    def num_dimensions(self) -> int:
+        """L."""
+        return self.model.num_dimensions
+
+    @cached_property
+    def prior(self) -> DescriptorBelief:
+        """Of an object that no map knows, B = 1."""
+        return self.model.prior
+
+    def prior_of(self, object_id: int) -> DescriptorBelief:
+        """What is known of an object's descriptor before its first view, B = 1."""
+        return self.known.get(object_id, self.prior)
+
+    def linearise(self, seen: DetectionFeatures, x: Array, o: Array, e: Array) -> LatentLinearisation:
+        """Of (B,) collected detections at (B, 3) robots and objects and (B, L) descriptors."""
+        v = camera_in_object(x, o, seen.sensor)
+        part = self.by_azimuth(seen, np.arctan2(v[:, 1], v[:, 0]), e)
+        turn = _azimuth_by_poses(v, x[:, 2] - o[:, 2], seen.sensor)
+        by_poses = part.by_azimuth[:, :, None] * turn[:, None]
+        return LatentLinearisation(
+            part.residual,
+            by_poses[:, :, :3],
+            by_poses[:, :, 3:],
+            part.by_descriptor,
+            part.by_azimuth,
+            part.log_normaliser,
+        )
+
+    def by_azimuth(self, seen: DetectionFeatures, azimuth: Array, e: Array) -> LatentLinearisation:
+        """The same with (B,) azimuths given; its Jacobians by poses are empty."""
+        elevation = seen.elevation_rad
+        if len(elevation) != len(azimuth):
+            elevation = np.repeat(elevation, len(azimuth))
+        prediction = self.model.predict(Viewpoints(azimuth, elevation, azimuth), e)  # the range does not count
+        variance = prediction.sigma**2 + seen.variance
+        sigma = np.sqrt(self.correlated_views * variance)
+        log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.correlated_views
+        none = np.zeros((len(azimuth), variance.shape[1], 0))
+        return LatentLinearisation(
+            (prediction.mean - seen.feature) / sigma,
+            none,
+            none,
+            prediction.by_descriptor / sigma[..., None],
+            prediction.by_direction[:, :, 0] / sigma,
+            np.asarray(log_peak),
+        )
+
+
+def azimuth_slopes(x: Array, o: Array, sensor: Array) -> Array:
+    """(B, 6) derivatives of the azimuth from which (B, 3) robots see (B, 3) objects, by both poses."""
+    return _azimuth_by_poses(camera_in_object(x, o, sensor), x[:, 2] - o[:, 2], sensor)
+
+
+def _azimuth_by_poses(v: Array, angle: Array, sensor: Array) -> Array:
+    """(B, 6) derivatives of the azimuth of v by the robot's pose and by the object's.
+
+    With the ``angle`` of the robot's heading in the object's frame and t = d azimuth / dv: t R [I, S s] and [-t, -1].
+    """
+    squared = np.maximum(v[:, 0] ** 2 + v[:, 1] ** 2, LEAST_DISTANCE_M**2)
+    across, along = -v[:, 1] / squared, v[:, 0] / squared
+    cos, sin = np.cos(angle), np.sin(angle)
+    found = np.empty((len(v), 6))
+    found[:, 0] = across * cos + along * sin
+    found[:, 1] = along * cos - across * sin
+    found[:, 2] = found[:, 1] * sensor[..., 0] - found[:, 0] * sensor[..., 1]
+    found[:, 3], found[:, 4], found[:, 5] = -across, -along, -1.0
+    return found

@@ -1,0 +1,72 @@
+"""Factors that are linearised here, and not by GTSAM: no callback, but true near those states only."""
+
+from collections.abc import Sequence
+from functools import cache, lru_cache
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.keys import is_descriptor
+from semantic_slam.inference.states.state_space import StateSpace
+
+ORIGIN = 0.7
+"""Coordinates from which linearisation points are steps. GTSAM's exponential loses digits where a turn is next to none,
+as it would be from a heading of 0 to one that is nearly so."""
+_jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its type does not say
+
+
+@cache
+def unit_noise(size: int) -> Any:
+    """GTSAM's model of whitened residuals."""
+    return gtsam.noiseModel.Unit.Create(size)
+
+
+def linear_factors(
+    keys: Sequence[tuple[int, ...]], jacobians: Sequence[Array], residual: Array, points: Sequence[gtsam.Values]
+) -> list[Any]:
+    """One factor for each of B rows: (m,) keys, m Jacobians (B, F, size), (B, F) whitened residual, and where they are.
+
+    ``points`` hold the variables of the row's factor, and may hold others.
+    """
+    noise = unit_noise(residual.shape[1])
+    factors = []
+    for own, blocks, right, point in zip(keys, zip(*jacobians, strict=True), -residual, points, strict=True):
+        terms = [part for pair in zip(own, blocks, strict=True) for part in pair]
+        factors.append(gtsam.LinearContainerFactor(_jacobian_factor(*terms, right, noise), point))
+    return factors
+
+
+def linearisation_points(
+    space: StateSpace, keys: Sequence[Sequence[tuple[int, ...]]], states: Array
+) -> list[gtsam.Values]:
+    """GTSAM's values for each set of factors, by the variables of its factors: a robot, an object, a descriptor if any.
+
+    ``states`` (B, 2 d + L) of the variables of all B factors; in one set a variable is at one place. As steps from
+    one state: GTSAM tries a dozen types for a pose that is inserted.
+    """
+    size, descriptors = space.dimension, states.shape[1] - 2 * space.dimension
+    poses = states[:, : 2 * size].reshape(-1, size)
+    steps = space.local(np.full(size, ORIGIN), poses).reshape(-1, 2 * size)
+    rows = zip(steps[:, :size], steps[:, size:], states[:, 2 * size :], strict=True)
+    points = []
+    for own in keys:
+        step, known = gtsam.VectorValues(), dict[int, Array]()
+        for variables in own:
+            known |= zip(variables, next(rows), strict=False)
+        for key, value in known.items():
+            step.insert(key, value)
+        points.append(_origin(space, tuple(known), descriptors).retract(step))
+    return points
+
+
+@lru_cache(maxsize=64)
+def _origin(space: StateSpace, keys: tuple[int, ...], descriptor_size: int) -> gtsam.Values:
+    values = gtsam.Values()
+    for key in keys:
+        if is_descriptor(key):
+            values.insert(key, np.zeros(descriptor_size))
+        else:
+            space.insert(values, key, np.full(space.dimension, ORIGIN))
+    return values

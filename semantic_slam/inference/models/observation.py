@@ -1,0 +1,110 @@
+"""What the engine asks of an observation model: P(z | x, o, c) P(beta | x, o) for one detection (Eq. 4.10)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, row_sums, squared_norms
+from semantic_slam.geometry.small_matrices import cholesky, forward
+from semantic_slam.inference.states.gaussian import GaussianPrior
+
+Classes = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """log p = log_normaliser - |residual|^2 / 2 at B states, with Jacobians in the tangent spaces there."""
+
+    residual: Array  # (B, m) whitened
+    jacobian_robot: Array  # (B, m, d)
+    jacobian_object: Array  # (B, m, d)
+    log_normaliser: Array  # (B,)
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """Detections (B,) before they are taken in, linearised, against Gaussians of robot and object."""
+
+    root: Array  # (B, m, m) Cholesky factor of the whitened residual's covariance
+    whitened: Array  # (B, m) that residual in its own standard deviations
+    log_density: Array  # (B,)
+
+    @classmethod
+    def of(cls, part: Linearisation, jacobian: Array, covariance: Array) -> "Innovation":
+        """``jacobian`` (B, m, n) of the residual by what has the ``covariance`` (B, n, n)."""
+        root = cholesky(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1]))
+        whitened = forward(root, part.residual[..., None])[..., 0]
+        log_determinant = row_sums(np.log(np.einsum("bii->bi", root)))
+        return cls(root, whitened, part.log_normaliser - 0.5 * squared_norms(whitened) - log_determinant)
+
+    @property
+    def distance(self) -> Array:
+        """(B,) Mahalanobis."""
+        return np.asarray(np.linalg.norm(self.whitened, axis=-1))
+
+
+class Detections(Protocol):
+    """Detections as arrays, a row each."""
+
+    def take(self, index: Any) -> "Detections":
+        """Rows of a selection."""
+
+
+class ObservationModel(Protocol):
+    """States are (B, d) robot ``x`` and object ``o`` in map; a detection is opaque to the engine.
+
+    Of S detections ``seen`` the rows repeat: state b is of detection b mod S.
+    """
+
+    num_classes: int  # 0: classes are not enumerated
+
+    def collect(self, detections: Sequence[Any]) -> Detections:
+        """Detections as arrays, a row each."""
+
+    def geometry(self, seen: Any, x: Array, o: Array) -> Linearisation:
+        """The geometric part z_geo of the collected detections."""
+
+    def semantics(self, seen: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
+        """The semantic part z_sem for (B,) classes."""
+
+    def log_likelihood(self, seen: Any, x: Array, o: Array, classes: Classes | None) -> Array:
+        """(B,) log density of both, without slopes; of the geometric part alone where ``classes`` is None."""
+
+    def best_heading(self, seen: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
+        """(B,) largest semantic log density of one detection over turned objects, and (B,) the turn [rad] to it.
+
+        The turn is the best where headings deviate by ``sigma`` (B,) a priori. States without a heading have none.
+        """
+
+    def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
+        """(B,) log P(beta | x, o), up to a constant that is equal for all beta."""
+
+    def robot_start(self, seen: Any, x: Array, o: Array) -> Array:
+        """(B, d) robot states near ``x`` that explain the detections of objects ``o``: where a search may start."""
+
+    def object_prior(self, detection: Any, x: Array) -> GaussianPrior:
+        """Broad prior of an object first seen from robot state ``x`` (d,)."""
+
+    def geometry_factor(self, detection: Any, keys: tuple[int, int]) -> Any:
+        """GTSAM factor between robot and object."""
+
+    def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
+        """(B,) radians by which an object's place as the robot sees it is uncertain, seen from the robot.
+
+        ``covariance`` (B, 2 d, 2 d) is of robot and object in tangent spaces from which ``charts`` (B, 2 d, 2 d) lead
+        to those at their states.
+        """
+
+    def view_change(self, before: Array, now: Array) -> Array:
+        """(n,) radians by which views of objects differ, given (n, d) objects as the robot sees them."""
+
+    def least_cost(self, seen: Any, x: Array, covariance: Array, o: Array, sigmas: Array) -> tuple[Array, float]:
+        """(P, D, O) nats that D detections cost at least if they are of each of O objects, and the log of all their
+        densities' peaks.
+
+        Robots (P, d) have (P, d, d) ``covariance``; the positions of objects (P, O, d) have no larger standard
+        deviation than ``sigmas`` (O,) [m] in any direction.
+        """

@@ -1,0 +1,88 @@
+"""What odometry gets wrong all the way: a turn for every metre driven, and the length of a metre.
+
+x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations. It
+changes a little from one stretch of the drive to the next, so that every stretch has its own variable in the smoother:
+a revisit tells of them as of the poses, and what they tell of the next revisit is part of the belief. One variable for
+the whole drive would be in every clique, and each of its changes would go through the whole tree.
+"""
+
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.configuration import OdometryConfiguration
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.states.keys import begins_stretch, bias_key
+
+CHANGE = 0.1
+"""Standard deviation of its change from one stretch to the next, in those of the prior."""
+
+
+def bias_sigmas(settings: OdometryConfiguration) -> Array:
+    """(2,) prior standard deviations of heading per metre [rad/m] and relative length; none where nothing is asked."""
+    if not settings.estimate_bias:
+        return np.zeros(0)
+    return np.array([settings.sigma_bias_rad_per_m, settings.sigma_bias_scale])
+
+
+def slopes(control: Array) -> Array:
+    """(..., 3, 2) change of a planar ``control`` (..., 3), in its tangent space, by heading per metre and by length.
+
+    The motion is taken as one arc: of twist t, on which the bias adds (0, 0, t_x) and (t_x, t_y, 0).
+    """
+    twist = se2.log(control)
+    change = np.zeros((*twist.shape, 2))
+    change[..., 2, 0] = twist[..., 0]
+    change[..., :2, 1] = twist[..., :2]
+    return np.asarray(se2.right_jacobian(twist) @ change)
+
+
+def composed_slopes(before: Array, control: Array, own: Array) -> Array:
+    """(3, 2) of a motion with ``before`` that goes on with ``control``, whose ``own`` they are."""
+    return np.asarray(se2.inverse_adjoint(control) @ before + own)
+
+
+def bias_prior(size: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """N(0, I) of the first bias, as a graph and its first values."""
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.PriorFactorVector(bias_key(-1), np.zeros(size), gtsam.noiseModel.Unit.Create(size)))
+    values.insert(bias_key(-1), np.zeros(size))
+    return graph, values
+
+
+def bias_change(keyframe: int, bias: Array, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+    """Add the bias of a stretch that begins with ``keyframe``, ``bias`` (p,) being that of the one before."""
+    keys = bias_key(keyframe - 1), bias_key(keyframe)
+    noise = gtsam.noiseModel.Isotropic.Sigma(len(bias), CHANGE)
+    graph.add(gtsam.BetweenFactorVector(*keys, np.zeros(len(bias)), noise))
+    values.insert(keys[1], bias)
+
+
+def with_changed_bias(covariance: Array, keyframe: int, size: int) -> Array:
+    """Covariance of a planar robot, ``size`` biases and all else, when the motion to ``keyframe`` begins."""
+    if not size or not begins_stretch(keyframe):
+        return covariance
+    wider, rows = covariance.copy(), 3 + np.arange(size)
+    wider[rows, rows] += CHANGE**2
+    return wider
+
+
+def biased_factor(keys: tuple[int, int, int], control: Array, covariance: Array, by_bias: Array) -> Any:
+    """Between two planar poses and a bias c: GTSAM's own factor of the two, less what c makes of the control."""
+    noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+    plain = gtsam.BetweenFactorPose2(*keys[:2], gtsam.Pose2(*control), noise)
+    whitened = noise.R() @ by_bias
+    negative = np.asfortranarray(-whitened)
+
+    def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        explained = whitened @ values.atVector(keys[2])
+        if jacobians is None:
+            return np.asarray(plain.whitenedError(values) - explained)
+        jacobian, negated = plain.linearize(values).jacobian()
+        jacobians[0], jacobians[1], jacobians[2] = jacobian[:, :3], jacobian[:, 3:], negative
+        return np.asarray(-negated - explained)
+
+    return gtsam.CustomFactor(unit_noise(3), list(keys), error)

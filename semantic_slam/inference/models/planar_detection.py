@@ -1,0 +1,108 @@
+"""Detections as the planar observation model takes them: one by one, and as arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import log, sqrt
+from typing import Any
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True)
+class PlanarDetection:
+    """One detection, in the body frame."""
+
+    range_m: float  # NaN: bearing only
+    bearing_rad: float  # seen from the body's origin, or from ``sensor`` when bearing only
+    covariance: Array  # (2, 2) of [range, bearing]
+    sensor: Array  # (2,) camera in the body frame, metres
+    feature: Array  # (F,) z_sem
+    feature_covariance: Array  # (F, F) covariance of the dropout samples
+    elevation_rad: float = 0.0  # of the camera over the object, from the box
+
+    @cached_property
+    def has_range(self) -> bool:
+        return bool(np.isfinite(self.range_m))
+
+    @cached_property
+    def whiten(self) -> Array:
+        """(2, 2) residuals of [range, bearing] to unit covariance, no row for a range that is missing."""
+        (a, b), (_, c) = self.covariance.tolist()
+        if not self.has_range:
+            return np.array([[0.0, 0.0], [0.0, 1.0 / sqrt(c)]])
+        first, below = sqrt(a), b / sqrt(a)
+        second = sqrt(c - below**2)  # of the lower Cholesky factor
+        return np.array([[1.0 / first, 0.0], [-below / (first * second), 1.0 / second]])
+
+    @cached_property
+    def log_normaliser(self) -> float:
+        """Of the density of range and bearing, or of the bearing alone."""
+        (by_range, _), (_, by_bearing) = self.whiten.tolist()
+        return log(by_bearing) - 0.5 * LOG_2PI + (log(by_range) - 0.5 * LOG_2PI if self.has_range else 0.0)
+
+    @cached_property
+    def noise(self) -> Any:
+        """GTSAM's noise model, in its order: bearing, range."""
+        return gtsam.noiseModel.Gaussian.Covariance(self.covariance[::-1, ::-1])
+
+    @cached_property
+    def direction(self) -> Any:
+        """The bearing as GTSAM has it."""
+        return gtsam.Rot2.fromAngle(self.bearing_rad)
+
+    @cached_property
+    def feature_variance(self) -> Array:
+        """(F,) diagonal of the feature's covariance."""
+        return np.array(self.feature_covariance.diagonal())
+
+    @property
+    def origin(self) -> Array:
+        """(2,) point of the body that range and bearing are seen from."""
+        return np.zeros(2) if self.has_range else self.sensor
+
+
+@dataclass(frozen=True)
+class PlanarDetections:
+    """B detections as arrays; a bearing alone has a range that counts nothing. One row stands for any number."""
+
+    range_m: Array  # (B,) 0 where there is none
+    bearing_rad: Array  # (B,)
+    whiten: Array  # (B, 2, 2) residuals of [range, bearing] to unit covariance, no row for a range that is missing
+    log_normaliser: Array  # (B,) of the geometric density
+    has_range: NDArray[np.bool_]  # (B,)
+    origin: Array  # (B, 2)
+    sensor: Array  # (B, 2)
+    feature: Array  # (B, F)
+    feature_covariance: Array  # (B, F, F)
+
+    @classmethod
+    def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
+        """All detections of a keyframe, or of a track."""
+        count, size = len(detections), detections[0].feature.size if detections else 0
+        scalars = [(item.range_m, item.bearing_rad, item.log_normaliser) for item in detections]
+        range_m, bearing, log_normaliser = np.array(scalars).reshape(count, 3).T.copy()
+        has_range = np.isfinite(range_m)
+        range_m[~has_range] = 0.0
+        sensor = np.array([item.sensor for item in detections]).reshape(count, 2)
+        return cls(
+            range_m,
+            bearing,
+            np.array([item.whiten for item in detections]).reshape(count, 2, 2),
+            log_normaliser,
+            has_range,
+            np.where(has_range[:, None], 0.0, sensor),
+            sensor,
+            np.array([item.feature for item in detections]).reshape(count, size),
+            np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
+        )
+
+    def take(self, index: Any) -> "PlanarDetections":
+        """Rows of a selection."""
+        return PlanarDetections(*(getattr(self, item.name)[index] for item in fields(self)))

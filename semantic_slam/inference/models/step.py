@@ -1,0 +1,57 @@
+"""A keyframe as the engine sees it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array
+
+if TYPE_CHECKING:
+    pass
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Odometry from one keyframe to the next."""
+
+    control: Array  # (d,)
+    covariance: Array  # (d, d)
+    by_bias: Array | None = None  # (d, p) change of the control by what odometry always gets wrong, where estimated
+
+
+@dataclass(frozen=True)
+class AssociatedDetection:
+    """A detection with the object and class that a hypothesis gives it; class -1: no semantics."""
+
+    detection: Any
+    object_id: int
+    assigned_class: int
+
+
+@dataclass(frozen=True)
+class Step:
+    """One keyframe: motion since the one before, and D detections."""
+
+    index: int
+    stamp_ns: int
+    motion: Motion
+    detections: Sequence[Any]  # D, for the observation model
+    detection_ids: NDArray[np.uint32]  # (D,) index in the detector's message
+    scores: Array  # (D,) detector's confidence
+    names: tuple[str, ...]  # (D,) identities given, "" for none
+    in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
+    dropped: int = 0  # inputs not used so far
+    free_range_scan: Array = field(
+        default_factory=lambda: np.zeros((0, 2))
+    )  # (B, 2) bearing, range of the farthest surface
+
+    def observed(
+        self, association: Sequence[int], classes: Sequence[int], used: Iterable[int]
+    ) -> tuple[AssociatedDetection, ...]:
+        """The detections ``used`` that a hypothesis associates with objects."""
+        return tuple(
+            AssociatedDetection(self.detections[i], association[i], classes[i]) for i in used if association[i] >= 0
+        )

@@ -1,0 +1,55 @@
+"""Objects that detections start: where they would be, and what a detection of none that is known weighs.
+
+Where such an object is follows from the robot and from the detection alone. In the small problems of the weights its
+position has a Gaussian about the measured one, in the robot's frame and a few times as wide as the measurement, and
+its density at that point is divided out again: what stays is an even intensity on the ground.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.states.gaussian import GaussianPrior
+
+WIDTH = 5.0
+"""Standard deviations of the stand-in prior in those of the measurement: wide, and yet well conditioned."""
+
+
+@dataclass(frozen=True)
+class Birth:
+    """An object that one detection would start in one hypothesis (planar poses)."""
+
+    prior: GaussianPrior  # broad, for the graph
+    gain: Array  # (3, 3) how the object moves with the robot
+    spread: Array  # (3, 3) covariance given the robot, of the small problems
+    noise: Array  # (3, 3) covariance given the robot that the detection leaves
+    log_area: float  # log of the detection's evidence under an intensity of one
+    log_stand_in: float  # log of its evidence under ``spread``
+
+
+def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_view_rad: float) -> Birth:
+    """The object that ``detection`` starts, seen from the predicted ``robot`` (3,).
+
+    An intensity is one per square metre of the region for a detection with a range: its evidence per metre and radian
+    is then the range, a ring's area. It is one in the whole region for a bearing alone.
+    """
+    prior = model.object_prior(detection, robot)
+    gain = se2.adjoint(se2.between(prior.mean, robot))
+    noise = np.diag([0.0, 0.0, prior.covariance[2, 2]])
+    if not detection.has_range:
+        noise[:2, :2] = prior.covariance[:2, :2]
+        across = np.hypot(*(prior.mean[:2] - robot[:2])) or 1.0
+        variance = detection.covariance[1, 1] + prior.covariance[0, 0] / across**2
+        stand_in = -0.5 * float(np.log(2.0 * np.pi * variance))
+        return Birth(prior, gain, noise, noise, -float(np.log(field_of_view_rad)), stand_in)
+    cos, sin, reach = np.cos(detection.bearing_rad), np.sin(detection.bearing_rad), detection.range_m
+    polar = np.array([[cos, -reach * sin], [sin, reach * cos]])
+    noise[:2, :2] = polar @ detection.covariance @ polar.T
+    spread = noise.copy()
+    spread[:2, :2] *= WIDTH**2
+    stand_in = float(detection.log_normaliser - np.log1p(WIDTH**2))  # the stand-in is WIDTH^2 times the noise
+    return Birth(prior, gain, spread, noise, float(np.log(reach)), stand_in)

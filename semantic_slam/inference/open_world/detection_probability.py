@@ -1,0 +1,84 @@
+"""How probably each object of one hypothesis is detected by a robot at each of K modes (planar poses)."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
+
+
+class Occluders(NamedTuple):
+    """What a frame itself tells of what stands in the way, in the body frame."""
+
+    ranges_m: Array  # (D,) of its detections, NaN without depth
+    bearings_rad: Array  # (D,)
+    free_range_scan: Array = NO_SCAN  # (B, 2) bearing and range of the farthest surface in each direction
+
+
+@dataclass(frozen=True)
+class PredictedObjects:
+    """Robot and N objects of one parent before the detections; covariances in the tangent spaces at the means."""
+
+    robot: Array  # (3,)
+    robot_covariance: Array  # (3, 3)
+    objects: Array  # (N, 3)
+    gain: Array  # (N, 3, 3) Cov(o, x) Cov(x)^-1: how each object moves with the robot
+    remainder: Array  # (N, 3, 3) covariance of the object given the robot
+
+
+def detection_probabilities(
+    region: SensorRegion, prediction: PredictedObjects, robot: Array, covariance: Array, shown: Occluders
+) -> Array:
+    """(K, N) probabilities that objects that exist are detected from modes ``robot`` (K, 3) with (K, 3, 3).
+
+    What is ``shown`` may hide what is behind it.
+    """
+    shift = se2.log(se2.between(prediction.robot, robot))  # (K, 3)
+    moved = np.einsum("nij,kj->kni", prediction.gain, shift)
+    objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
+    relative = se2.between(robot[:, None], objects)
+    inside = region.contains(relative[..., :2], _relative_covariance(relative, prediction, covariance))
+    return np.asarray(region.detection_probability * inside * region.not_occluded(relative[..., :2], *shown))
+
+
+def predicted_detection_probabilities(region: SensorRegion, prediction: PredictedObjects) -> Array:
+    """(N,) the same at the prediction itself, nothing being hidden."""
+    relative = se2.between(prediction.robot, prediction.objects)[None]
+    spread = _relative_covariance(relative, prediction, prediction.robot_covariance[None])
+    return np.asarray(region.detection_probability * region.contains(relative[..., :2], spread)[0])
+
+
+def _relative_covariance(relative: Array, prediction: PredictedObjects, covariance: Array) -> Array:
+    """(K, N, 2, 2) of the objects' positions in the body frame, to first order.
+
+    With p = R_x^T (t_o - t_x): dp/dx = [-I, -S p] and dp/do = [R_x^T R_o, 0], S a quarter turn.
+    """
+    by_robot = np.zeros((*relative.shape[:-1], 2, 3))
+    by_robot[..., 0, 0] = by_robot[..., 1, 1] = -1.0
+    by_robot[..., 0, 2], by_robot[..., 1, 2] = relative[..., 1], -relative[..., 0]
+    by_object = np.zeros_like(by_robot)
+    cos, sin = np.cos(relative[..., 2]), np.sin(relative[..., 2])
+    by_object[..., 0, 0], by_object[..., 0, 1], by_object[..., 1, 0], by_object[..., 1, 1] = cos, -sin, sin, cos
+    together = by_robot + by_object @ prediction.gain
+    own = by_object @ prediction.remainder @ np.swapaxes(by_object, -1, -2)
+    return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + own)
+
+
+def undetected_share(region: SensorRegion, trail: Array, points: Array) -> Array:
+    """(D,) probabilities that objects at ``points`` (D, 2) in map were not detected from ``trail`` (T, 3) so far.
+
+    Positions count as known: what is looked for lies where a detection is.
+    """
+    share = np.ones(len(points))
+    for row, point in enumerate(points):
+        x, y = point[0] - trail[:, 0], point[1] - trail[:, 1]
+        distance = np.hypot(x, y)
+        near = np.flatnonzero((distance > region.min_range_m) & (distance < region.max_range_m))
+        bearing = wrap_angle(np.arctan2(y[near], x[near]) - trail[near, 2])
+        looks = int((np.abs(bearing) <= 0.5 * region.field_of_view_rad).sum())
+        share[row] = (1.0 - region.detection_probability) ** looks
+    return share

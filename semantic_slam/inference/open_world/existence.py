@@ -1,0 +1,32 @@
+"""Whether an object exists, as one hypothesis sees it: births, misses, and where a miss counts.
+
+Every object is a Bernoulli with existence r. Detections that belong to no known object come from clutter or from
+objects not detected so far, both Poisson with an intensity per square metre.
+"""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+
+LEAST_PROBABILITY = 1e-300
+
+
+def birth(undetected: Array, clutter: float, detection_probability: float) -> tuple[Array, Array]:
+    """Intensity of a first detection [1/m^2], and existence of what it is a detection of.
+
+    ``undetected`` intensities [1/m^2] of objects not seen yet where the detection lies, ``clutter`` intensity of false
+    alarms [1/m^2].
+    """
+    born = detection_probability * undetected
+    total = born + clutter
+    return total, np.where(total > 0.0, born / np.where(total > 0.0, total, 1.0), 0.0)
+
+
+def missed(existence: Array, detected: Array) -> tuple[Array, Array]:
+    """Log probability that an object is not detected, and its existence after that.
+
+    1 - r p_d and r (1 - p_d) / (1 - r p_d), with p_d = ``detected`` the probability of its detection if it exists.
+    What cannot be has a log probability far below all others.
+    """
+    factor = np.maximum(1.0 - existence * detected, LEAST_PROBABILITY)
+    return np.log(factor), existence * (1.0 - detected) / factor

@@ -1,0 +1,130 @@
+"""Weights and modes of joint assignments from one linearisation at the prediction, where that is enough.
+
+Objects are distinct, so that the measurements of K assignments with the same number of known objects stack into
+systems of one size. Detections that start an object tell nothing of the robot: they follow from its mode.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.small_matrices import inverted
+from semantic_slam.inference.association.gating import PairDensities
+from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.states.state_space import StateSpace
+
+
+@dataclass(frozen=True)
+class EvaluatedAssignments:
+    """K assignments of D detections; covariances in the tangent spaces at the states."""
+
+    log_evidence: Array  # (K,) of the detections, those that start an object under their stand-in
+    robot: Array  # (K, d) modes
+    robot_covariance: Array  # (K, d, d)
+    objects: Array  # (K, D, d)
+    object_covariances: Array  # (K, D, d, d)
+    bend: Array  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most; inf: unknown
+
+    def replaced(self, rows: Index, others: "EvaluatedAssignments") -> "EvaluatedAssignments":
+        """The same with ``others`` in some rows."""
+        fields = {name: value.copy() for name, value in vars(self).items()}
+        for name, value in fields.items():
+            value[rows] = getattr(others, name)
+        return EvaluatedAssignments(**fields)
+
+
+def joined(parts: list[EvaluatedAssignments]) -> EvaluatedAssignments:
+    """One after the other."""
+    return EvaluatedAssignments(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
+    )
+
+
+class LinearisedEvidence:
+    """The predicted Gaussian of one parent with its linearised detections."""
+
+    def __init__(
+        self, space: StateSpace, mean: Array, covariance: Array, pairs: PairDensities, births: list[Birth], turns: Array
+    ):
+        """``mean`` (1 + M, d) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad]."""
+        self.space, self.mean, self.covariance = space, mean, covariance
+        self.pairs, self.births, self.turns = pairs, births, turns
+        self.dimension, self.known = space.dimension, len(mean) - 1
+
+    def evaluate(self, columns: Index) -> EvaluatedAssignments:
+        """(K, D) columns: an object, or M + i when detection i starts one."""
+        count, detections = columns.shape
+        size = self.dimension
+        result = EvaluatedAssignments(
+            np.zeros(count),
+            np.empty((count, size)),
+            np.empty((count, size, size)),
+            np.empty((count, detections, size)),
+            np.empty((count, detections, size, size)),
+            np.zeros(count),
+        )
+        for row in range(count):
+            self._row(columns[row], result, row)
+        return result
+
+    def _row(self, columns: Index, result: EvaluatedAssignments, row: int) -> None:
+        size = self.dimension
+        seen = [number for number, column in enumerate(columns.tolist()) if column < self.known]
+        blocks = np.array([0, *(1 + int(columns[number]) for number in seen)])
+        places = (blocks[:, None] * size + np.arange(size)).ravel()
+        prior = self.covariance[places[:, None], places]
+        shift, after = np.zeros(len(places)), prior
+        if seen:
+            residual, jacobian, log_normaliser = self._system(columns, seen)
+            cross = jacobian @ prior
+            innovation = cross @ jacobian.T
+            innovation.flat[:: len(residual) + 1] += 1.0
+            inverse, log_determinant = inverted(innovation)
+            weighted = inverse @ residual
+            shift = -weighted @ cross
+            after = prior - cross.T @ inverse @ cross
+            result.log_evidence[row] = log_normaliser - 0.5 * float(residual @ weighted) - 0.5 * log_determinant
+        self._fill(result, row, columns, seen, shift.reshape(-1, size), after)
+        if seen:
+            result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)
+
+    def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, float]:
+        """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser."""
+        size = self.dimension
+        parts = [self.pairs.parts[number] for number in seen]
+        residual = np.concatenate([part.residual[columns[n]] for part, n in zip(parts, seen, strict=True)])
+        jacobian = np.zeros((len(residual), (1 + len(seen)) * size))
+        at, log_normaliser = 0, 0.0
+        for place, (part, number) in enumerate(zip(parts, seen, strict=True), start=1):
+            own = part.jacobian_robot[columns[number]]
+            jacobian[at : at + len(own), :size] = own
+            jacobian[at : at + len(own), place * size : (place + 1) * size] = part.jacobian_object[columns[number]]
+            log_normaliser += float(part.log_normaliser[columns[number]])
+            at += len(own)
+        return residual, jacobian, log_normaliser
+
+    def _bend(self, seen: list[int], change: Array, variances: Array) -> float:
+        """A direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term.
+
+        ``change`` c of the whitened measurements from prediction to mode, and ``variances`` of the prediction.
+        """
+        squared = np.maximum(change**2, variances).reshape(len(seen), -1).sum(axis=1)
+        return float((0.5 * self.turns[seen] * squared).max())
+
+    def _fill(
+        self, result: EvaluatedAssignments, row: int, columns: Index, seen: list[int], shift: Array, after: Array
+    ) -> None:
+        """States and covariances at the mode; charts are those of the prediction, for shifts are small."""
+        size = self.dimension
+        own = [0, *(1 + int(columns[number]) for number in seen)]
+        states = self.space.retract(self.mean[own], shift)
+        result.robot[row], result.robot_covariance[row] = states[0], after[:size, :size]
+        for place, number in enumerate(seen, start=1):
+            block = slice(place * size, (place + 1) * size)
+            result.objects[row, number], result.object_covariances[row, number] = states[place], after[block, block]
+        for number in [number for number, column in enumerate(columns) if column >= self.known]:
+            born = self.births[number]
+            result.objects[row, number] = self.space.retract(born.prior.mean, born.gain @ shift[0])
+            result.object_covariances[row, number] = born.gain @ after[:size, :size] @ born.gain.T + born.noise
+            result.log_evidence[row] += born.log_stand_in

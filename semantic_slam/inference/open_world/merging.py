@@ -1,0 +1,75 @@
+"""Hypotheses that have become near copies of each other: the heavier stays and takes the other's weight.
+
+Two are near copies when their robots stand together, when the objects that each recent detection was associated with
+lie together, and when these objects have the same classes. Which of the objects existed before does not matter, but
+whether a detection is the second of its object does: that one settles that the object exists, and a hypothesis in which
+it was a false alarm, or another object, must stay until misses or further detections decide. So must hypotheses that
+are sure of different objects, wherever these are.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
+
+
+@dataclass(frozen=True)
+class MergeCandidates:
+    """What K hypotheses look like to a robot that compares them; R recent detections."""
+
+    poses: Array  # (K, 7) robot in map
+    objects: Array  # (K, R, 3) where the object of each recent detection is, metres; NaN when given up
+    classes: Index  # (K, R + 1) its class, -1 where classes are not enumerated; and the noise of the odometry
+    settles: NDArray[np.bool_]  # (K, R) whether the detection is the second one of its object
+    parents: Index  # (K,) from 0 on
+    alike: NDArray[np.bool_]  # (P, P) whether two parents are sure of the same objects
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Those that stay, heaviest first."""
+
+    kept: Index  # (S,)
+    log_weights: Array  # (S,) with what they took over
+    count: int  # taken over
+
+
+def merge_copies(
+    looks: MergeCandidates, log_weights: Array, ids: NDArray[np.uint64], limits: OpenWorldConfiguration
+) -> Merged:
+    """Greedy, from the heaviest down; ties break by id."""
+    order = np.lexsort((ids, -log_weights))
+    if limits.merge_position_m <= 0.0:
+        return Merged(order, log_weights[order], 0)
+    planar = planar_from_pose_vector(looks.poses)
+    kept: list[int] = []
+    weights: list[float] = []
+    for row in order:
+        if kept:
+            near = _near(planar, looks, int(row), np.array(kept), limits)
+            if near.any():
+                at = int(np.argmax(near))
+                weights[at] = float(np.logaddexp(weights[at], log_weights[row]))
+                continue
+        kept.append(int(row))
+        weights.append(float(log_weights[row]))
+    return Merged(np.array(kept, dtype=int), np.array(weights), len(order) - len(kept))
+
+
+def _near(
+    planar: Array, looks: MergeCandidates, row: int, others: Index, limits: OpenWorldConfiguration
+) -> NDArray[np.bool_]:
+    """(n,) which of ``others`` the hypothesis is a near copy of."""
+    offset = planar[others] - planar[row]
+    near = np.hypot(offset[:, 0], offset[:, 1]) <= limits.merge_position_m
+    near &= np.abs(wrap_angle(offset[:, 2])) <= limits.merge_heading_rad
+    near &= (looks.classes[others] == looks.classes[row]).all(axis=1)
+    if not limits.merge_ghosts:
+        near &= (looks.settles[others] == looks.settles[row]).all(axis=1)
+        near &= looks.alike[looks.parents[others], looks.parents[row]]
+    distance = np.linalg.norm(looks.objects[others] - looks.objects[row], axis=-1)
+    return np.asarray(near & (np.nan_to_num(distance, nan=0.0) <= limits.merge_object_m).all(axis=1))

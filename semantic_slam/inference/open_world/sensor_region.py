@@ -1,0 +1,80 @@
+"""Where the sensor detects, and what hides what."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import wrap_angle
+
+NO_SCAN = np.zeros((0, 2))
+LEAST_SIGMA = 1e-6
+"""Metres and radians: the softest edge is never quite sharp."""
+
+
+@dataclass(frozen=True)
+class SensorRegion:
+    """Where the sensor detects: an annular sector about the body's forward axis, seen from its origin."""
+
+    detection_probability: float  # of an object inside, not hidden
+    min_range_m: float
+    max_range_m: float
+    field_of_view_rad: float  # full angle
+    occluder_radius_m: float = 0.0  # of what stands in front; 0: nothing hides anything
+
+    @property
+    def area_m2(self) -> float:
+        return 0.5 * self.field_of_view_rad * (self.max_range_m**2 - self.min_range_m**2)
+
+    def contains(self, relative: Array, covariance: Array) -> Array:
+        """(...,) probability that objects at ``relative`` (..., 2) in the body frame, with (..., 2, 2), lie inside.
+
+        Range and bearing count as independent normals: exact for a half-plane, close where the spread is small
+        against the region.
+        """
+        distance = np.maximum(np.hypot(relative[..., 0], relative[..., 1]), 1e-3)
+        radial = relative / distance[..., None]
+        across = np.stack([-radial[..., 1], radial[..., 0]], axis=-1)
+        sigma_range = np.sqrt(np.einsum("...i,...ij,...j->...", radial, covariance, radial)) + LEAST_SIGMA
+        sigma_across = np.sqrt(np.einsum("...i,...ij,...j->...", across, covariance, across)) + LEAST_SIGMA
+        inside = ndtr((self.max_range_m - distance) / sigma_range) - ndtr((self.min_range_m - distance) / sigma_range)
+        half = 0.5 * self.field_of_view_rad
+        if half >= np.pi:
+            return np.asarray(np.maximum(inside, 0.0))
+        bearing, sigma = np.arctan2(relative[..., 1], relative[..., 0]), sigma_across / distance
+        return np.asarray(np.maximum(inside, 0.0) * (ndtr((half - bearing) / sigma) - ndtr((-half - bearing) / sigma)))
+
+    def not_occluded(
+        self, relative: Array, ranges_m: Array, bearings_rad: Array, free_range_scan: Array = NO_SCAN
+    ) -> Array:
+        """(...,) 1 where nothing stands in front of (..., 2) positions in the body frame, else 0.
+
+        What hides: discs of the occluder's radius where the frame's own detections (D,) are, NaN ranges aside; and
+        what lies behind the ``free_range_scan`` (B, 2), bearing and range of the farthest surface in a depth image.
+        """
+        if self.occluder_radius_m <= 0.0:
+            return np.ones(relative.shape[:-1])
+        return self._unhidden_by_objects(relative, ranges_m, bearings_rad) * self._within(relative, free_range_scan)
+
+    def _unhidden_by_objects(self, relative: Array, ranges_m: Array, bearings_rad: Array) -> Array:
+        if not np.isfinite(ranges_m).any():
+            return np.ones(relative.shape[:-1])
+        known = np.isfinite(ranges_m)
+        ranges, bearings = ranges_m[known], bearings_rad[known]
+        distance = np.hypot(relative[..., 0], relative[..., 1])[..., None]
+        turn = np.arctan2(relative[..., 1], relative[..., 0])[..., None] - bearings
+        aside = np.abs(np.sin(turn)) * ranges < self.occluder_radius_m
+        behind = (np.cos(turn) > 0.0) & (distance > ranges + 2.0 * self.occluder_radius_m)
+        return np.asarray(1.0 - (aside & behind).any(axis=-1))
+
+    def _within(self, relative: Array, free_range_scan: Array) -> Array:
+        """Positions beside every direction of sight count as seen."""
+        if len(free_range_scan) < 2:
+            return np.ones(relative.shape[:-1])
+        distance = np.hypot(relative[..., 0], relative[..., 1])
+        aside = np.abs(wrap_angle(np.arctan2(relative[..., 1], relative[..., 0])[..., None] - free_range_scan[:, 0]))
+        nearest = aside.argmin(axis=-1)
+        apart = float(np.median(np.abs(np.diff(np.sort(free_range_scan[:, 0])))))
+        behind = distance > free_range_scan[nearest, 1] + 2.0 * self.occluder_radius_m
+        return np.asarray(1.0 - (behind & (aside.min(axis=-1) < apart)))

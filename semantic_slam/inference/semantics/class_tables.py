@@ -1,0 +1,105 @@
+"""Classes carried with the objects of a hypothesis instead of enumerated: a table over class and heading for each.
+
+What a view looks like depends on the class and on the side that is seen. Where no map tells an object's heading, both
+are unknown together, and a Gaussian over the heading would not do: sides look alike. Given the positions of camera and
+object the views of one object are independent of everything else, so that p(class, heading | views) is a table, exact
+up to its grid, and the sum over it is the views' evidence for the association. Headings and classes tell nothing back
+to the positions.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.semantics.independent_views import DrawnFeatures, IndependentViews
+from semantic_slam.inference.semantics.interface import CarriedInput, SemanticEvidence, at_hand
+from semantic_slam.inference.states.object_table import ObjectTable
+from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
+from semantic_slam.perception.uncertainty import mutual_information
+from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
+
+HEADINGS = 72
+"""Cells of a table all around: 5 degrees each."""
+STEP_RAD = 2.0 * np.pi / HEADINGS
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What one detection says for every azimuth of the camera in the object's frame."""
+
+    log_likelihood: Array  # (C, HEADINGS)
+    drawn: Array  # (HEADINGS, M, C) of draws of the measurement from the network, up to a constant
+    known: dict[tuple[int, int, int], tuple[float, ObjectViews]] = field(default_factory=dict)
+
+
+class ClassTables(IndependentViews):
+    """Evidence of views under tables over class and heading."""
+
+    def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
+        super().__init__(model, correlated_views)
+        angles: Array = STEP_RAD * np.arange(HEADINGS, dtype=np.float64)
+        self._around = Viewpoints(angles, np.zeros(HEADINGS), np.ones(HEADINGS))
+
+    def carried(self, views: CarriedInput) -> SemanticEvidence:
+        """Log evidence of the views of each continuation, and the objects' records after it."""
+        count = len(views.parents)
+        total, records = np.zeros(count), [dict[int, ObjectViews]() for _ in range(count)]
+        for number, detection in enumerate(views.detections):
+            log_likelihood, drawn = self._likelihoods(
+                DrawnFeatures.of([detection]).take(np.zeros(HEADINGS, dtype=int)), self._around
+            )
+            seen = _Seen(log_likelihood.T, drawn)
+            bearing = camera_bearing(views.robot, views.objects[:, number], detection.sensor)
+            camera = np.rint(bearing / STEP_RAD).astype(int) % HEADINGS
+            for row in range(count):
+                object_id = int(views.association[row, number])
+                added, records[row][object_id] = self._added(
+                    views, seen, int(views.parents[row]), object_id, int(camera[row]), bool(views.in_coverage[number])
+                )
+                total[row] += added
+        return SemanticEvidence(total, np.full(count, np.nan), at_hand(records), [None] * count)
+
+    def _added(
+        self, views: CarriedInput, seen: _Seen, parent: int, object_id: int, camera: int, inside: bool
+    ) -> tuple[float, ObjectViews]:
+        """Log evidence of one view of one object from the ``camera``'s cell around it, and the record with it."""
+        key = (parent, object_id, camera)
+        if key not in seen.known:
+            before = views.components[parent].views.get(object_id)
+            table = before.recent[0] if before else _unseen(views.populations[parent], object_id, len(seen.drawn[0, 0]))
+            prior = views.log_class_prior[object_id]
+            azimuths = (camera - np.arange(HEADINGS)) % HEADINGS
+            after = table + seen.log_likelihood[:, azimuths]
+            by_class = _log_sum(after)
+            evidence = float(_log_sum(prior + by_class) - _log_sum(prior + _log_sum(table)))
+            draws = _log_sum(table[None] + seen.drawn[azimuths].transpose(1, 2, 0))  # (M, C)
+            best = int(np.argmax(prior + by_class))
+            view = Viewpoints(*(value[azimuths[[int(after[best].argmax())]]] for value in vars(self._around).values()))
+            covered = inside and bool(self._model.in_coverage(np.array([best]), view)[0])
+            record = ObjectViews(
+                by_class,
+                float(mutual_information(class_posterior(prior, draws))),
+                covered and (before is None or before.in_coverage),
+                recent=(after,),
+            )
+            seen.known[key] = (evidence, record)
+        return seen.known[key]
+
+
+def _log_sum(values: Array) -> Array:
+    """Log of the sum of exponentials over the last axis."""
+    peak = values.max(axis=-1, keepdims=True)
+    return np.asarray(np.log(np.exp(values - peak).sum(axis=-1)) + peak[..., 0])
+
+
+def _unseen(population: ObjectTable, object_id: int, num_classes: int) -> Array:
+    """(C, HEADINGS) log prior over headings: what a map states, or nothing."""
+    row = int(np.searchsorted(population.ids, object_id))
+    log_heading = np.zeros(HEADINGS)
+    if row < len(population.ids) and population.ids[row] == object_id:
+        away = wrap_angle(STEP_RAD * np.arange(HEADINGS) - population.states[row, 2])
+        log_heading = -0.5 * away**2 / max(population.covariances[row, 2, 2], STEP_RAD**2)
+    return np.tile(log_heading - _log_sum(log_heading), (num_classes, 1))

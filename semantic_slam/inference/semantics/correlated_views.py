@@ -1,0 +1,218 @@
+"""Semantics of correlated views, without factors: evidence averaged over samples of the track (Sec. 3.3.4).
+
+Track samples come from the geometric posterior. Each carries the unnormalised p(z_1:k | track, c); its average over
+the samples is the evidence in the hypothesis's weight, and its share of that sum weighs the sample when class and
+poses are stated. Every object has its evidence to itself, so the tracks relative to two objects count as independent.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import log_sum_exp
+from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar_observation import viewpoints_in_plane
+from semantic_slam.inference.semantics.independent_views import score_offsets
+from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput, at_hand
+from semantic_slam.inference.semantics.track_samples import SampledRow, sample_rows
+from semantic_slam.inference.states.correction import Correction
+from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
+from semantic_slam.perception.uncertainty import mutual_information
+from semantic_slam.viewpoint.correlated import CorrelatedModel, Evidence
+from semantic_slam.viewpoint.model import Viewpoints
+
+LEAST_EFFECTIVE_SHARE = 0.2
+"""Share of the tracks that moments are taken from at least: fewer would claim a precision that they do not have."""
+
+
+@dataclass(frozen=True)
+class RecordedView:
+    """One semantic measurement of an object."""
+
+    keyframe: int
+    sensor: Array  # (2,) camera in the body frame
+    feature: Array  # (F,)
+    variance: Array  # (F,) of the dropout samples
+
+
+@dataclass(frozen=True)
+class TrackedViews:
+    """One object in one continuation: all its views that still count, the newest last, along P tracks."""
+
+    row: int
+    place: int  # of the object in the moment's list
+    before: ObjectViews | None
+    views: tuple[RecordedView, ...]  # V
+    azimuth_rad: Array  # (P, V)
+    detection: PlanarDetection  # the newest
+    flag: bool  # which lies inside the models' coverage
+
+
+class CorrelatedViews:
+    """Weighs continuations by the evidence of their objects' views."""
+
+    def __init__(self, model: CorrelatedModel, num_tracks: int, window: int, average: str, seed: int) -> None:
+        """``window`` W: views of an object that a new one correlates with; ``average``: evidence, or Eq. 3.20's."""
+        self._model, self._num_tracks, self._window, self._seed = model, num_tracks, window, seed
+        self._thesis = average == "thesis"
+
+    def weigh(self, moment: SemanticInput) -> SemanticEvidence:
+        """Evidence and records of K continuations."""
+        rows = sample_rows(moment, self._num_tracks, self._seed)
+        log_weights = np.zeros(len(rows))
+        views: list[dict[int, ObjectViews]] = [{} for _ in rows]
+        by_track: list[dict[int, Array]] = [{} for _ in rows]
+        for number in range(len(moment.used)):
+            sights = self._sights(moment, rows, views, number)
+            for sight, evidence in self._evidence(sights):
+                prior = moment.log_class_prior[sight.place]
+                object_id = moment.object_ids[sight.place]
+                record, tracks = self._record(sight, evidence, prior)
+                log_weights[sight.row] += _log_evidence(prior, record) - _log_evidence(prior, sight.before)
+                views[sight.row][object_id], by_track[sight.row][object_id] = record, tracks
+        if self._thesis:
+            return SemanticEvidence(
+                log_weights, np.full(len(rows), float(self._num_tracks)), at_hand(views), [None] * len(rows)
+            )
+        return _with_corrections(moment, rows, log_weights, by_track, views)
+
+    def _sights(
+        self, moment: SemanticInput, rows: list[SampledRow], views: list[dict[int, ObjectViews]], number: int
+    ) -> list[TrackedViews]:
+        stack, index = moment.stack, moment.used[number]
+        detection = moment.step.detections[index]
+        variance = np.diag(detection.feature_covariance)
+        seen = RecordedView(moment.step.index, detection.sensor, detection.feature, variance)
+        sights = []
+        for row in np.flatnonzero(stack.active[:, number]):
+            place = int(stack.rows.objects[row, number])
+            object_id = moment.object_ids[place]
+            parent = moment.parents[stack.rows.parents[row]]
+            before = views[row].get(object_id, parent.views.get(object_id))
+            together = (*(before.recent if before else ()), seen)
+            o = rows[row].states[:, 1 + stack.slots[row, number]]
+            azimuth = [self._azimuth(moment, rows[row], view, o) for view in together]
+            flag = bool(moment.step.in_coverage[index])
+            sights.append(TrackedViews(int(row), place, before, together, np.stack(azimuth, axis=1), detection, flag))
+        return sights
+
+    def _azimuth(self, moment: SemanticInput, row: SampledRow, view: RecordedView, o: Array) -> Array:
+        now = view.keyframe == moment.step.index
+        x = row.states[:, 0] if now else row.robot_at(view.keyframe)
+        return viewpoints_in_plane(x, o, view.sensor).azimuth_rad
+
+    def _evidence(self, sights: list[TrackedViews]) -> list[tuple[TrackedViews, Evidence]]:
+        """Sights of as many views are looked at together."""
+        by_length: dict[int, list[TrackedViews]] = defaultdict(list)
+        for sight in sights:
+            by_length[len(sight.views)].append(sight)
+        found = []
+        for group in by_length.values():
+            evidence = self._of_views(group, slice(None))
+            for at, sight in enumerate(group):
+                rows = slice(at * self._num_tracks, (at + 1) * self._num_tracks)
+                found.append((sight, evidence.rows(rows)))
+        return found
+
+    def _of_views(self, sights: list[TrackedViews], selection: slice) -> Evidence:
+        azimuth = np.concatenate([sight.azimuth_rad[:, selection] for sight in sights])
+        stacked = [
+            np.array([[getattr(view, name) for view in sight.views[selection]] for sight in sights])
+            for name in ("feature", "variance")
+        ]
+        return self._model.evidence(azimuth, *(np.repeat(value, self._num_tracks, axis=0) for value in stacked))
+
+    def _record(self, sight: TrackedViews, evidence: Evidence, log_prior: Array) -> tuple[ObjectViews, Array]:
+        """The object's record with its newest view, and (P,) log of how well each track explains the views."""
+        before = sight.before
+        base = np.zeros(len(log_prior)) if before is None or before.log_dropped is None else before.log_dropped
+        by_track = base + evidence.log_likelihood  # (P, C)
+        dropped, recent, log_dropped = (before.dropped if before else 0), sight.views, base
+        if len(recent) > self._window:
+            recent, dropped = recent[1:], dropped + 1
+            kept = self._of_views([sight], slice(1, None)).log_likelihood
+            log_dropped = base + _mean(evidence.log_likelihood) - _mean(kept)
+        likelihood = self._averaged(by_track, log_prior)
+        best = int(np.argmax(log_prior + likelihood))
+        azimuth = np.asarray(sight.azimuth_rad[:, -1])
+        nearby = Viewpoints(azimuth, np.zeros_like(azimuth), np.ones_like(azimuth))
+        covered = self._model.independent.in_coverage(np.full(len(azimuth), best), nearby).mean() >= 0.5
+        record = ObjectViews(
+            likelihood,
+            self._epistemic(base, sight, evidence, log_prior),
+            sight.flag and bool(covered) and (before is None or before.in_coverage),
+            recent,
+            log_dropped,
+            dropped,
+        )
+        return record, log_sum_exp(log_prior + by_track)
+
+    def _averaged(self, by_track: Array, log_prior: Array) -> Array:
+        """(C,) log likelihood from that of (P, C) tracks; with Eq. 3.20 posteriors are averaged, tracks being equal."""
+        average = _mean(by_track)
+        if not self._thesis:
+            return average
+        joint = log_prior + by_track
+        posterior = _mean(joint - log_sum_exp(joint, keepdims=True))
+        with np.errstate(invalid="ignore"):
+            ratio = np.where(np.isfinite(log_prior), posterior - log_prior, 0.0)
+        return np.asarray(ratio + log_sum_exp(log_prior + average))
+
+    def _epistemic(self, base: Array, sight: TrackedViews, evidence: Evidence, log_prior: Array) -> float:
+        """Spread of the posterior over draws of the newest measurement from the network's uncertainty (Eq. 3.25)."""
+        earlier = base + evidence.log_likelihood - evidence.newest  # (P, C)
+        drawn = _mean(earlier[..., None] + evidence.of_newest(score_offsets(sight.detection)))  # (C, M)
+        return float(mutual_information(class_posterior(log_prior, drawn.T)))
+
+
+def _with_corrections(
+    moment: SemanticInput,
+    rows: list[SampledRow],
+    log_weights: Array,
+    by_track: list[dict[int, Array]],
+    views: list[dict[int, ObjectViews]],
+) -> SemanticEvidence:
+    """What the tracks' weights make of the robot's pose and of the poses of the objects seen."""
+    effective = np.full(len(rows), np.nan)
+    robot: list[Correction | None] = [None] * len(rows)
+    for row, sampled in enumerate(rows):
+        if not views[row]:
+            continue
+        together = np.sum(list(by_track[row].values()), axis=0)
+        shares = _shares(together)
+        effective[row] = _effective_size(shares)
+        shares = _flattened(together, LEAST_EFFECTIVE_SHARE * len(together))
+        robot[row] = Correction.of_samples(sampled.deviations[:, 0], shares)
+        for number in np.flatnonzero(moment.stack.active[row]):
+            object_id = moment.object_ids[moment.stack.rows.objects[row, number]]
+            deviations = sampled.deviations[:, 1 + moment.stack.slots[row, number]]
+            views[row][object_id] = replace(views[row][object_id], correction=Correction.of_samples(deviations, shares))
+    return SemanticEvidence(log_weights, effective, at_hand(views), robot)
+
+
+def _shares(log_weights: Array) -> Array:
+    return np.asarray(np.exp(log_weights - log_sum_exp(log_weights)))
+
+
+def _effective_size(shares: Array) -> float:
+    return float(1.0 / (shares**2).sum())
+
+
+def _flattened(log_weights: Array, least_size: float) -> Array:
+    """Shares of the weights to the greatest power up to 1 that leaves ``least_size`` effective samples."""
+    if _effective_size(_shares(log_weights)) >= least_size:
+        return _shares(log_weights)
+    return _shares(log_weights * brentq(lambda power: _effective_size(_shares(power * log_weights)) - least_size, 0, 1))
+
+
+def _log_evidence(log_prior: Array, views: ObjectViews | None) -> float:
+    """log p(z_1:k) of an object's semantic measurements; 0 before the first."""
+    return 0.0 if views is None else float(log_sum_exp(log_prior + views.log_likelihood))
+
+
+def _mean(by_track: Array) -> Array:
+    """Log of the average over (P, ...) tracks."""
+    return np.asarray(log_sum_exp(by_track, axis=0) - np.log(len(by_track)))

@@ -1,0 +1,132 @@
+"""Descriptors and geometry of continuations as one Gaussian, from the smoothers of their parents."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
+from semantic_slam.inference.semantics.interface import SemanticInput
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.keys import descriptor_key, object_key, robot_key
+
+LEAST_SHARE = 1e-4
+"""Of its variance, that a descriptor keeps at least where rounding would leave less than nothing."""
+JITTER = 1e-9
+"""Relative to the prior variances; keeps the conditional covariances of descriptors positive definite."""
+
+
+@dataclass(frozen=True)
+class PredictedDescriptors:
+    """One parent's descriptors of O objects, with the predicted tangent vector of robot and objects; d, L."""
+
+    mean: Array  # (O, L)
+    covariance: Array  # (O L, O L)
+    cross: Array  # (O L, (1 + O) d) with robot and objects
+
+    @classmethod
+    def of(
+        cls, component: Component, moment: SemanticInput, wanted: Sequence[int], observation: LatentObservation
+    ) -> "PredictedDescriptors":
+        """Of the objects of ``moment``; those not among the places ``wanted`` keep their priors."""
+        count, length = len(moment.object_ids), observation.num_dimensions
+        size = component.space.dimension
+        priors = [observation.prior_of(n) for n in moment.object_ids]
+        mean = np.array([prior.mean[0] for prior in priors]).reshape(count, length)
+        covariance = np.diag(np.array([prior.sigma[0] for prior in priors]).ravel() ** 2)
+        cross = np.zeros((count * length, (1 + count) * size))
+        known = [p for p in wanted if component.smoother.has(descriptor_key(moment.object_ids[p]))]
+        if known:
+            keys = [descriptor_key(moment.object_ids[p]) for p in known]
+            mean[known] = component.smoother.descriptors(keys)
+            poses = [robot_key(component.keyframe), *(object_key(moment.object_ids[p]) for p in known)]
+            joint = component.joint_covariance([*poses, *keys])
+            split = len(poses) * size
+            along = joint[split:, :split].copy()
+            along[:, :size] = along[:, :size] @ component.space.propagation(moment.step.motion.control).T
+            rows, columns = blocks(known, length), blocks([0, *(1 + p for p in known)], size)
+            covariance[rows[:, None], rows] = joint[split:, split:]
+            cross[rows[:, None], columns] = along
+        return cls(mean, covariance, cross)
+
+
+def blocks(places: Sequence[int], size: int) -> Index:
+    """(n size,) rows of the blocks at ``places``."""
+    return np.asarray((np.array(places, dtype=int)[:, None] * size + np.arange(size)).ravel())
+
+
+def descriptor_problem(
+    moment: SemanticInput, observation: LatentObservation, rows: Index, active: NDArray[np.bool_]
+) -> DescriptorProblem:
+    """The least-squares problems of some continuations of a moment, over their ``active`` (B, n) detections.
+
+    Raises LostComponentError.
+    """
+    stack = moment.stack.select(rows)
+    y, hessian = moment.mode.y[rows], moment.mode.hessian[rows]
+    mean, cross, covariance = _gathered(moment, observation, rows)
+    batch, count, length = mean.shape
+    spread = np.linalg.inv(np.swapaxes(np.linalg.cholesky(hessian), 1, 2))  # y = y* + spread u
+    by_y = np.swapaxes(np.linalg.solve(stack.root, np.swapaxes(cross, 1, 2)), 1, 2)
+    rest = covariance - by_y @ np.swapaxes(by_y, 1, 2)
+    own = _root(rest, np.einsum("bii->bi", covariance))
+    tangent_offset = (stack.root @ y[..., None])[..., 0]
+    descriptor_offset = mean.reshape(batch, -1) + (by_y @ y[..., None])[..., 0]
+    size = stack.size
+    gain = np.zeros((batch, size + count * length, size + count * length))
+    gain[:, :size, :size] = stack.root @ spread
+    gain[:, size:, :size] = by_y @ spread
+    gain[:, size:, size:] = own
+    return DescriptorProblem(
+        stack.space,
+        observation,
+        DetectionFeatures.of([moment.step.detections[i] for i in moment.used]),
+        active,
+        stack.slots,
+        stack.mean,
+        np.concatenate([tangent_offset, descriptor_offset], axis=1),
+        gain,
+    )
+
+
+def _root(covariance: Array, scale: Array) -> Array:
+    """(B, N, N) lower Cholesky factors; ``scale`` (B, N) variances before conditioning.
+
+    Marginals of a map that floats by metres are rounded to more than a descriptor's variance. What then comes out
+    negative is no knowledge, so that it is raised to a share of the variance before.
+    """
+    try:
+        return np.asarray(np.linalg.cholesky(covariance + JITTER * scale[..., None] * np.eye(scale.shape[1])))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariance / np.sqrt(scale[:, :, None] * scale[:, None]))
+        positive = (vectors * np.maximum(values, LEAST_SHARE)[:, None]) @ np.swapaxes(vectors, 1, 2)
+        return np.asarray(np.linalg.cholesky(positive * np.sqrt(scale[:, :, None] * scale[:, None])))
+
+
+def _gathered(moment: SemanticInput, observation: LatentObservation, rows: Index) -> tuple[Array, Array, Array]:
+    """(B, n, L) means, (B, n L, (1 + n) d) covariances with the tangent vectors and (B, n L, n L) among each other."""
+    stack = moment.stack
+    length, size = observation.num_dimensions, stack.dimension
+    batch, count = len(rows), stack.active.shape[1]
+    mean = np.zeros((batch, count, length))
+    covariance = np.tile(np.eye(count * length), (batch, 1, 1))
+    cross = np.zeros((batch, count * length, (1 + count) * size))
+    parents = stack.rows.parents[rows]
+    for parent in np.unique(parents):
+        own = np.flatnonzero(parents == parent)
+        objects = stack.rows.objects[rows[own]]
+        wanted = np.unique(objects[objects >= 0]).tolist()
+        found = PredictedDescriptors.of(moment.parents[parent], moment, wanted, observation)
+        for row, places in zip(own, objects, strict=True):
+            used = [i for i, place in enumerate(places) if place >= 0 and stack.slots[rows[row], i] == i]
+            at = [int(places[i]) for i in used]
+            mean[row, used] = found.mean[at]
+            here, there = blocks(used, length), blocks(at, length)
+            covariance[row, here[:, None], here] = found.covariance[there[:, None], there]
+            poses, origin = (blocks([0, *(1 + i for i in which)], size) for which in (used, at))
+            cross[row, here[:, None], poses] = found.cross[there[:, None], origin]
+    return mean, cross, covariance

@@ -1,0 +1,120 @@
+"""Robot, objects and descriptors of many continuations, once their geometry is known: B least-squares problems.
+
+The geometric posterior of continuation b is the Gaussian at its mode, and the descriptors are jointly Gaussian with it.
+In v ~ N(0, I) tangent vectors and descriptors are linear, t = t* + T v and e = e* + D v, so that the evidence of the
+features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), a damped Laplace approximation away.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent_observation import LatentLinearisation, LatentObservation, azimuth_slopes
+from semantic_slam.inference.states.state_space import StateSpace
+
+
+@dataclass(frozen=True)
+class DescriptorProblem:
+    """B continuations of n detections; V coordinates, d dimensions of a pose."""
+
+    space: StateSpace
+    observation: LatentObservation
+    seen: DetectionFeatures  # n
+    active: NDArray[np.bool_]  # (B, n)
+    slots: Index  # (B, n) block of the object of each detection
+    mean: Array  # (B, 1 + n, d) where tangent vectors are taken
+    offset: Array  # (B, (1 + n) d + n L) t*, e*
+    gain: Array  # (B, (1 + n) d + n L, V) T, D
+
+    @property
+    def num_tangent(self) -> int:
+        """(1 + n) d."""
+        return int(self.mean[0].size)
+
+    def select(self, selection: Index) -> "DescriptorProblem":
+        """Some of the problems."""
+        names = ("active", "slots", "mean", "offset", "gain")
+        return replace(self, **{name: getattr(self, name)[selection] for name in names})
+
+    def descriptors(self, v: Array) -> Array:
+        """(B, n, L)."""
+        flat = self._variables(v)[:, self.num_tangent :]
+        return flat.reshape(len(v), self.active.shape[1], -1)
+
+    def states(self, v: Array) -> Array:
+        """(B, 1 + n, d)."""
+        return self.space.retract(self.mean, self._tangent(v))
+
+    def energies(self, v: Array) -> Array:
+        """(B, n) -log N(f; mu, Sigma) of each detection, 0 for clutter."""
+        part, _ = self._parts(v)
+        return self._by_row(-part.log_density())
+
+    def normal_equations(self, v: Array) -> tuple[Array, Array, Array]:
+        """Energy (B,), gradient (B, V) and Gauss-Newton Hessian (B, V, V)."""
+        part, chart = self._parts(v)
+        residual = self._by_row(part.residual).reshape(len(v), -1)
+        energy = 0.5 * (v**2).sum(-1) + self._by_row(-part.log_density()).sum(-1)
+        jacobian = self._placed(part, chart) @ self.gain
+        transposed = np.swapaxes(jacobian, 1, 2)
+        gradient = v + (transposed @ residual[..., None])[..., 0]
+        return energy, gradient, np.eye(v.shape[1]) + transposed @ jacobian
+
+    def azimuth_gain(self, v: Array) -> Array:
+        """(B, n, V) change of the direction of view per change of v."""
+        x, o, _, chart = self._placed_states(v)
+        batch, count = self.active.shape
+        turn = self._by_row(azimuth_slopes(x, o, np.tile(self.seen.sensor, (batch, 1))))
+        size = self.mean.shape[2]
+        placed = np.zeros((batch, count, *self.mean.shape[1:]))
+        placed[:, :, 0] = turn[:, :, :size]
+        placed[np.arange(batch)[:, None], np.arange(count), 1 + self.slots] = turn[:, :, size:]
+        by_tangent = np.einsum("bncd,bcde->bnce", placed, chart).reshape(batch, count, -1)
+        return np.asarray(by_tangent @ self.gain[:, : self.num_tangent])
+
+    def _variables(self, v: Array) -> Array:
+        return np.asarray(self.offset + (self.gain @ v[..., None])[..., 0])
+
+    def _tangent(self, v: Array) -> Array:
+        return self._variables(v)[:, : self.num_tangent].reshape(self.mean.shape)
+
+    def _parts(self, v: Array) -> tuple[LatentLinearisation, Array]:
+        """Of all detections of all rows, (B n), and (B, 1 + n, d, d) charts of the tangent vectors."""
+        x, o, e, chart = self._placed_states(v)
+        batch, count = self.active.shape
+        part = self.observation.linearise(self.seen.take(np.tile(np.arange(count), batch)), x, o, e)
+        return part, chart
+
+    def _placed_states(self, v: Array) -> tuple[Array, Array, Array, Array]:
+        """(B n, d) robots and objects and (B n, L) descriptors of all detections, and the charts."""
+        batch, count = self.active.shape
+        rows = np.arange(batch)[:, None]
+        variables = self._variables(v)
+        tangent = variables[:, : self.num_tangent].reshape(self.mean.shape)
+        moved, chart = self.space.exp_and_jacobian(tangent)
+        states = self.space.compose(self.mean, moved)
+        x = np.repeat(states[:, 0], count, axis=0)
+        o = states[rows, 1 + self.slots].reshape(len(x), -1)
+        e = variables[:, self.num_tangent :].reshape(batch, count, -1)[rows, self.slots].reshape(len(x), -1)
+        return x, o, e, chart
+
+    def _by_row(self, values: Array) -> Array:
+        """(B n, ...) values of the detections to (B, n, ...), 0 for clutter."""
+        shaped = values.reshape(*self.active.shape, *values.shape[1:])
+        return np.where(self.active.reshape(*self.active.shape, *(1,) * (values.ndim - 1)), shaped, 0.0)
+
+    def _placed(self, part: LatentLinearisation, chart: Array) -> Array:
+        """(B, n F, (1 + n) d + n L) Jacobians by tangent vectors and descriptors."""
+        batch, count = self.active.shape
+        size, length = part.residual.shape[1], self.observation.num_dimensions
+        rows, numbers = np.arange(batch)[:, None], np.arange(count)
+        poses = np.zeros((batch, count, size, *self.mean.shape[1:]))
+        poses[:, :, :, 0] = self._by_row(part.by_robot) @ chart[:, None, 0]
+        poses[rows, numbers, :, 1 + self.slots] = self._by_row(part.by_object) @ chart[rows, 1 + self.slots]
+        latent = np.zeros((batch, count, size, count, length))
+        latent[rows, numbers, :, self.slots] = self._by_row(part.by_descriptor)
+        flat = (batch, count * size, -1)
+        return np.concatenate([poses.reshape(flat), latent.reshape(flat)], axis=2)

@@ -1,0 +1,156 @@
+"""Views of objects whose heading nobody knows yet: modes over descriptor and heading, until one direction is left.
+
+Given the positions of camera and object the views of one object depend on nothing else, so that the modes carry all
+that they tell, and their sum is the views' evidence for the association. Once a single direction is left, all views
+enter the graph as factors.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
+from semantic_slam.inference.semantics.interface import CarriedInput, SemanticEvidence, at_hand
+from semantic_slam.inference.states.heading_mixture import HeadingMixture
+from semantic_slam.inference.states.object_table import ObjectTable
+from semantic_slam.inference.states.object_views import DescriptorRecord, HeadingRecord, ObjectViews
+from semantic_slam.latent.model import DescriptorBelief
+
+STEP_RAD = np.pi / 72.0
+"""Directions from an object to the camera are rounded to this, so that hypotheses share their work."""
+SETTLED_SHARE, SETTLED_RAD = 0.98, 0.15
+"""Weight of the best direction, and its standard deviation, from which on the heading counts as known."""
+
+
+@dataclass(frozen=True)
+class UnorientedView:
+    """One view of an object in one continuation."""
+
+    row: int
+    object_id: int
+    number: int  # of the detection
+    before: ObjectViews | None
+    start: HeadingMixture  # before the view
+    bearing_rad: float  # from the object to the camera, in map
+    sigma_rad: float
+
+
+def update_unoriented(
+    observation: LatentObservation,
+    keyframe: int,
+    detections: Sequence[Any],
+    in_coverage: NDArray[np.bool_],
+    views: Sequence[UnorientedView],
+) -> list[tuple[ObjectViews, float]]:
+    """The records after each view, and its log evidence. Equal views are looked at once."""
+    keys = [(id(view.start), view.number, round(view.bearing_rad / STEP_RAD), view.object_id) for view in views]
+    first = {key: at for at, key in reversed(list(enumerate(keys)))}
+    different = list(first.values())
+    sightings = [
+        DirectionalView(
+            views[at].start, views[at].number, STEP_RAD * round(views[at].bearing_rad / STEP_RAD), views[at].sigma_rad
+        )
+        for at in different
+    ]
+    found = updated_mixtures(observation, DetectionFeatures.of(detections), sightings)
+    records = dict(
+        zip(different, _records(observation, keyframe, detections, in_coverage, views, different, found), strict=True)
+    )
+    return [records[first[key]] for key in keys]
+
+
+def _records(
+    observation: LatentObservation,
+    keyframe: int,
+    detections: Sequence[Any],
+    in_coverage: NDArray[np.bool_],
+    views: Sequence[UnorientedView],
+    rows: Sequence[int],
+    found: Sequence[tuple[HeadingMixture, float]],
+) -> list[tuple[ObjectViews, float]]:
+    length = observation.num_dimensions
+    means = np.concatenate([modes.mean[:, :length] for modes, _ in found] or [np.zeros((0, length))])
+    variances = [np.einsum("mii->mi", modes.covariance)[:, :length] for modes, _ in found]
+    belief = DescriptorBelief(means, np.sqrt(np.concatenate(variances or [np.zeros((0, length))])))
+    by_mode = observation.model.class_log_likelihood(belief)
+    ends = np.cumsum([len(modes.log_weight) for modes, _ in found])
+    made = []
+    for at, (modes, evidence), end in zip(rows, found, ends, strict=True):
+        own = by_mode[end - len(modes.log_weight) : end]
+        likelihood = np.logaddexp.reduce(modes.log_weight[:, None] + own, axis=0)
+        view = views[at]
+        known = view.before.headings if view.before is not None else None
+        fresh = (keyframe, detections[view.number])
+        heading = HeadingRecord(modes, (*known.pending, fresh) if known else (fresh,))
+        made.append((_record(heading, likelihood, bool(in_coverage[view.number]), view.before), evidence))
+    return made
+
+
+def _record(heading: HeadingRecord, likelihood: Array, inside: bool, before: ObjectViews | None) -> ObjectViews:
+    """Its views enter as factors as soon as the heading is known."""
+    best, covariance, share = heading.modes.best()
+    sigma = float(np.sqrt(covariance[-1, -1]))
+    mean, variance = heading.modes.descriptor()
+    entering: tuple[tuple[int, Any], ...] = ()
+    if share >= SETTLED_SHARE and sigma <= SETTLED_RAD:
+        entering, heading = heading.pending, HeadingRecord(heading.modes, ())
+        mean, variance = best[:-1], np.diag(covariance)[:-1]
+    return ObjectViews(
+        likelihood,
+        float("nan"),
+        inside and (before is None or before.in_coverage),
+        descriptor=DescriptorRecord(mean, variance, sigma, entering, float(best[-1])),
+        headings=heading,
+    )
+
+
+class DescriptorTables:
+    """Evidence of views in an open world, where no map tells how objects are turned."""
+
+    def __init__(self, observation: LatentObservation) -> None:
+        self._observation = observation
+        self._unseen: dict[tuple[float, ...], HeadingMixture] = {}
+
+    def carried(self, views: CarriedInput) -> SemanticEvidence:
+        """Log evidence of the views of each continuation, and the objects' records after it."""
+        count = len(views.parents)
+        turned = [
+            self._turned(views, row, number, float(bearing))
+            for number, detection in enumerate(views.detections)
+            for row, bearing in enumerate(camera_bearing(views.robot, views.objects[:, number], detection.sensor))
+        ]
+        found = update_unoriented(self._observation, views.keyframe, views.detections, views.in_coverage, turned)
+        total, records = np.zeros(count), [dict[int, ObjectViews]() for _ in range(count)]
+        for view, (record, evidence) in zip(turned, found, strict=True):
+            total[view.row] += evidence
+            records[view.row][view.object_id] = record
+        return SemanticEvidence(total, np.full(count, np.nan), at_hand(records), [None] * count)
+
+    def _turned(self, views: CarriedInput, row: int, number: int, bearing: float) -> UnorientedView:
+        parent, object_id = int(views.parents[row]), int(views.association[row, number])
+        before = views.components[parent].views.get(object_id)
+        detection = views.detections[number]
+        sigma = float(np.sqrt(views.robot_covariance[row, 2, 2] + detection.covariance[1, 1]))
+        if before is not None and before.headings is not None:
+            start = before.headings.modes
+        else:
+            start = self._before(views.populations[parent], object_id)
+        return UnorientedView(row, object_id, number, before, start, bearing, sigma)
+
+    def _before(self, population: ObjectTable, object_id: int) -> HeadingMixture:
+        """What a map states of the heading, or nothing."""
+        row = int(np.searchsorted(population.ids, object_id))
+        prior = self._observation.prior_of(object_id)
+        mapped = row < len(population.ids) and population.ids[row] == object_id
+        heading, variance = (population.states[row, 2], population.covariances[row, 2, 2]) if mapped else (0.0, 100.0)
+        key = (float(heading), float(variance), *prior.mean[0].tolist())
+        if key not in self._unseen:
+            self._unseen[key] = HeadingMixture.about(prior, float(heading), float(np.sqrt(variance)))
+        return self._unseen[key]

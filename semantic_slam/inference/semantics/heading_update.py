@@ -1,0 +1,111 @@
+"""Heading mixtures after a view: every direction of every object in one batch of least-squares problems."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.evidence.laplace import find_modes
+from semantic_slam.inference.models.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.states.heading_mixture import HeadingMixture
+
+MAX_ITERATIONS = 8
+TOLERANCE = 0.05
+"""Nats that a further step may be expected to bring where a mode counts as found."""
+
+
+@dataclass(frozen=True)
+class DirectionalView:
+    """One view of an object whose modes are known; F."""
+
+    modes: HeadingMixture
+    view: int  # among the detections
+    bearing_rad: float  # direction from the object to the camera, in map
+    sigma_rad: float  # of that direction
+
+
+def updated_mixtures(
+    observation: LatentObservation, detections: DetectionFeatures, sightings: list[DirectionalView]
+) -> list[tuple[HeadingMixture, float]]:
+    """Modes after each view, and the view's log evidence: all directions of all sightings in one batch."""
+    if not sightings:
+        return []
+    sizes = [len(item.modes.log_weight) for item in sightings]
+    repeated = np.repeat(np.arange(len(sightings)), sizes)
+    mean = np.concatenate([item.modes.mean for item in sightings])
+    covariance = np.concatenate([item.modes.covariance for item in sightings])
+    bearing, sigma = (np.array([getattr(item, n) for item in sightings]) for n in ("bearing_rad", "sigma_rad"))
+    views = np.array([item.view for item in sightings], dtype=int)[repeated]
+    problem = _Directions(
+        observation, detections.take(views), mean, np.linalg.cholesky(covariance), bearing[repeated], sigma[repeated]
+    )
+    mode = find_modes(problem, problem.start(), MAX_ITERATIONS, TOLERANCE)
+    after = problem.states(mode.y)
+    size = mean.shape[1]
+    spread = np.linalg.solve(mode.hessian[:, :, :], _padded(problem.root, mode.y.shape[1]))
+    covariances = problem.root @ spread[:, :size]
+    covariances = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))
+    found, at = [], 0
+    for item, count in zip(sightings, sizes, strict=True):
+        rows = slice(at, at + count)
+        at += count
+        log_evidence = float(np.logaddexp.reduce(item.modes.log_weight + mode.log_evidence[rows]))
+        moved = replace(item.modes, mean=after[rows], covariance=covariances[rows])
+        found.append((moved.weighted(mode.log_evidence[rows]), log_evidence))
+    return found
+
+
+def _padded(root: Array, size: int) -> Array:
+    """(B, size, L + 1) transposed roots above zeros: the view's own angle tells nothing of the object."""
+    padded = np.zeros((len(root), size, root.shape[1]))
+    padded[:, : root.shape[1]] = np.swapaxes(root, 1, 2)
+    return padded
+
+
+@dataclass(frozen=True)
+class _Directions:
+    """B least-squares problems over w ~ N(0, I): (e, heading) = mean + root w, and an error of the bearing."""
+
+    observation: LatentObservation
+    seen: DetectionFeatures  # B
+    mean: Array  # (B, L + 1)
+    root: Array  # (B, L + 1, L + 1)
+    bearing_rad: Array  # (B,)
+    sigma_rad: Array  # (B,)
+
+    def start(self) -> Array:
+        """(B, L + 2): the descriptors that the encoder guesses where that explains the views better."""
+        length = self.mean.shape[1] - 1
+        none = np.zeros((len(self.mean), length + 2))
+        guess = self.observation.model.encode(self.seen.feature)
+        variance = (self.root[:, :length] ** 2).sum(-1)
+        step = np.zeros((len(self.mean), length + 1))
+        step[:, :length] = variance / (variance + guess.sigma**2) * (guess.mean - self.mean[:, :length])
+        encoded = none.copy()
+        encoded[:, : length + 1] = np.linalg.solve(self.root, step[..., None])[..., 0]
+        costs = [self.normal_equations(each)[0] for each in (none, encoded)]
+        return np.where((costs[1] < costs[0])[:, None], encoded, none)
+
+    def select(self, selection: Index) -> "_Directions":
+        """Some of them."""
+        names = ("mean", "root", "bearing_rad", "sigma_rad")
+        some = {name: getattr(self, name)[selection] for name in names}
+        return replace(self, seen=self.seen.take(selection), **some)
+
+    def states(self, w: Array) -> Array:
+        """(B, L + 1)."""
+        size = self.mean.shape[1]
+        return np.asarray(self.mean + (self.root @ w[:, :size, None])[..., 0])
+
+    def normal_equations(self, w: Array) -> tuple[Array, Array, Array]:
+        """Energy (B,), gradient and Gauss-Newton Hessian."""
+        states = self.states(w)
+        azimuth = self.bearing_rad + self.sigma_rad * w[:, -1] - states[:, -1]
+        part = self.observation.by_azimuth(self.seen, azimuth, states[:, :-1])
+        by_state = np.concatenate([part.by_descriptor, -part.by_azimuth[..., None]], axis=2) @ self.root
+        jacobian = np.concatenate([by_state, (part.by_azimuth * self.sigma_rad[:, None])[..., None]], axis=2)
+        energy = 0.5 * (w**2).sum(-1) - part.log_density()
+        transposed = np.swapaxes(jacobian, 1, 2)
+        gradient = w + (transposed @ part.residual[..., None])[..., 0]
+        return energy, gradient, np.eye(w.shape[1]) + transposed @ jacobian

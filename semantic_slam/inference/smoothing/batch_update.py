@@ -1,0 +1,237 @@
+"""Smoothers that grow together: what Python has to evaluate for them is evaluated for all at once."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.factor_table import AddedFactors, RelinearisedFactors
+from semantic_slam.inference.smoothing.reoptimisation import changed, reoptimised
+from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, LinearisationPoints, SemanticFactor
+from semantic_slam.inference.smoothing.smoother import AT_REST, Smoother, first_line
+
+Outcome = Smoother | LostComponentError
+T = TypeVar("T")
+
+MAX_UPDATES = 8
+
+
+@dataclass(frozen=True)
+class Extension:
+    """What a keyframe adds to a smoother: factors, new variables, and semantic measurements.
+
+    ``start``: states (d,) of variables that the semantic measurements concern, and where they are made. The estimate
+    may have ``jumped`` there; with descriptors, ``calm`` are states from which an optimisation may end better.
+    """
+
+    graph: gtsam.NonlinearFactorGraph
+    values: gtsam.Values
+    named: Sequence[SemanticFactor]
+    start: Mapping[int, Array]
+    jumped: bool = False
+    calm: Mapping[int, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Fork:
+    """A smoother on its way to rest."""
+
+    extension: Extension
+    smoother: Smoother
+    rests: bool
+    exact: Sequence[int] = ()  # semantic measurements whose exact factors are to become linear
+    made_at: Mapping[int, Array] = field(default_factory=dict)  # descriptors of the factors made in the round before
+
+
+@dataclass(frozen=True)
+class _Stale:
+    """Linear factors of one smoother that are no longer where they were made."""
+
+    rows: list[int] = field(default_factory=list)
+    floats: bool = False  # because the map floats
+    urgent: bool = False  # so far that the next keyframe's update is too late
+
+
+def update_all(
+    smoothers: Sequence[Smoother], extensions: Sequence[Extension], used_up: Collection[int] = ()
+) -> list[Outcome]:
+    """Forks with their extensions, updated until no state is so far from where it is linearised that it matters.
+
+    Where the estimate jumped, does not settle, or is too poorly conditioned for an update, the whole is optimised. An
+    error stands for a smoother whose system is indeterminate. Of the rows ``used_up`` nobody needs the smoother again:
+    they need no fork. (Parents at which a history is anchored are needed; but their children have jumped.)
+    """
+    calm = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
+    sizes = {row: calm[row].num_factors for row in used_up if row in calm}
+    found = _settled(_forked(calm, {row: extensions[row] for row in calm}, sizes))
+    for row, extension in enumerate(extensions):
+        if extension.jumped or isinstance(found[row], LostComponentError):
+            found[row] = _attempt(_jumped, smoothers[row], extension, sizes.get(row))
+    return [found[row] for row in range(len(smoothers))]
+
+
+def _jumped(smoother: Smoother, extension: Extension, num_factors: int | None) -> Smoother:
+    """Optimised from where the estimate jumped to; what the extension does not name begins where it was.
+
+    A smoother that an update has used up in vain had ``num_factors`` before.
+    """
+    if num_factors is None:
+        origin = smoother.isam.calculateEstimate()
+        origin.insert(extension.values)
+    else:
+        origin = gtsam.Values(smoother.isam.getLinearizationPoint())
+        origin.insert_or_assign(extension.values)
+    kept = smoother.kept(num_factors)
+    kept.push_back(extension.graph)
+    return reoptimised(smoother, kept, [*smoother.made.named, *extension.named], _starts(smoother, origin, extension))
+
+
+def _forked(
+    smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension], used_up: Collection[int]
+) -> dict[int, _Fork | LostComponentError]:
+    """After one update, which also renews what has moved since it was made; ``used_up`` ones as they are."""
+    if not smoothers:
+        return {}
+    before, own = list(smoothers.values()), list(extensions.values())
+    semantics, places = before[0].semantics, [LinearisationPoints.of(one.named, one.start) for one in own]
+    stale = [each.rows for each in _stale(before, [one.start.keys() for one in own])]
+    now = [one.places(rows) if rows else NO_POINTS for one, rows in zip(before, stale, strict=True)]
+    again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
+    made = semantics.make([one.named for one in own], places)
+
+    def fork(
+        row: int, smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors
+    ) -> _Fork:
+        isam = smoother.isam if row in used_up else gtsam.ISAM2(smoother.isam)
+        updated = smoother.updated(isam, extension.graph, extension.values, added, renewal)
+        certain = {item.descriptor_key for item in extension.named if not item.exact}
+        return _Fork(extension, updated, updated.rests(), updated.exact_rows(certain))
+
+    added = [AddedFactors(one.named, factors, at) for one, factors, at in zip(own, made, places, strict=True)]
+    renewals = [RelinearisedFactors(*parts) for parts in zip(stale, again, now, strict=True)]
+    rows = zip(smoothers, before, own, added, renewals, strict=True)
+    return {row: _attempt(fork, row, *parts) for row, *parts in rows}
+
+
+def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outcome]:
+    """Updated on; the semantic factors of the objects that were observed are made anew where their views changed.
+
+    Exact factors of descriptors that have been seen so well that new ones are linear become linear.
+    """
+    found: dict[int, Outcome] = {row: fork for row, fork in forks.items() if isinstance(fork, LostComponentError)}
+    pending = {row: fork for row, fork in forks.items() if isinstance(fork, _Fork)}
+    for number in range(MAX_UPDATES + 1):
+        rows = {row: [*stale, *pending[row].exact] for row, stale in _to_renew(pending).items()}
+        settled = [row for row, fork in pending.items() if fork.rests and not rows[row]]
+        found |= {row: pending.pop(row).smoother for row in settled}
+        if not pending or number == MAX_UPDATES:
+            break
+        renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
+        found |= {row: fork for row, fork in renewed.items() if isinstance(fork, LostComponentError)}
+        pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
+    # Poses at rest, and descriptors on their way: the next keyframe goes on.
+    return found | {row: fork.smoother if fork.rests else _attempt(_restless, fork) for row, fork in pending.items()}
+
+
+def _restless(fork: _Fork) -> Smoother:
+    smoother = fork.smoother
+    starts = _starts(smoother, smoother.isam.calculateEstimate(), fork.extension)
+    return reoptimised(smoother, smoother.kept(), smoother.made.named, starts)
+
+
+def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
+    """Of an optimisation: where the extension is, and where it is calm; what it does not name begins at ``origin``."""
+    states = [extension.start, extension.calm] if extension.calm else [extension.start]
+    return [changed(smoother.space, origin, own) for own in states]
+
+
+def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
+    """Stale factors of forks that go on; those of a fork at rest wait until their object is seen again.
+
+    Unless they are far off, or an update is due anyway. Under classes they wait in any case: their variables are poses.
+    """
+    going = {row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.rests}
+    smoothers = [fork.smoother for fork in going.values()]
+    stale = _stale(smoothers, [fork.extension.start.keys() for fork in going.values()])
+    due = {
+        row: own.rows
+        for (row, fork), own in zip(going.items(), stale, strict=True)
+        if own.urgent or fork.exact or not fork.rests
+    }
+    return {row: [] for row in forks} | due
+
+
+def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[_Stale]:
+    """Which linear factors of what was observed are no longer where they were made; of all where the map floats."""
+    stale = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(smoothers, observed, strict=True)])
+    floating = [row for row, own in enumerate(stale) if own.floats]
+    afloat = [smoothers[row] for row in floating]
+    for row, own in zip(floating, _moved(afloat, [one.linear_rows() for one in afloat]), strict=True):
+        stale[row] = own
+    return stale
+
+
+def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]:
+    """Of the given linear factors those that are to be made anew."""
+    some = [number for number, own in enumerate(rows) if len(own)]
+    stale = [_Stale() for _ in rows]
+    if not some:
+        return stale
+    before = LinearisationPoints.joined([smoothers[n].made.places.take(rows[n]) for n in some])
+    now = LinearisationPoints.joined([smoothers[n].places(rows[n]) for n in some])
+    change, floating = smoothers[0].semantics.change(before, now)
+    ends = np.cumsum([len(rows[n]) for n in some])
+    for place in np.unique(np.searchsorted(ends, np.flatnonzero(change > 1.0), side="right")).tolist():
+        own, n = slice(ends[place] - len(rows[some[place]]), ends[place]), some[place]
+        urgent = bool((change[own] > AT_REST).any())
+        stale[n] = _Stale(rows[n][change[own] > 1.0].tolist(), bool(floating[own].any()), urgent)
+    return stale
+
+
+def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | LostComponentError]:
+    """With these factors made anew, all linear, at the estimates; the second time on half-way there.
+
+    Gauss-Newton through a decoder may swing about its optimum.
+    """
+    semantics = forks[0].smoother.semantics
+    named = [fork.smoother.linear(own) for fork, own in zip(forks, rows, strict=True)]
+    places = [
+        _halfway(fork.smoother.places(own), fork, what) for fork, own, what in zip(forks, rows, named, strict=True)
+    ]
+    made = semantics.make(named, places)
+
+    def renew(
+        fork: _Fork, own: list[int], what: list[SemanticFactor], factors: Sequence[Any], at: LinearisationPoints
+    ) -> _Fork:
+        renewed = fork.smoother.renewed(RelinearisedFactors(own, factors, at))
+        keys = [item.descriptor_key for item in what if item.descriptor_key is not None]
+        made_at = {**fork.made_at, **dict(zip(keys, at.descriptors, strict=False))}
+        return _Fork(fork.extension, renewed, renewed.rests(), made_at=made_at)
+
+    return [_attempt(renew, *parts) for parts in zip(forks, rows, named, made, places, strict=True)]
+
+
+def _halfway(now: LinearisationPoints, fork: _Fork, named: Sequence[SemanticFactor]) -> LinearisationPoints:
+    """Between the estimates ``now`` and where the descriptors' factors were made in the round before."""
+    if not fork.made_at:
+        return now
+    descriptors = now.descriptors.copy()
+    for row, item in enumerate(named):
+        before = fork.made_at.get(item.descriptor_key) if item.descriptor_key is not None else None
+        if before is not None:
+            descriptors[row] = 0.5 * (before + descriptors[row])
+    return LinearisationPoints.stacked(now.robots, now.objects, descriptors)
+
+
+def _attempt(make: Callable[..., T], *arguments: object) -> T | LostComponentError:
+    """What GTSAM throws where a system is indeterminate; what else is wrong is nobody's to swallow."""
+    try:
+        return make(*arguments)
+    except (NotImplementedError, RecursionError):
+        raise
+    except RuntimeError as fault:
+        return LostComponentError(f"an update failed ({first_line(fault)})")

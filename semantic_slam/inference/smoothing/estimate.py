@@ -1,0 +1,58 @@
+"""The states of all variables of a smoother, read at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints
+from semantic_slam.inference.states.keys import DESCRIPTOR
+from semantic_slam.inference.states.state_space import StateSpace
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """n poses and m descriptors, whose keys come first."""
+
+    keys: tuple[int, ...]  # (m + n,) ascending
+    descriptors: Array  # (m, L)
+    poses: Array  # (n, d)
+
+    @classmethod
+    def of(cls, space: StateSpace, values: gtsam.Values, num_descriptors: int) -> "Estimate":
+        """From GTSAM's values, whose other variables come before these."""
+        descriptors = gtsam.utilities.extractVectors(values, DESCRIPTOR) if num_descriptors else np.zeros((0, 0))
+        poses, keys = space.states(values), tuple(values.keys())
+        return cls(keys[len(keys) - len(poses) - len(descriptors) :], descriptors, poses)
+
+    def states(self, keys: Sequence[int]) -> Array:
+        """(B, d) of poses. Raises KeyError."""
+        return np.asarray(self.poses[_rows(self.keys, tuple(keys)) - len(self.descriptors)])
+
+    def places(self, keys: Index) -> LinearisationPoints:
+        """Of the variables of some semantic measurements, (B, 2) keys or with descriptors (B, 3)."""
+        rows = np.searchsorted(_ascending(self.keys), keys)
+        states = self.poses[rows[:, :2] - len(self.descriptors)].reshape(len(keys), 2 * self.poses.shape[1])
+        if len(self.descriptors):
+            states = np.concatenate([states, self.descriptors[rows[:, 2]]], axis=1)
+        return LinearisationPoints(states, self.poses.shape[1])
+
+
+@lru_cache(maxsize=256)
+def _ascending(keys: tuple[int, ...]) -> Index:
+    """The same as an array: smoothers of one keyframe share it."""
+    return np.array(keys, dtype=int)
+
+
+@lru_cache(maxsize=1024)
+def _rows(keys: tuple[int, ...], wanted: tuple[int, ...]) -> Index:
+    """Of some among all."""
+    known = _ascending(keys)
+    rows = np.searchsorted(known, wanted)
+    lacking = set(wanted) - set(keys)
+    if lacking:
+        raise KeyError(f"no variables {sorted(lacking)}")
+    return rows

@@ -1,0 +1,80 @@
+"""The semantic factors of a graph: which measurement each is of, where it was made, what is added and made anew."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Index
+from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, LinearisationPoints, SemanticFactor
+
+
+@dataclass(frozen=True)
+class FactorTable:
+    """The semantic measurements in a graph, with one factor each."""
+
+    named: tuple[SemanticFactor, ...] = ()
+    indices: tuple[int, ...] = ()  # in iSAM2's list of factors
+    places: LinearisationPoints = NO_POINTS  # where linear factors were made
+    keys: Index = field(default_factory=lambda: np.zeros((0, 2), dtype=int), compare=False)  # (n, 2 or 3) of variables
+    exact: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool), compare=False)  # (n,) callbacks
+
+    def __len__(self) -> int:
+        return len(self.named)
+
+    def added(
+        self, named: Sequence[SemanticFactor], indices: Sequence[int], places: LinearisationPoints
+    ) -> "FactorTable":
+        """With more of them."""
+        if not named:
+            return self
+        keys = keys_of(named)
+        return FactorTable(
+            (*self.named, *named),
+            (*self.indices, *indices),
+            LinearisationPoints.joined([self.places, places]),
+            np.concatenate([self.keys, keys]) if len(self.keys) else keys,
+            np.concatenate([self.exact, np.array([item.exact for item in named], dtype=bool)]),
+        )
+
+    def replaced(
+        self, rows: Sequence[int], named: Sequence[SemanticFactor], indices: Sequence[int], places: LinearisationPoints
+    ) -> "FactorTable":
+        """With some made anew."""
+        if not rows:
+            return self
+        all_named, all_indices, exact = list(self.named), list(self.indices), self.exact.copy()
+        for row, item, index in zip(rows, named, indices, strict=True):
+            all_named[row], all_indices[row], exact[row] = item, index, item.exact
+        return FactorTable(tuple(all_named), tuple(all_indices), self.places.replaced(rows, places), self.keys, exact)
+
+
+NO_FACTORS = FactorTable()
+
+
+def keys_of(named: Sequence[SemanticFactor]) -> Index:
+    """(n, 2) of robots and objects, or (n, 3) with descriptors."""
+    return np.array([item.keys for item in named], dtype=int).reshape(len(named), -1)
+
+
+@dataclass(frozen=True)
+class AddedFactors:
+    """New semantic measurements, their factors and where these are made."""
+
+    named: Sequence[SemanticFactor]
+    factors: Sequence[Any]
+    places: LinearisationPoints
+
+
+@dataclass(frozen=True)
+class RelinearisedFactors:
+    """Semantic measurements whose factors are replaced by linear ones, and where these are made."""
+
+    rows: Sequence[int]
+    factors: Sequence[Any]
+    places: LinearisationPoints
+
+
+NONE_ADDED, NONE_RELINEARISED = AddedFactors((), (), NO_POINTS), RelinearisedFactors((), (), NO_POINTS)

@@ -1,0 +1,88 @@
+"""The joint covariance of the robot and the objects around it, carried from keyframe to keyframe as a filter does.
+
+Marginals of old objects lie deep in the Bayes tree of a long drive and cost more than everything else. Once the joint
+Gaussian of robot and neighbourhood is known, odometry and detections of the neighbourhood change it in closed form;
+it is taken from the smoother again when another object comes near, when the estimate jumps, and after a while.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+
+LARGEST_AGE = 25
+"""Keyframes after which the smoother is asked again."""
+
+
+@dataclass(frozen=True)
+class LocalDetection:
+    """One detection of a known object: whitened Jacobians (m, d) at the prediction."""
+
+    object_id: int
+    by_robot: Array
+    by_object: Array
+
+
+@dataclass(frozen=True)
+class LocalMap:
+    """M objects; d dimensions of a state, p biases of odometry."""
+
+    ids: Index  # (M,)
+    covariance: Array  # (d + p + M d) square: robot, biases, objects, in the tangent spaces at the estimates
+    age: int = 0
+    num_biases: int = 0  # p
+
+    def holds(self, object_ids: Index) -> bool:
+        """Whether all of (n,) objects are here."""
+        return set(object_ids.tolist()) <= set(self.ids.tolist())
+
+    def blocks(self, object_ids: Index, dimension: int) -> Index:
+        """Rows of the covariance for the robot and (n,) objects."""
+        place = {n: row for row, n in enumerate(self.ids.tolist())}
+        first = [0, *(dimension * (1 + place[n]) + self.num_biases for n in object_ids.tolist())]
+        return np.asarray((np.array(first)[:, None] + np.arange(dimension)).ravel())
+
+    def of(self, object_ids: Index, dimension: int) -> Array:
+        """((1 + n) d, (1 + n) d) of the robot and (n,) objects."""
+        rows = self.blocks(object_ids, dimension)
+        return self.covariance[rows[:, None], rows]
+
+    def single(self, object_ids: Index, dimension: int) -> Array:
+        """(n, d, d) of (n,) objects."""
+        rows = self.blocks(object_ids, dimension)[dimension:].reshape(-1, dimension)
+        return self.covariance[rows[:, :, None], rows[:, None, :]]
+
+    def moved(self, before: Array, transition: Array, noise: Array) -> "LocalMap":
+        """After a motion with (d, d + p) [F G] and covariance, ``before`` being the covariance until then."""
+        size, width = transition.shape
+        covariance = before.copy()
+        covariance[:size] = transition @ covariance[:width]
+        covariance[:, :size] = covariance[:, :width] @ transition.T
+        covariance[:size, :size] += noise
+        return replace(self, covariance=covariance, age=self.age + 1)
+
+    def updated(self, seen: list[LocalDetection]) -> "LocalMap":
+        """After detections of objects that are here."""
+        if not seen:
+            return self
+        size = seen[0].by_robot.shape[1]
+        jacobian = np.zeros((sum(len(item.by_robot) for item in seen), len(self.covariance)))
+        at = 0
+        for item in seen:
+            rows = slice(at, at + len(item.by_robot))
+            jacobian[rows, :size] = item.by_robot
+            own = self.blocks(np.array([item.object_id]), size)[size:]
+            jacobian[rows, own] = item.by_object
+            at = rows.stop
+        cross = jacobian @ self.covariance
+        innovation = cross @ jacobian.T + np.eye(at)
+        return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
+
+    def with_new(self, object_id: int, gain: Array, noise: Array) -> "LocalMap":
+        """With an object that follows from the robot: o = G x + e."""
+        size = len(gain)
+        cross = gain @ self.covariance[:size]
+        own = cross[:, :size] @ gain.T + noise
+        covariance = np.block([[self.covariance, cross.T], [cross, own]])
+        return replace(self, ids=np.append(self.ids, object_id), covariance=covariance)

@@ -1,0 +1,123 @@
+"""A smoother's whole graph optimised by Levenberg-Marquardt, where updates of iSAM2 would not get there."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.smoothing.factor_table import NO_FACTORS
+from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
+from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.states.keys import is_descriptor
+from semantic_slam.inference.states.state_space import StateSpace
+
+SAME = 1e-3
+"""Change of a state, metres or radians, below which linear factors need not be made again."""
+MAX_ROUNDS = 6
+FEW_VARIABLES = 40
+"""Up to so many, it costs less to optimise all than to find out which are tied to others."""
+MAX_EXACT_ITERATIONS = 15
+"""Of an optimisation with callbacks."""
+
+
+def reoptimised(
+    smoother: Smoother,
+    kept: gtsam.NonlinearFactorGraph,
+    named: Sequence[SemanticFactor],
+    starts: Sequence[gtsam.Values],
+) -> Smoother:
+    """A new iSAM2 of ``kept`` and of semantic measurements at the optimum next to a start, linear factors made there.
+
+    Under classes the first start is taken. With descriptors the one that ends best, factors exact on the way: an object
+    that turns, or a map that may float, is far from where linear ones hold.
+    """
+    semantics = smoother.semantics
+    if semantics.latent is not None and named:
+        values = _exactly(semantics, kept, named, starts)
+    else:
+        values = _by_rounds(semantics, kept, named, starts[0])
+    keys = sorted({key for item in named for key in item.keys})
+    places = LinearisationPoints.of(named, _states(semantics.space, values, keys))
+    factors = semantics.make([named], [places])[0]
+    return smoother.restarted(kept, values, factors, NO_FACTORS.added(named, (), places))
+
+
+def _by_rounds(
+    semantics: SemanticFactorMaker,
+    kept: gtsam.NonlinearFactorGraph,
+    named: Sequence[SemanticFactor],
+    values: gtsam.Values,
+) -> gtsam.Values:
+    """Optimised with linear factors, made anew until that changes nothing."""
+    keys = sorted({key for item in named for key in item.keys})
+    states = _states(semantics.space, values, keys)
+    kept, tied = _tied(kept, values)
+    for _ in range(MAX_ROUNDS):
+        factors = semantics.make([named], [LinearisationPoints.of(named, states)])[0]
+        tied = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), tied).optimize()
+        before, states = states, _states(semantics.space, tied, keys)
+        if all(np.abs(semantics.space.local(before[key], states[key])).max() < SAME for key in keys):
+            break
+    whole = gtsam.Values(values)
+    whole.update(tied)
+    return whole
+
+
+def _tied(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """Factors and values of the variables that some factor ties to another.
+
+    The others, objects that nobody has seen, are where their priors have them; most of a large map are.
+    """
+    if values.size() <= FEW_VARIABLES:
+        return graph, values
+    factors = [graph.at(i) for i in range(graph.size())]
+    keys = [factor.keys() for factor in factors]
+    known = set[int]().union(*(own for own in keys if len(own) > 1))
+    part, states = gtsam.NonlinearFactorGraph(), gtsam.Values(values)
+    for factor, own in zip(factors, keys, strict=True):
+        if known.issuperset(own):
+            part.add(factor)
+    for key in set(values.keys()) - known:
+        states.erase(key)
+    return part, states
+
+
+def changed(space: StateSpace, values: gtsam.Values, states: Mapping[int, Array]) -> gtsam.Values:
+    """A copy with other states of some variables."""
+    copy = gtsam.Values(values)
+    for key, state in states.items():
+        copy.erase(key)
+        if is_descriptor(key):
+            copy.insert(key, state)
+        else:
+            space.insert(copy, key, state)
+    return copy
+
+
+def _exactly(
+    semantics: SemanticFactorMaker,
+    kept: gtsam.NonlinearFactorGraph,
+    named: Sequence[SemanticFactor],
+    starts: Sequence[gtsam.Values],
+) -> gtsam.Values:
+    """The best of the optima next to some starts, with callbacks for all semantic factors, nearly reached."""
+    exact = [replace(item, exact=True) for item in named]
+    states = _states(semantics.space, starts[0], sorted({key for item in named for key in item.keys}))
+    graph = _joined(kept, semantics.make([exact], [LinearisationPoints.of(exact, states)])[0])
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setMaxIterations(MAX_EXACT_ITERATIONS)
+    ends = [gtsam.LevenbergMarquardtOptimizer(graph, start, parameters).optimize() for start in starts]
+    return min(ends, key=graph.error)
+
+
+def _joined(kept: gtsam.NonlinearFactorGraph, factors: Sequence[gtsam.NonlinearFactor]) -> gtsam.NonlinearFactorGraph:
+    graph = gtsam.NonlinearFactorGraph(kept)
+    for factor in factors:
+        graph.add(factor)
+    return graph
+
+
+def _states(space: StateSpace, values: gtsam.Values, keys: Sequence[int]) -> dict[int, Array]:
+    return {key: np.asarray(values.atVector(key)) if is_descriptor(key) else space.state(values, key) for key in keys}

@@ -1,0 +1,179 @@
+"""Factors of semantic measurements, made in batches at an estimate: under classes, or with learned descriptors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent_factor import exact_factor
+from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.linear_factors import linear_factors, linearisation_points
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.latent.model import DescriptorBelief
+
+MOVED_RAD = 0.1
+"""Change of a view from which on its linear factor is made anew."""
+MOVED_POSE = 0.3
+"""Change of a pose, metres or radians, from which on those with descriptors are, even where the view remained the same:
+GTSAM keeps a Jacobian in the frame where it was made, and a map that floats must not be held by that."""
+MOVED_DESCRIPTOR = 0.2
+"""Change of a descriptor's component, in standard deviations of its prior, from which on linear factors are."""
+RELINEARISED_DESCRIPTOR = 0.1
+"""Change, in the same unit, from which on iSAM2 relinearises it."""
+
+
+@dataclass(frozen=True)
+class SemanticFactor:
+    """A semantic measurement under a class, or with a descriptor."""
+
+    robot_key: int
+    object_key: int
+    detection: Any
+    assigned_class: int  # -1 with a descriptor
+    descriptor_key: int | None = None
+    exact: bool = False  # a callback, while the direction of view is uncertain
+
+    @property
+    def keys(self) -> tuple[int, ...]:
+        """Of its variables."""
+        poses = (self.robot_key, self.object_key)
+        return poses if self.descriptor_key is None else (*poses, self.descriptor_key)
+
+
+@dataclass(frozen=True)
+class LinearisationPoints:
+    """States of the variables of n semantic measurements: robot, object and, if there are any, descriptor."""
+
+    states: Array  # (n, 2 d + L)
+    dimension: int  # d
+
+    @classmethod
+    def of(cls, named: Sequence[SemanticFactor], states: Mapping[int, Array]) -> "LinearisationPoints":
+        """From the state of every key."""
+        rows = [np.concatenate([states[key] for key in item.keys]) for item in named]
+        return cls(np.array(rows), len(states[named[0].robot_key])) if rows else NO_POINTS
+
+    @classmethod
+    def stacked(cls, robots: Array, objects: Array, descriptors: Array) -> "LinearisationPoints":
+        """Of (n, d), (n, d) and (n, L)."""
+        return cls(np.concatenate([robots, objects, descriptors], axis=1), robots.shape[1])
+
+    @classmethod
+    def joined(cls, parts: Sequence["LinearisationPoints"]) -> "LinearisationPoints":
+        """One after another; those of no measurement do not matter."""
+        some = [part for part in parts if len(part.states)]
+        return cls(np.concatenate([part.states for part in some]), some[0].dimension) if some else NO_POINTS
+
+    @property
+    def robots(self) -> Array:
+        """(n, d)."""
+        return self.states[:, : self.dimension]
+
+    @property
+    def objects(self) -> Array:
+        """(n, d)."""
+        return self.states[:, self.dimension : 2 * self.dimension]
+
+    @property
+    def descriptors(self) -> Array:
+        """(n, L), of no components under classes."""
+        return self.states[:, 2 * self.dimension :]
+
+    def take(self, rows: Sequence[int] | NDArray[np.int_]) -> "LinearisationPoints":
+        """Of some measurements."""
+        return LinearisationPoints(self.states[rows], self.dimension)
+
+    def replaced(self, rows: Sequence[int], others: "LinearisationPoints") -> "LinearisationPoints":
+        """With those of some measurements changed."""
+        states = self.states.copy()
+        states[rows] = others.states
+        return LinearisationPoints(states, self.dimension)
+
+
+NO_POINTS = LinearisationPoints(np.zeros((0, 0)), 0)
+"""Of no measurement."""
+
+
+@dataclass(frozen=True)
+class SemanticFactorMaker:
+    """Makes them; ``latent`` None: there are no descriptors, but classes."""
+
+    space: StateSpace
+    model: ObservationModel
+    latent: LatentObservation | None = None
+
+    @cached_property
+    def descriptor_threshold(self) -> Array:
+        """(L,) change of a descriptor from which on it is linearised anew; of no components without descriptors."""
+        return RELINEARISED_DESCRIPTOR * self._prior_sigma
+
+    @cached_property
+    def _prior_sigma(self) -> Array:
+        return self.latent.prior.sigma[0] if self.latent is not None else np.zeros(0)
+
+    def descriptor_prior(self, object_id: int) -> DescriptorBelief:
+        """Of one object, B = 1."""
+        assert self.latent is not None
+        return self.latent.prior_of(object_id)
+
+    def make(self, named: Sequence[Sequence[SemanticFactor]], places: Sequence[LinearisationPoints]) -> list[list[Any]]:
+        """Factors of S sets of measurements, (n_s,) of each at its own n_s places; one evaluation for all.
+
+        In one set a variable is at one place, whichever measurement it is of.
+        """
+        every = [item for own in named for item in own]
+        if not every:
+            return [[] for _ in named]
+        at = LinearisationPoints.joined(places)
+        points = linearisation_points(self.space, [[item.keys for item in own] for own in named], at.states)
+        repeated = [point for own, point in zip(named, points, strict=True) for _ in own]
+        make = self._classed if self.latent is None else self._latent
+        factors = iter(make(every, at, repeated))
+        return [[next(factors) for _ in own] for own in named]
+
+    def change(self, before: LinearisationPoints, now: LinearisationPoints) -> tuple[Array, NDArray[np.bool_]]:
+        """(n,) how far from where linear factors were made, 1 being as far as they hold, and whether the map floats."""
+        relative = (self.space.between(at.robots, at.objects) for at in (before, now))
+        change = np.asarray(self.model.view_change(*relative)) / MOVED_RAD
+        if self.latent is None:
+            return change, np.zeros(len(change), dtype=bool)
+        poses = (np.stack([at.robots, at.objects], axis=1) for at in (before, now))
+        floating = np.abs(self.space.local(*poses)).max(axis=(1, 2)) / MOVED_POSE
+        descriptors = np.abs(now.descriptors - before.descriptors) / (MOVED_DESCRIPTOR * self._prior_sigma)
+        return np.maximum(np.maximum(change, floating), descriptors.max(axis=1)), floating > 1.0
+
+    def _classed(self, named: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]) -> list[Any]:
+        seen = self.model.collect([item.detection for item in named])
+        classes = np.array([item.assigned_class for item in named])
+        part = self.model.semantics(seen, at.robots, at.objects, classes)
+        jacobians = [part.jacobian_robot, part.jacobian_object]
+        return linear_factors([item.keys for item in named], jacobians, part.residual, points)
+
+    def _latent(self, named: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]) -> list[Any]:
+        assert self.latent is not None
+        rows = [row for row, item in enumerate(named) if not item.exact]
+        if len(rows) == len(named):
+            return self._with_descriptors(named, at, points)
+        factors = [exact_factor(self.latent, item.detection, item.keys) if item.exact else None for item in named]
+        if rows:
+            linear = [named[row] for row in rows]
+            made = self._with_descriptors(linear, at.take(rows), [points[row] for row in rows])
+            for row, factor in zip(rows, made, strict=True):
+                factors[row] = factor
+        return factors
+
+    def _with_descriptors(
+        self, named: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]
+    ) -> list[Any]:
+        """Linear ones."""
+        assert self.latent is not None
+        seen = DetectionFeatures.of([item.detection for item in named])
+        part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
+        jacobians = [part.by_robot, part.by_object, part.by_descriptor]
+        return linear_factors([item.keys for item in named], jacobians, part.residual, points)

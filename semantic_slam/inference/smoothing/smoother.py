@@ -1,0 +1,336 @@
+"""The iSAM2 of a component: forked when its hypothesis branches, updated, read.
+
+Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and those
+of an object that a keyframe observes are made anew where its view has changed. Its variables are poses of dimension d
+and, with a learned latent space, descriptors of L components.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.odometry_bias import bias_prior
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.estimate import Estimate
+from semantic_slam.inference.smoothing.factor_table import (
+    NO_FACTORS,
+    NONE_ADDED,
+    NONE_RELINEARISED,
+    AddedFactors,
+    FactorTable,
+    RelinearisedFactors,
+)
+from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
+from semantic_slam.inference.states.keys import BIAS_LETTER, DESCRIPTOR, is_descriptor, letter_of
+from semantic_slam.inference.states.state_space import StateSpace
+
+WILDFIRE_THRESHOLD = 1e-9
+"""Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
+FEW_VARIABLES = 200
+"""Up to which reading the whole estimate once costs less than reading parts of it."""
+MOST_JOINT = 24
+"""States up to which their joint covariance costs less than those of single states."""
+AT_REST = 1.5
+"""Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
+the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
+STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
+"""Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
+back-substitution stops, metres or radians."""
+
+
+@dataclass(frozen=True)
+class Smoother:
+    """iSAM2 and the semantic measurements in it."""
+
+    space: StateSpace
+    semantics: SemanticFactorMaker
+    isam: gtsam.ISAM2
+    num_variables: int
+    made: FactorTable = NO_FACTORS
+    num_descriptors: int = 0  # variables E(n)
+    last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
+    _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
+
+    @classmethod
+    def of(
+        cls, space: StateSpace, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+    ) -> "Smoother":
+        """A new one."""
+        isam = _new_isam(space, semantics)
+        isam.update(graph, values)
+        return cls(space, semantics, isam, values.size(), last=_last(values.keys()))
+
+    def states(self, keys: Sequence[int]) -> Array:
+        """(n, d) estimates of different keys."""
+        if not len(keys):
+            return np.zeros((0, self.space.dimension))
+        if self.num_variables < FEW_VARIABLES:
+            return self.estimate.states(keys)
+        ascending = self.space.states(self.isam.calculateEstimate(list(keys)))
+        return ascending[_ranks(tuple(keys))]
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """Of all variables, read once."""
+        return Estimate.of(self.space, self.isam.calculateEstimate(), self.num_descriptors)
+
+    def descriptors(self, keys: Sequence[int]) -> Array:
+        """(n, L) estimates of descriptors."""
+        return np.array([self.isam.calculateEstimateVector(key) for key in keys])
+
+    def vector(self, key: int) -> Array:
+        """(n,) estimate of a variable that is no pose."""
+        return np.asarray(self.isam.calculateEstimateVector(key))
+
+    def has(self, key: int) -> bool:
+        """Whether there is such a variable."""
+        return bool(self.isam.valueExists(key))
+
+    def joint_covariance(self, keys: Sequence[int]) -> Array:
+        """Marginal covariance in the order of ``keys``, d rows for a pose and L for a descriptor.
+
+        In the tangent spaces at the estimate. Read once: a report and the prediction after it ask for the same.
+        Raises LostComponentError.
+        """
+        wanted = tuple(keys)
+        if wanted not in self._known:
+            self._known[wanted] = self._part_of_known(wanted)
+        return self._known[wanted].copy()
+
+    def _part_of_known(self, wanted: tuple[int, ...]) -> Array:
+        """Of what was read before, where it holds all of it."""
+        for keys, covariance in self._known.items():
+            if set(wanted) <= set(keys):
+                ends = np.cumsum([self._size(key) for key in keys])
+                at = dict(zip(keys, ends, strict=True))
+                rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in wanted])
+                return np.asarray(covariance[np.ix_(rows, rows)])
+        try:
+            covariance = self.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
+        except (RuntimeError, IndexError) as fault:
+            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+        return np.asarray(0.5 * (covariance + covariance.T))
+
+    def _size(self, key: int) -> int:
+        return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.space.dimension
+
+    def covariances(self, keys: Sequence[int]) -> Array:
+        """(n, d, d) marginal covariances, in the tangent spaces at the estimate. Raises LostComponentError."""
+        size = self.space.dimension
+        try:
+            return np.array([self.isam.marginalCovariance(key) for key in keys]).reshape(len(keys), size, size)
+        except (RuntimeError, IndexError) as fault:
+            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+
+    def joint_blocks(self, keys: Sequence[int]) -> Array:
+        """The same of keys whose joint covariance the next prediction asks for, unless they are many."""
+        count, size = len(keys), self.space.dimension
+        if count > MOST_JOINT:
+            return self.covariances(keys)
+        blocks = self.joint_covariance(keys).reshape(count, size, count, size)
+        return blocks[np.arange(count), :, np.arange(count)]
+
+    def stepped(
+        self,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        named: Sequence[SemanticFactor],
+        start: dict[int, Array],
+        *,
+        in_place: bool,
+        again: bool,
+    ) -> "Smoother":
+        """One update, two where ``again``, without waiting until it settles; ``in_place`` uses up this smoother.
+
+        Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
+        """
+        isam = self.isam if in_place else gtsam.ISAM2(self.isam)
+        try:
+            places = LinearisationPoints.of(named, start)
+            added = AddedFactors(named, self.semantics.make([named], [places])[0], places)
+            child = self.updated(isam, graph, values, added)
+            if again:
+                isam.update(force_relinearize=True)
+        except RuntimeError as fault:
+            raise LostComponentError(f"an update failed ({first_line(fault)})") from None
+        return child
+
+    def with_single_steps(self, num_biases: int) -> "Smoother":
+        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
+
+        With biases of odometry as a variable of its own, in which all is linear.
+        """
+        parameters = gtsam.ISAM2Params()
+        parameters.relinearizeSkip = STEPPED_SKIP
+        thresholds = gtsam.ISAM2ThresholdMap()
+        for symbol in "xo":
+            thresholds.insert((symbol, self.space.far))
+        thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
+        parameters.setRelinearizeThreshold(thresholds)
+        parameters.enablePartialRelinearizationCheck = True
+        solver = gtsam.ISAM2GaussNewtonParams()
+        solver.setWildfireThreshold(STEPPED_WILDFIRE)
+        parameters.setOptimizationParams(solver)
+        isam = gtsam.ISAM2(parameters)
+        isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
+        if num_biases:
+            isam.update(*bias_prior(num_biases))
+        return replace(self, isam=isam, num_variables=self.num_variables + bool(num_biases), _known={})
+
+    def updated(
+        self,
+        isam: gtsam.ISAM2,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        added: AddedFactors,
+        renewal: RelinearisedFactors = NONE_RELINEARISED,
+    ) -> "Smoother":
+        """``isam``, a fork or this one's own, after one update with ``graph`` and semantic factors, new and renewed."""
+        together = gtsam.NonlinearFactorGraph(graph)
+        for factor in (*added.factors, *renewal.factors):
+            together.add(factor)
+        removed = [self.made.indices[row] for row in renewal.rows]
+        last = _last([*self.last, *values.keys()], added.named) if self.last and values.size() else self.last
+        indices = isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
+        split = len(added.factors)
+        made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
+        made = made.added(added.named, indices[:split], added.places)
+        size = self.num_variables + values.size()
+        descriptors = self.num_descriptors + sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
+        return Smoother(self.space, self.semantics, isam, size, made, descriptors, last)
+
+    def renewed(self, renewal: RelinearisedFactors) -> "Smoother":
+        """After an update that relinearises, in which semantic factors are replaced. It uses up this smoother."""
+        return self.updated(self.isam, gtsam.NonlinearFactorGraph(), gtsam.Values(), NONE_ADDED, renewal)
+
+    def restarted(
+        self, kept: gtsam.NonlinearFactorGraph, values: gtsam.Values, factors: Sequence[Any], made: FactorTable
+    ) -> "Smoother":
+        """A new iSAM2 of the factors ``kept`` and the semantic ones, linearised at ``values``.
+
+        It factorises by QR where Cholesky finds the system too poorly conditioned: where the robot stands on an object,
+        a bearing tells thousands of times as much across it as the rest tells along.
+        """
+        graph = gtsam.NonlinearFactorGraph(kept)
+        for factor in factors:
+            graph.add(factor)
+        last = _last(values.keys())
+        isam = _new_isam(self.space, self.semantics)
+        try:
+            result = isam.update(graph, values, [], _groups(last))
+        except RuntimeError:
+            isam = _new_isam(self.space, self.semantics, "QR")
+            result = isam.update(graph, values, [], _groups(last))
+        if not np.isfinite(isam.getDelta().vector()).all():
+            raise RuntimeError("the system is not finite")
+        indices = result.getNewFactorsIndices()[kept.size() :]
+        descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
+        made = replace(made, indices=tuple(indices))
+        return Smoother(self.space, self.semantics, isam, values.size(), made, descriptors, last)
+
+    def rests(self) -> bool:
+        """Whether all variables are about where they were linearised.
+
+        Descriptors, which come first by their keys, count while they have exact factors: linear ones in a vector space
+        say the same wherever they are linearised.
+        """
+        deltas = np.abs(self.isam.getDelta().vector()) / AT_REST
+        limit = self.semantics.descriptor_threshold
+        split = self.num_descriptors * len(limit)
+        if not (deltas[split:].reshape(-1, self.space.dimension) <= self.space.relinearize_threshold).all():
+            return False  # or it is not a number
+        return not self.made.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
+
+    def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
+        """Which semantic measurements of these descriptors have exact factors."""
+        rows: list[int] = np.flatnonzero(self.made.exact).tolist()
+        return [row for row in rows if self.made.named[row].descriptor_key in descriptor_keys]
+
+    def linear_rows(self, objects: Collection[int] | None = None) -> Index:
+        """Which semantic measurements, of some objects' keys or of all, have linear factors."""
+        linear = ~self.made.exact
+        if objects is not None and len(linear):
+            own = self.made.keys[:, 1]
+            linear &= np.logical_or.reduce([own == key for key in objects])
+        return linear.nonzero()[0]
+
+    def linear(self, rows: Sequence[int]) -> list[SemanticFactor]:
+        """Some semantic measurements, to have linear factors."""
+        named = [self.made.named[row] for row in rows]
+        return [replace(item, exact=False) if item.exact else item for item in named]
+
+    def places(self, rows: Sequence[int] | Index) -> LinearisationPoints:
+        """Estimates of the variables of some semantic measurements."""
+        return self.estimate.places(self.made.keys[rows])
+
+    @property
+    def num_factors(self) -> int:
+        """Places in iSAM2's list of factors: those of removed ones stay empty, new ones come after them."""
+        return int(self.isam.getFactorsUnsafe().size())
+
+    def kept(self, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
+        """All factors but the semantic ones; those of the first ``num_factors`` where that is said."""
+        graph = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe())
+        semantic, kept = set(self.made.indices), gtsam.NonlinearFactorGraph()
+        for i in range(graph.size() if num_factors is None else num_factors):
+            if i not in semantic and graph.exists(i):
+                kept.add(graph.at(i))
+        return kept
+
+
+@lru_cache(maxsize=1024)
+def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
+    """Of each key among them all."""
+    return np.argsort(np.argsort(keys))
+
+
+def _new_isam(space: StateSpace, semantics: SemanticFactorMaker, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
+    parameters = gtsam.ISAM2Params()
+    parameters.setFactorization(factorization)
+    parameters.relinearizeSkip = 1
+    thresholds = gtsam.ISAM2ThresholdMap()
+    for symbol in "xo":
+        thresholds.insert((symbol, space.relinearize_threshold))
+    if len(semantics.descriptor_threshold):
+        thresholds.insert((DESCRIPTOR, semantics.descriptor_threshold))
+    parameters.setRelinearizeThreshold(thresholds)
+    solver = gtsam.ISAM2GaussNewtonParams()
+    solver.setWildfireThreshold(WILDFIRE_THRESHOLD)
+    parameters.setOptimizationParams(solver)
+    return gtsam.ISAM2(parameters)
+
+
+def _last(keys: Sequence[int], named: Sequence[SemanticFactor] = ()) -> tuple[int, ...]:
+    """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
+    return _ordered(tuple(keys), tuple(item.descriptor_key for item in named if item.descriptor_key is not None))
+
+
+@lru_cache(maxsize=256)
+def _ordered(keys: tuple[int, ...], descriptors: tuple[int, ...]) -> tuple[int, ...]:
+    objects = [key for key in keys if letter_of(key) == "o"]
+    robot = max(key for key in keys if letter_of(key) == "x")
+    if len(objects) >= MOST_JOINT:
+        return ()
+    return (*objects, robot, *descriptors)
+
+
+@lru_cache(maxsize=64)
+def _groups(last: tuple[int, ...]) -> Any:
+    """GTSAM's order of elimination with these keys last; None: its own."""
+    if not last:
+        return None
+    groups = gtsam.KeyGroupMap()
+    for key in last:
+        groups.insert2(key, 1)
+    return groups
+
+
+def first_line(fault: BaseException) -> str:
+    """What GTSAM says, in short."""
+    return next((line for line in str(fault).splitlines() if line.strip()), type(fault).__name__)

@@ -1,0 +1,54 @@
+"""What samples say of a state beyond its Gaussian, in that Gaussian's own standard deviations."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.state_space import StateSpace
+
+if TYPE_CHECKING:
+    pass
+
+LEAST_SHARE = 1e-3
+"""Semantic views narrow a variance to this share of the geometric one at most."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """How semantic views move and narrow a state's Gaussian, in units of its own standard deviations."""
+
+    shift: Array  # (d,)
+    covariance: Array  # (d, d), I where nothing changes
+
+    @classmethod
+    def of_samples(cls, deviations: Array, weights: Array) -> "Correction":
+        """From (P, d) deviations of samples, P > d, and their (P,) normalised weights.
+
+        Weighted moments are set against the even ones of the same samples, so that their scatter cancels.
+        """
+        centred = deviations - deviations.mean(axis=0)
+        root = np.linalg.cholesky(centred.T @ centred / len(centred))
+        whitened = np.linalg.solve(root, centred.T).T
+        shift = weights @ whitened
+        spread = whitened - shift
+        values, vectors = np.linalg.eigh((spread * weights[:, None]).T @ spread)
+        return cls(shift, (vectors * np.maximum(values, LEAST_SHARE)) @ vectors.T)
+
+    @classmethod
+    def towards(
+        cls, space: StateSpace, states: Array, covariances: Array, samples: Array, weights: Array
+    ) -> list["Correction"]:
+        """From K Gaussians at ``states`` (K, d) to the moments of (N, K, d) samples with (N,) normalised weights."""
+        roots = np.linalg.cholesky(covariances)
+        mean = space.mean(samples, weights)
+        shifts = np.linalg.solve(roots, space.local(states, mean)[..., None])[..., 0]
+        spread = np.linalg.solve(roots, np.moveaxis(space.local(mean[None], samples), 0, -1))  # (K, d, N)
+        moments = (spread * weights) @ np.swapaxes(spread, 1, 2)
+        return [cls(shift, covariance) for shift, covariance in zip(shifts, moments, strict=True)]
+
+    def applied(self, space: StateSpace, state: Array, covariance: Array) -> tuple[Array, Array]:
+        """A state (d,) and its covariance (d, d), corrected."""
+        root = np.linalg.cholesky(covariance)
+        return space.retract(state, root @ self.shift), root @ self.covariance @ root.T

@@ -1,0 +1,79 @@
+"""A descriptor together with a direction nobody knows: Gaussians over (e, heading), as many as directions stay likely.
+
+Seen all around, a view may fit several headings of its object, symmetric boxes two of them exactly. Every cell of the
+circle has a Gaussian of its own, about the mode next to it; those far behind the best are given up.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.latent.model import DescriptorBelief
+
+CELLS = 36
+"""All around: 10 degrees each."""
+CELL_SIGMA_RAD = 2.0 * np.pi / CELLS / np.sqrt(12.0)
+KEPT_NATS = 10.0
+"""Behind the best from which on a cell is given up."""
+
+
+@dataclass(frozen=True)
+class HeadingMixture:
+    """M Gaussians over descriptor and heading of one object; L."""
+
+    log_weight: Array  # (M,) normalised
+    mean: Array  # (M, L + 1), the heading last, radians in map
+    covariance: Array  # (M, L + 1, L + 1)
+
+    @classmethod
+    def all_around(cls, belief: DescriptorBelief) -> "HeadingMixture":
+        """Any heading; ``belief`` of one descriptor."""
+        length = belief.mean.shape[1]
+        mean = np.empty((CELLS, length + 1))
+        mean[:, :length] = belief.mean
+        mean[:, length] = wrap_angle(np.linspace(0.0, 2.0 * np.pi, CELLS, endpoint=False, dtype=np.float64))
+        covariance = np.diag(np.append(belief.sigma[0], CELL_SIGMA_RAD) ** 2)
+        return cls(np.full(CELLS, -np.log(CELLS)), mean, np.tile(covariance, (CELLS, 1, 1)))
+
+    @classmethod
+    def about(cls, belief: DescriptorBelief, heading_rad: float, sigma_rad: float) -> "HeadingMixture":
+        """A heading that a map tells."""
+        found = cls.all_around(belief)
+        if sigma_rad >= CELL_SIGMA_RAD * CELLS / 2.0:
+            return found
+        centred = np.append(belief.mean[0], heading_rad)
+        if sigma_rad < 2.0 * CELL_SIGMA_RAD:
+            covariance = np.diag(np.append(belief.sigma[0], sigma_rad) ** 2)
+            return cls(np.zeros(1), centred[None], covariance[None])
+        away = wrap_angle(found.mean[:, -1] - heading_rad)
+        return found.weighted(-0.5 * (away / sigma_rad) ** 2)
+
+    def weighted(self, log_factor: Array) -> "HeadingMixture":
+        """Multiplied by (M,) factors, normalised, the light ones left out."""
+        log_weight = self.log_weight + log_factor
+        kept = log_weight >= log_weight.max() - KEPT_NATS
+        log_weight = log_weight[kept]
+        return HeadingMixture(log_weight - np.logaddexp.reduce(log_weight), self.mean[kept], self.covariance[kept])
+
+    def best(self) -> tuple[Array, Array, float]:
+        """Mean (L + 1,) and covariance of the heaviest direction, and its weight with what lies beside it."""
+        top = int(np.argmax(self.log_weight))
+        near = np.abs(wrap_angle(self.mean[:, -1] - self.mean[top, -1])) < 3.0 * 2.0 * np.pi / CELLS
+        weight = np.exp(self.log_weight[near])
+        share = weight / weight.sum()
+        origin = self.mean[top]
+        deviation = self.mean[near] - origin
+        deviation[:, -1] = wrap_angle(deviation[:, -1])
+        shift = share @ deviation
+        spread = deviation - shift
+        covariance = np.einsum("m,mij->ij", share, self.covariance[near]) + (spread * share[:, None]).T @ spread
+        return origin + shift, covariance, float(weight.sum())
+
+    def descriptor(self) -> tuple[Array, Array]:
+        """(L,) mean and variance over all directions."""
+        weight, length = np.exp(self.log_weight), self.mean.shape[1] - 1
+        mean = weight @ self.mean[:, :length]
+        own = np.einsum("mii->mi", self.covariance)[:, :length]
+        return mean, weight @ (own + (self.mean[:, :length] - mean) ** 2)

@@ -1,0 +1,62 @@
+"""What the views of an object, associated as one hypothesis has it, tell of its class."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.correction import Correction
+
+if TYPE_CHECKING:
+    from semantic_slam.inference.states.heading_mixture import HeadingMixture
+
+
+UNCERTAIN_RAD = 0.2
+"""Standard deviation of the direction of view from which on a linear factor of the feature would not do."""
+
+
+@dataclass(frozen=True)
+class DescriptorRecord:
+    """What the views of one object tell of its descriptor; later keyframes without it change that little."""
+
+    mean: Array  # (L,)
+    variance: Array  # (L,)
+    direction_sigma_rad: float  # of the newest view's azimuth
+    entering: tuple[tuple[int, Any], ...]  # keyframe and detection of the views whose factors enter with this record
+    heading_rad: float | None = None  # of the object, where its views tell that and no map does
+
+    @property
+    def is_bent(self) -> bool:
+        """Whether the factors that enter have to be exact."""
+        return self.direction_sigma_rad > UNCERTAIN_RAD
+
+
+@dataclass(frozen=True)
+class HeadingRecord:
+    """An object whose heading no map tells: its modes over descriptor and heading."""
+
+    modes: "HeadingMixture"
+    pending: tuple[tuple[int, Any], ...]  # keyframe and detection of the views that have no factors yet
+
+
+@dataclass(frozen=True)
+class ObjectViews:
+    """The semantic record of one object in one hypothesis; C classes."""
+
+    log_likelihood: Array  # (C,) log p(z_1:k | c) of the object's semantic measurements, tracks averaged out
+    mutual_information: float  # nats, between class and the network's weights at the newest view
+    in_coverage: bool  # every view lay inside the class models' coverage
+    recent: tuple[Any, ...] = ()  # views that later ones correlate with, oldest first
+    log_dropped: Array | None = None  # (C,) share of log_likelihood of the views no longer in ``recent``
+    dropped: int = 0  # number of those views
+    correction: Correction | None = None  # of the object's pose
+    descriptor: DescriptorRecord | None = None  # with a learned latent space
+    headings: HeadingRecord | None = None
+
+
+def class_posterior(log_prior: Array, log_likelihood: Array) -> Array:
+    """(..., C) probabilities."""
+    joint = log_prior + log_likelihood
+    weight = np.exp(joint - joint.max(axis=-1, keepdims=True))
+    return np.asarray(weight / weight.sum(axis=-1, keepdims=True))

@@ -1,0 +1,25 @@
+"""Sigma from calibration views, and how much of it a factor graph may believe."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from semantic_slam.latent.feature_views import FeatureViews
+from semantic_slam.latent.latent_model import FeatureNoise, LatentModel
+from semantic_slam.training.latent.evaluation import azimuth_nees, own_descriptors
+
+
+def feature_noise(model: LatentModel, views: FeatureViews) -> FeatureNoise:
+    """Sigma of the ``views``' residuals, tempered so that the azimuth inferred from them has NEES 1.
+
+    The ascent that infers the azimuth does not depend on a common factor of sigma, its variance goes with the square.
+    """
+    descriptors = own_descriptors(model, views)
+    residuals = views.features - model.mean(views.viewpoints, descriptors)
+    sigma = np.sqrt((residuals**2).mean(axis=0))
+    return FeatureNoise(sigma, float(np.sqrt(azimuth_nees(model, views, descriptors, sigma).mean())))
+
+
+def calibrated(model: LatentModel, in_rooms: FeatureViews, on_turntable: FeatureViews) -> LatentModel:
+    """The model with the noise of calibration views in rooms, and that of plain ones."""
+    return replace(model, noise=feature_noise(model, in_rooms), turntable_noise=feature_noise(model, on_turntable))

@@ -1,0 +1,60 @@
+"""Views of objects from a folder of turntables in BigBIRD's format."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from tqdm import tqdm
+
+from semantic_slam.datasets.bigbird import object_folders, turntable_views
+from semantic_slam.errors import InputError
+from semantic_slam.training.views import ObjectView, cut_out
+
+
+def load_views(
+    root: Path, cameras: Sequence[str], wanted: Callable[[int], bool] = lambda angle_deg: True
+) -> list[ObjectView]:
+    """Every view of every object below ``root`` by the named cameras; an object's class is its folder's name.
+
+    ``wanted`` tells by the table's angle which views are read at all; those whose mask is empty are left out. Raises
+    InputError when there is nothing to read.
+    """
+    views = []
+    for folder in tqdm(object_folders(root), desc="reading turntables", unit="object"):
+        for view in turntable_views(folder, cameras):
+            if wanted(view.angle_deg) and (mask := view.mask).any():
+                azimuth, elevation, range_m = view.viewpoint
+                cutout, alpha = cut_out(view.image, mask)
+                views.append(ObjectView(view.object_name, azimuth, elevation, range_m, cutout, alpha, view.angle_deg))
+    if not views:
+        raise InputError(f"{root}: every mask is empty; restore the masks of the data set")
+    return views
+
+
+def class_names_of(views: Sequence[ObjectView]) -> tuple[str, ...]:
+    """The classes of the views, sorted."""
+    return tuple(sorted({view.class_name for view in views}))
+
+
+def with_classes(views: Sequence[ObjectView], path: Path) -> list[ObjectView]:
+    """The views under the class of their instance, as ``read_classes`` has it; others are left out.
+
+    Raises InputError when the file is no such thing, or names none of the instances.
+    """
+    classes = read_classes(path)
+    found = [replace(view, class_name=classes[view.class_name]) for view in views if view.class_name in classes]
+    if not found:
+        raise InputError(f"{path}: names none of the turntables' instances; correct the names")
+    return found
+
+
+def read_classes(path: Path) -> dict[str, str]:
+    """A JSON file {instance: class}; raises InputError when it is no such thing."""
+    try:
+        classes = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise InputError(f"{path}: not a readable JSON file ({fault}); give {{instance: class}}") from None
+    if not isinstance(classes, dict) or not all(isinstance(name, str) for name in classes.values()):
+        raise InputError(f"{path}: must map the names of instances to those of classes; correct the file")
+    return classes

@@ -1,0 +1,87 @@
+"""From turntable views to viewpoint models: measure every view as in a room, fit, and check on views left out."""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.perception.mc_dropout import class_probability_samples
+from semantic_slam.perception.network import ClassifierNetwork
+from semantic_slam.perception.uncertainty import sample_covariance
+from semantic_slam.training.augmentation import room_crop
+from semantic_slam.training.viewpoint.calibration import held_out_report
+from semantic_slam.training.viewpoint.regression import fit_class
+from semantic_slam.training.views import ObjectView
+from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
+from semantic_slam.viewpoint.samples import ClassSamples
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How views become data."""
+
+    azimuth_step_deg: float = 3.0  # views within one step are one direction; their elevations and ranges are nuisances
+    draws: int = 8  # crops per direction, each with its own background, light, box and view
+    num_passes: int = 50
+    seed: int = 0
+
+
+def fit_samples(
+    samples: dict[str, ClassSamples], feature_names: tuple[str, ...]
+) -> tuple[GaussianProcessModel, dict[str, Any]]:
+    """Model of every class, and a report on views left out of the fit."""
+    names = tuple(samples)
+    fits = [fit_class(samples[name]) for name in tqdm(names, desc="fitting", unit="class")]
+    return GaussianProcessModel(names, feature_names, fits), held_out_report(samples, feature_names)
+
+
+def measure_views(
+    views: Sequence[ObjectView], classifier: ClassifierNetwork, settings: FitSettings
+) -> dict[str, ClassSamples]:
+    """Features of each class, by name in sorted order, in every direction that has views."""
+    directions: dict[str, dict[int, list[ObjectView]]] = defaultdict(lambda: defaultdict(list))
+    steps = round(360.0 / settings.azimuth_step_deg)
+    for view in views:
+        index = round(np.rad2deg(view.azimuth_rad) / settings.azimuth_step_deg) % steps
+        directions[view.class_name][index].append(view)
+    total = sum(len(of_class) for of_class in directions.values())
+    with tqdm(total=total, desc="measuring views", unit="direction") as progress:
+        return {name: _class_samples(directions[name], classifier, settings, progress) for name in sorted(directions)}
+
+
+def _class_samples(
+    directions: dict[int, list[ObjectView]],
+    classifier: ClassifierNetwork,
+    settings: FitSettings,
+    progress: "tqdm[Any]",
+) -> ClassSamples:
+    azimuth, features, covariances = [], [], []
+    for index in sorted(directions):
+        group = directions[index]
+        generator = _generator(settings.seed, group[0].class_name, index)
+        drawn = np.stack([_dropout_samples(group, classifier, settings, generator) for _ in range(settings.draws)])
+        phase = sum(np.exp(1j * view.azimuth_rad) for view in group)
+        azimuth.append(float(np.angle(phase)))
+        features.append(drawn.mean(axis=1))
+        covariances.append(sample_covariance(drawn))
+        progress.update()
+    return ClassSamples(np.array(azimuth), np.stack(features), np.stack(covariances))
+
+
+def _dropout_samples(
+    group: list[ObjectView], classifier: ClassifierNetwork, settings: FitSettings, generator: np.random.Generator
+) -> Array:
+    """(T, F) features of one random crop of one of the views."""
+    crop = room_crop(group[generator.integers(len(group))], classifier.network.input_size, generator)
+    samples = class_probability_samples(classifier.network, crop, settings.num_passes, generator)
+    return samples[:, list(classifier.components)]
+
+
+def _generator(seed: int, class_name: str, direction: int) -> np.random.Generator:
+    digest = hashlib.blake2b(f"views:{seed}:{class_name}:{direction}".encode(), digest_size=16).digest()
+    return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))

@@ -1,0 +1,282 @@
+"""A user's own bag: any detector's boxes, raw or compressed images, odometry or TF, become an input bag."""
+
+import struct
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from worlds.user_bag_factory import FOCAL, HEIGHT, SECOND, WIDTH, Seen, UserBag, picture, write_drive
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.cli import import_dataset
+from semantic_slam.datasets.image_formats import to_millimetres
+from semantic_slam.datasets.label_map import read_label_map
+from semantic_slam.errors import InputError
+from semantic_slam.messages.codec import CODECS, from_message
+from semantic_slam.messages.typestore import message_class
+
+OUR_TYPES = {codec.type_name for codec in CODECS.values()}
+
+
+def run_command(monkeypatch, *words):
+    monkeypatch.setattr(sys, "argv", ["import_dataset", "bag", *map(str, words)])
+    import_dataset.command()
+
+
+def read_bag(path):
+    """Topic -> messages, ours as dataclasses, in the order of the bag."""
+    values = {}
+    with BagReader(path) as reader:
+        for message in reader.messages():
+            value = reader.decode(message.cdr, message.type_name)
+            value = from_message(value) if message.type_name in OUR_TYPES else value
+            values.setdefault(message.topic, []).append(value)
+    return values
+
+
+def decoded(message):
+    return cv2.imdecode(np.asarray(message.data), cv2.IMREAD_UNCHANGED)
+
+
+@pytest.mark.parametrize("detector", ["vision_4", "vision_2", "yolo"])
+def test_boxes_of_every_detector_are_read(tmp_path, monkeypatch, detector):
+    source = write_drive(tmp_path / "source", detector=detector, track_ids=("5", ""))
+    run_command(monkeypatch, source, "--out", tmp_path / "bag")
+    first = read_bag(tmp_path / "bag")["/detections"][0]
+    u = 80 + FOCAL * 0.5 / 3.0  # an object 0.5 m to the right and 3 m ahead
+    assert first.stamp_ns == SECOND
+    assert first.frame_id == "camera_optical_frame"
+    assert first.labels == ("cup", "bottle")
+    assert first.track_ids == ("5", "")
+    np.testing.assert_allclose(first.boxes[0], [u - 12, 48, u + 12, 72])
+    np.testing.assert_allclose(first.scores, [0.9, 0.9])
+
+
+def test_topics_arrive_under_the_names_that_nodes_use(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source", frames=4)
+    run_command(monkeypatch, source, "--out", tmp_path / "bag")
+    bag = read_bag(tmp_path / "bag")
+    counts = {topic: len(messages) for topic, messages in bag.items()}
+    assert counts == {
+        "/tf_static": 1,
+        "/odom": 4,
+        "/camera_info": 4,
+        "/image/compressed": 4,
+        "/depth/compressed": 4,
+        "/detections": 4,
+    }
+    assert bag["/odom"][3].pose[0] == pytest.approx(0.3)
+
+
+def test_raw_colour_keeps_its_colours(tmp_path, monkeypatch):
+    run_command(monkeypatch, write_drive(tmp_path / "source"), "--out", tmp_path / "bag")
+    image = decoded(read_bag(tmp_path / "bag")["/image/compressed"][0])
+    rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    assert np.abs(rgb.astype(int) - picture(0)).mean() < 4.0  # JPEG; swapped channels give more than 50
+
+
+@pytest.mark.parametrize("kind", ["16UC1", "32FC1", "compressedDepth"])
+def test_depth_becomes_millimetres(tmp_path, monkeypatch, kind):
+    run_command(monkeypatch, write_drive(tmp_path / "source", depth=kind), "--out", tmp_path / "bag")
+    depth = decoded(read_bag(tmp_path / "bag")["/depth/compressed"][1])
+    assert depth.dtype == np.uint16
+    assert depth[0, 0] == 0  # was NaN
+    np.testing.assert_allclose(depth[1:], 2900, atol=1)
+
+
+def test_inverse_depth_of_compressed_depth_transport(tmp_path, monkeypatch):
+    # 32FC1 travels as q = scale / depth + offset: 2 m with scale 1000 and offset 10 is q = 510; q = 0 is invalid.
+    source = write_drive(tmp_path / "source", frames=1, depth="")
+    quantised = np.full((HEIGHT, WIDTH), 510, dtype=np.uint16)
+    quantised[0, 0] = 0
+    with UserBag(tmp_path / "depth") as bag:
+        header = struct.pack("<iff", 0, 1000.0, 10.0)
+        message = bag.compressed(SECOND, quantised, ".png", "32FC1; compressedDepth png", header)
+        bag.write("/depth/compressedDepth", message, SECOND)
+    merge(tmp_path / "both", source, tmp_path / "depth")
+    run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag")
+    depth = decoded(read_bag(tmp_path / "bag")["/depth/compressed"][0])
+    assert depth[0, 0] == 0
+    assert (depth[1:] == 2000).all()
+
+
+def merge(out, *parts):
+    """One bag of several, with the definitions of all."""
+    from semantic_slam.bag.writer import BagWriter
+
+    with BagWriter(out) as writer:
+        for part in parts:
+            with BagReader(part) as reader:
+                for message in reader.messages():
+                    definition = reader.definitions[message.type_name]
+                    writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns, definition)
+
+
+def test_depth_beyond_what_16_bits_hold_is_invalid():
+    metres = np.array([[0.0, -1.0, np.nan, np.inf, 65.535, 65.536, 1.2344]], dtype=np.float32)
+    np.testing.assert_array_equal(to_millimetres(metres), [[0, 0, 0, 0, 65535, 0, 1234]])
+
+
+def test_without_depth_none_is_written(tmp_path, monkeypatch, capsys):
+    run_command(monkeypatch, write_drive(tmp_path / "source", depth=""), "--out", tmp_path / "bag")
+    assert "/depth/compressed" not in read_bag(tmp_path / "bag")
+    assert "bearing only" in capsys.readouterr().out
+
+
+def test_depth_can_be_left_out_and_is_then_counted(tmp_path, monkeypatch, capsys):
+    run_command(monkeypatch, write_drive(tmp_path / "source", frames=3), "--out", tmp_path / "bag", "--depth", "none")
+    assert "/depth/compressed" not in read_bag(tmp_path / "bag")
+    assert "not needed: /camera/aligned_depth/image_raw 3" in capsys.readouterr().out
+
+
+def test_odometry_from_tf_over_a_fixed_transform(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source", frames=1, static=False)
+    quarter_turn = (0, 0, np.sqrt(0.5), np.sqrt(0.5))
+    with UserBag(tmp_path / "tf") as bag:
+        bag.write("/tf", bag.transform(SECOND, "map", "odom", (9, 9, 0)), SECOND)
+        bag.write("/tf", bag.transform(SECOND, "odom", "base_footprint", (1, 2, 0), quarter_turn), SECOND)
+        # written later than the transform that needs it
+        bag.write("/tf_static", bag.transform(SECOND, "base_footprint", "base_link", (0.5, 0, 0.1)), 2 * SECOND)
+    merge(tmp_path / "both", source, tmp_path / "tf")
+    run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag", "--odom", "/tf")
+    (odometry,) = read_bag(tmp_path / "bag")["/odom"]
+    # base_link lies 0.5 m ahead of base_footprint, which looks along odom's y.
+    np.testing.assert_allclose(odometry.pose, [1, 2.5, 0.1, *quarter_turn], atol=1e-12)
+    assert (odometry.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+
+
+def test_tf_without_the_frames_names_those_it_has(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source", frames=1)
+    with UserBag(tmp_path / "tf") as bag:
+        bag.write("/tf", bag.transform(SECOND, "world", "robot", (1, 2, 0)), SECOND)
+    merge(tmp_path / "both", source, tmp_path / "tf")
+    with pytest.raises(InputError, match=r"lacks odom -> base_link but has world -> robot; .*--odom-frame"):
+        run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag", "--odom", "/tf")
+    run_command(
+        monkeypatch, tmp_path / "both", "--out", tmp_path / "bag", "--odom", "/tf",
+        "--odom-frame", "world", "--base-frame", "robot",
+    )  # fmt: skip
+    assert len(read_bag(tmp_path / "bag")["/odom"]) == 1
+
+
+def test_labels_are_mapped_dropped_and_unknown_ones_named(tmp_path, monkeypatch, capsys):
+    labels = tmp_path / "labels.yaml"
+    labels.write_text("cup: mug\nperson: null\n")
+    source = write_drive(tmp_path / "source", frames=3)
+    run_command(monkeypatch, source, "--out", tmp_path / "bag", "--labels", labels)
+    frames = read_bag(tmp_path / "bag")["/detections"]
+    assert [frame.labels for frame in frames] == [("mug",)] * 3
+    assert [frame.track_ids for frame in frames] == [("a",)] * 3
+    assert frames[0].boxes.shape == (1, 4)
+    assert "label not listed in the label file: bottle 3" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("- cup", "mapping"),
+        ("", "mapping"),
+        ("cup: [1, 2]", "not a label"),
+        ("on: mug", "quotes"),
+        ("cup: !!python/object/apply:os.system ['true']", "not a readable YAML"),
+    ],
+)
+def test_a_label_file_with_a_fault_is_refused(tmp_path, text, fault):
+    path = tmp_path / "labels.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=fault) as raised:
+        read_label_map(path)
+    assert str(path) in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_class_numbers_are_labels(tmp_path):
+    path = tmp_path / "labels.yaml"
+    path.write_text("7: mug\n8: null\n")
+    assert read_label_map(path).mapping == {"7": "mug", "8": None}
+
+
+def test_a_topic_that_is_missing_is_answered_with_those_there_are(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source")
+    with pytest.raises(InputError, match=r"no messages on --image /nope; .*/camera/color/image_raw \(sensor_msgs"):
+        run_command(monkeypatch, source, "--out", tmp_path / "bag", "--image", "/nope")
+    with pytest.raises(InputError, match=r"--odom /camera/color/camera_info .* must be of type nav_msgs/msg/Odometry"):
+        run_command(monkeypatch, source, "--out", tmp_path / "bag", "--odom", "/camera/color/camera_info")
+    assert not (tmp_path / "bag").exists()
+
+
+def test_two_detectors_need_a_choice(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source", frames=1)
+    with UserBag(tmp_path / "other") as bag:
+        bag.write("/tracker/boxes", bag.vision_4(SECOND, [Seen("dog", 30.0, "9")]), SECOND)
+    merge(tmp_path / "both", source, tmp_path / "other")
+    with pytest.raises(InputError, match=r"--detections could be any of /detector/boxes .*, /tracker/boxes"):
+        run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag")
+    run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag", "--detections", "tracker/boxes")
+    assert read_bag(tmp_path / "bag")["/detections"][0].labels == ("dog",)
+
+
+def test_images_that_do_not_decode_are_counted(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", frames=2)
+    with UserBag(tmp_path / "broken") as bag:
+        message = bag.image(3 * SECOND, picture(0), "rgb8")
+        message.data = message.data[:100]
+        bag.write("/camera/color/image_raw", message, 3 * SECOND)
+    merge(tmp_path / "both", source, tmp_path / "broken")
+    run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag")
+    assert len(read_bag(tmp_path / "bag")["/image/compressed"]) == 2
+    assert "/camera/color/image_raw: 100 bytes are no 160 x 120 image of rgb8" in capsys.readouterr().out
+
+
+def test_ground_truth_and_initial_pose_are_passed_on_byte_for_byte(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source", frames=1)
+    with UserBag(tmp_path / "more") as bag:
+        truth = bag.odometry(SECOND, 4.0)
+        bag.write("/ground_truth/odom", truth, SECOND)
+        start = bag.make(
+            "geometry_msgs/msg/PoseWithCovarianceStamped",
+            header=bag.header(SECOND, "map"),
+            pose=bag.covariance_pose(bag.pose(3.0)),
+        )
+        bag.write("/initialpose", start, SECOND)
+    merge(tmp_path / "both", source, tmp_path / "more")
+    run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag")
+    bag = read_bag(tmp_path / "bag")
+    assert bag["/ground_truth/odom"][0].pose[0] == 4.0
+    assert bag["/initialpose"][0].pose[0] == 3.0
+    assert len(bag["/odom"]) == 1  # the ground truth was not mistaken for odometry
+
+
+def test_max_keyframes_counts_detection_messages(tmp_path, monkeypatch):
+    run_command(monkeypatch, write_drive(tmp_path / "source"), "--out", tmp_path / "bag", "--max-keyframes", 2)
+    assert len(read_bag(tmp_path / "bag")["/detections"]) == 2
+
+
+def test_the_source_is_never_overwritten(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source")
+    with pytest.raises(InputError, match="holds the source bag"):
+        run_command(monkeypatch, source, "--out", source)
+    assert len(read_bag_topics(source)) == 6
+
+
+def read_bag_topics(path):
+    with BagReader(path) as reader:
+        return reader.topics
+
+
+def test_a_truncated_bag_gives_what_comes_before_the_damage(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", frames=20)
+    (storage,) = source.glob("*.mcap")
+    storage.write_bytes(storage.read_bytes()[: storage.stat().st_size * 2 // 3])
+    with pytest.raises(InputError, match="damaged"):
+        run_command(monkeypatch, source, "--out", tmp_path / "bag")
+    assert 0 < len(read_bag(tmp_path / "bag")["/detections"]) < 20
+    assert "/detections" in capsys.readouterr().out
+
+
+def test_a_turned_box_is_enclosed():
+    from semantic_slam.datasets.detection_formats import axis_aligned_box
+
+    center = message_class("geometry_msgs/msg/Pose2D")(x=50.0, y=40.0, theta=np.pi / 2)
+    np.testing.assert_allclose(axis_aligned_box(center, 20.0, 10.0), [45, 30, 55, 50])

@@ -1,0 +1,48 @@
+"""The k best assignments against brute force."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from semantic_slam.inference.association.murty import k_best
+
+
+def brute_force(cost: np.ndarray) -> list[tuple[float, tuple[int, ...]]]:
+    rows = np.arange(len(cost))
+    all_of_them = ((float(cost[rows, list(c)].sum()), c) for c in permutations(range(cost.shape[1]), len(cost)))
+    return sorted(item for item in all_of_them if np.isfinite(item[0]))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_all_assignments_come_once_and_in_order(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    rows = int(random.integers(1, 5))
+    columns = int(random.integers(rows, 7))
+    cost = random.normal(size=(rows, columns))
+    cost[random.random(cost.shape) < 0.3] = np.inf
+    expected = brute_force(cost)
+    found = k_best(cost, len(expected) + 5)
+    assert [tuple(row) for row in found.columns] == [columns for _, columns in expected]
+    np.testing.assert_allclose(found.costs, [total for total, _ in expected], rtol=1e-12)
+
+
+def test_the_first_k_are_the_k_cheapest() -> None:
+    cost = np.random.default_rng(1).normal(size=(4, 6))
+    np.testing.assert_allclose(k_best(cost, 17).costs, [total for total, _ in brute_force(cost)[:17]])
+
+
+def test_equal_costs_all_come() -> None:
+    found = k_best(np.zeros((3, 3)), 100)
+    assert len({tuple(row) for row in found.columns}) == 6
+
+
+def test_no_rows_have_one_empty_assignment() -> None:
+    found = k_best(np.zeros((0, 4)), 5)
+    assert found.columns.shape == (1, 0)
+    assert found.costs.tolist() == [0.0]
+
+
+def test_what_cannot_be_assigned_has_no_assignment() -> None:
+    assert len(k_best(np.array([[1.0, np.inf], [2.0, np.inf]]), 3).costs) == 0
+    assert len(k_best(np.zeros((2, 1)), 3).costs) == 0

@@ -1,0 +1,78 @@
+"""Existence of an object against closed forms, and the region in which a miss counts."""
+
+import numpy as np
+import pytest
+
+from semantic_slam.inference.open_world.existence import birth, missed
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+
+REGION = SensorRegion(0.9, 0.5, 5.0, 1.4, occluder_radius_m=0.2)
+EXACT = np.zeros((2, 2))
+
+
+def test_misses_follow_bayes_rule_in_closed_form() -> None:
+    """After n misses r_n = r (1 - p)^n / (1 - r + r (1 - p)^n); the factors multiply to its denominator."""
+    r, p, total = np.array([0.3, 0.9, 1.0]), np.array([0.8, 0.5, 0.2]), np.zeros(3)
+    after = r
+    for n in range(1, 8):
+        factor, after = missed(after, p)
+        total += factor
+        unseen = r * (1.0 - p) ** n
+        np.testing.assert_allclose(after, unseen / (1.0 - r + unseen), rtol=1e-12)
+        np.testing.assert_allclose(np.exp(total), 1.0 - r + unseen, rtol=1e-12)
+
+
+def test_an_object_that_would_surely_be_seen_does_not_exist() -> None:
+    factor, after = missed(np.array([1.0, 0.4]), np.array([1.0, 1.0]))
+    assert factor[0] < -600.0
+    np.testing.assert_allclose(factor[1], np.log(0.6))
+    assert after.tolist() == [0.0, 0.0]
+
+
+def test_a_first_detection_shares_between_clutter_and_new_objects() -> None:
+    intensity, existence = birth(np.array([0.1, 0.0]), clutter=0.03, detection_probability=0.9)
+    np.testing.assert_allclose(intensity, [0.12, 0.03])
+    np.testing.assert_allclose(existence, [0.75, 0.0])
+    assert birth(np.zeros(1), 0.0, 0.9)[1][0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("position", "inside"),
+    [
+        ((2.0, 0.0), 1.0),
+        ((0.3, 0.0), 0.0),
+        ((5.5, 0.0), 0.0),
+        ((2.0, 2.0), 0.0),
+        ((-2.0, 0.0), 0.0),
+        ((2.0, -1.5), 1.0),
+    ],
+)
+def test_the_region_is_a_sector(position: tuple[float, float], inside: float) -> None:
+    assert REGION.contains(np.array(position), EXACT) == pytest.approx(inside, abs=1e-9)
+
+
+def test_its_edges_are_as_soft_as_the_pose_is_uncertain() -> None:
+    spread = np.diag([0.04, 0.04])
+    assert REGION.contains(np.array([5.0, 0.0]), spread) == pytest.approx(0.5, abs=1e-6)
+    assert REGION.contains(np.array([5.2, 0.0]), spread) == pytest.approx(0.15866, abs=1e-4)  # one sigma outside
+    edge = 3.0 * np.array([np.cos(0.7), np.sin(0.7)])
+    assert REGION.contains(edge, spread) == pytest.approx(0.5, abs=1e-6)
+
+
+def test_all_round_there_is_no_edge_behind() -> None:
+    region = SensorRegion(0.9, 0.0, 5.0, 2.0 * np.pi)
+    assert region.contains(np.array([-2.0, 0.0]), np.eye(2) * 0.01) == pytest.approx(1.0)
+    assert region.area_m2 == pytest.approx(np.pi * 25.0)
+
+
+def test_what_stands_in_front_hides_what_is_behind_it() -> None:
+    ranges, bearings = np.array([2.0, np.nan]), np.array([0.0, 0.5])
+    positions = np.array([[4.0, 0.1], [1.0, 0.0], [4.0, 1.0], [-4.0, 0.0], [2.1, 0.0]])
+    np.testing.assert_array_equal(REGION.not_occluded(positions, ranges, bearings), [0.0, 1.0, 1.0, 1.0, 1.0])
+
+
+def test_the_area_is_that_of_the_sector() -> None:
+    random = np.random.default_rng(0)
+    points = random.uniform(-5.0, 5.0, size=(200_000, 2))
+    share = REGION.contains(points, np.zeros((len(points), 2, 2))).mean()
+    assert share * 100.0 == pytest.approx(REGION.area_m2, rel=0.03)

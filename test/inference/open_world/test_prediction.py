@@ -1,0 +1,80 @@
+"""Where objects are too many for a joint covariance: those that fit stay, and what is cut is counted."""
+
+import numpy as np
+import pytest
+from worlds.open_room import make_room
+
+from semantic_slam.geometry.pose import pose_vector_from_planar
+from semantic_slam.inference.association.gating import best_assignments, pair_densities
+from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.step import Motion
+from semantic_slam.inference.open_world.prediction import Prediction, Predictor
+from semantic_slam.inference.smoothing.open_component import OpenComponent
+
+AROUND = 24
+MOTION = Motion(np.zeros(3), 1e-4 * np.eye(3))
+
+
+def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3) -> Prediction:
+    """Objects on a circle of 3 m about the robot, at every 15 degrees, the first straight behind it."""
+    angles = np.pi + 2.0 * np.pi * np.arange(AROUND) / AROUND
+    covariance = np.diag([sigma_m**2, sigma_m**2, 0.01, 1.0, 1.0, 1.0])
+    objects = tuple(
+        ObjectPrior(
+            i, str(i), pose_vector_from_planar(np.array([3.0 * np.cos(a), 3.0 * np.sin(a), 0.0])), covariance, {}
+        )
+        for i, a in enumerate(angles)
+    )
+    room = make_room(1, map_prior=MapPrior(objects), open_world={"max_joint_objects": limit})
+    problem = problem_of(room.run)
+    component = OpenComponent.before_any_keyframe(problem)
+    return Predictor(problem.model, problem.open_world).predict(component, MOTION, [detection])
+
+
+def detection(range_m: float) -> PlanarDetection:
+    """Straight ahead, where number 12 is."""
+    return PlanarDetection(range_m, 0.0, np.diag([0.01, 0.001]), np.zeros(2), np.zeros(0), np.zeros((0, 0)))
+
+
+@pytest.mark.parametrize("range_m", [3.0, np.nan], ids=["range", "bearing alone"])
+def test_those_that_fit_best_stay(range_m: float) -> None:
+    assert prediction(detection(range_m), 3).near_ids.tolist() == [11, 12, 13]
+
+
+@pytest.mark.parametrize("range_m", [3.0, np.nan], ids=["range", "bearing alone"])
+def test_what_is_cut_weighs_no_more_than_is_counted(range_m: float) -> None:
+    item = detection(range_m)
+    cut, full = prediction(item, 3), prediction(item, AROUND)
+    assert (full.log_beyond == -np.inf).all()
+    model = problem_of(make_room(1).run).model
+    pairs = pair_densities(model, [item], full.predicted.mean[0], full.predicted.covariance[0])
+    others = ~np.isin(full.near_ids, cut.near_ids)
+    weight = 0.9 / (1.0 - 0.9)  # of a detection against a miss of an object that certainly exists
+    assert np.isfinite(cut.log_beyond).all()
+    assert cut.log_beyond[0] >= np.log(weight) + np.logaddexp.reduce(pairs.log_density[0, others])
+
+
+def test_the_cut_counts_as_left_out() -> None:
+    known, new = np.array([[0.0]]), np.array([-2.0])
+    alone = best_assignments(known, np.ones((1, 1), dtype=bool), new, 10, np.inf)
+    beyond = best_assignments(known, np.ones((1, 1), dtype=bool), new, 10, np.inf, np.array([-3.0]))
+    assert alone.log_left_out == -np.inf
+    assert beyond.log_left_out == pytest.approx(-3.0)
+
+
+def test_an_uncertain_object_may_be_within_reach() -> None:
+    """At twice the sensor's range by its mean, and as uncertain as that is far."""
+    near = prediction(detection(3.0), AROUND, sigma_m=3.0)
+    assert len(near.in_reach) == AROUND
+    far = make_room(
+        1,
+        map_prior=MapPrior(
+            (ObjectPrior(0, "0", pose_vector_from_planar(np.array([10.0, 0.0, 0.0])), 4.0 * np.eye(6), {}),)
+        ),
+    )
+    problem = problem_of(far.run)
+    component = OpenComponent.before_any_keyframe(problem)
+    found = Predictor(problem.model, problem.open_world).predict(component, MOTION, [detection(3.0)])
+    assert found.in_reach.tolist() == [0]

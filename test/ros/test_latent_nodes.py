@@ -1,0 +1,44 @@
+"""Descriptors over DDS: real nodes with a learned latent space agree with the offline pipeline."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from node_runs import Replay, beliefs, run
+from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
+
+from semantic_slam.configuration import SemanticModelConfiguration, load_configuration
+from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.latent.load import load_latent_model
+from semantic_slam.pipeline.offline import run_bag
+
+NUM_FRAMES = 6
+
+
+def test_two_backends_and_classifier_agree_with_offline(tmp_path: Path) -> None:
+    configuration = write_configuration(
+        tmp_path / "configuration",
+        semantic_model={"kind": "latent"},
+        initial_pose={"mean": [0.0, 0.0, 0.0], "sigma": [2.0, 2.0, 0.5]},
+        pruning={"ratio": 1e6, "max_hypotheses": 6},
+        perception={"num_passes": 3},
+    )
+    bag = write_bag(tmp_path / "camera" / "bag", input_entries(NUM_FRAMES))
+    pair = map_prior().objects
+    copies = [
+        replace(box, object_id=box.object_id + 2 * n, pose=box.pose + np.array([0.0, shift_m, 0, 0, 0, 0, 0]))
+        for n, shift_m in enumerate((0.0, 3.0))
+        for box in pair
+    ]
+    (bag / "objects.json").write_text(MapPrior(tuple(copies)).to_json())
+    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    expected = beliefs(tmp_path / "offline")
+    found = run(Replay(bag, configuration, tmp_path / "nodes", backends=2))
+    model = load_latent_model(SemanticModelConfiguration(kind="latent"))
+    assert model is not None and len(found) == len(expected) == NUM_FRAMES
+    assert max(len(belief.hypothesis_ids) for belief in expected) > 1
+    for ours, theirs in zip(found, expected, strict=True):
+        assert ours.descriptors.shape == (len(copies), model.num_dimensions)
+        np.testing.assert_array_equal(ours.hypothesis_ids, theirs.hypothesis_ids)
+        for name in ("log_weights", "descriptors", "descriptor_covariances", "class_probabilities", "poses"):
+            np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-6, err_msg=name)

@@ -1,0 +1,133 @@
+"""The launch file, as far as it can be checked where ``launch`` itself is not installed, and the node set behind it.
+
+The stand-ins below only note what they are called with; what real ``ros2 launch`` makes of it is for a ROS machine.
+"""
+
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+from worlds.bag_factory import T_BASE_CAMERA, input_entries, write_bag, write_configuration
+
+from semantic_slam.errors import InputError
+from semantic_slam.ros.node_set import NodeSpec, node_set
+
+ROOT = Path(__file__).parents[2]
+ARGUMENTS = {"bag", "config", "backends", "rate", "record"}
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return write_bag(tmp_path / "bag", input_entries(2))
+
+
+@pytest.fixture
+def configuration(tmp_path: Path) -> Path:
+    return write_configuration(tmp_path / "configuration", seed=7)
+
+
+def specs_of(bag: Path, configuration: Path, **changes: Any) -> dict[str, NodeSpec]:
+    values = {"backends": 2, "rate": 0.0, "record": "out/belief", "has_tf2": False} | changes
+    return {spec.name: spec for spec in node_set(bag, configuration, **values)}
+
+
+def test_node_set_has_the_names_of_the_interface(bag: Path, configuration: Path) -> None:
+    specs = specs_of(bag, configuration)
+    assert set(specs) == {"bag_player", "classifier", "hypothesis_manager", "backend_0", "backend_1", "bag_recorder"}
+    assert specs["hypothesis_manager"].parameters["backends"] == 2
+    assert [specs[f"backend_{n}"].parameters["backend_id"] for n in range(2)] == [0, 1]
+    assert specs["hypothesis_manager"].parameters["map_prior"] == str(bag / "objects.json")
+
+
+def test_every_executable_is_installed_by_setup_py(bag: Path, configuration: Path) -> None:
+    setup = (ROOT / "setup.py").read_text()
+    assert all(f'"{spec.executable}"' in setup for spec in specs_of(bag, configuration).values())
+
+
+def test_configuration_reaches_the_nodes_that_use_it(bag: Path, configuration: Path) -> None:
+    specs = specs_of(bag, configuration)
+    assert {name for name, spec in specs.items() if spec.parameters.get("seed") == 7} == {
+        "classifier",
+        "hypothesis_manager",
+    }
+
+
+def test_rate_zero_is_lossless_everywhere(bag: Path, configuration: Path) -> None:
+    for rate, lossless in ((0.0, True), (1.0, False)):
+        specs = specs_of(bag, configuration, rate=rate)
+        player = specs.pop("bag_player")
+        assert player.parameters["rate"] == rate
+        assert {spec.parameters["lossless"] for spec in specs.values()} == {lossless}
+
+
+def test_without_tf2_the_classifier_is_given_the_extrinsics(bag: Path, configuration: Path) -> None:
+    given = specs_of(bag, configuration)["classifier"].parameters["perception.extrinsics"]
+    assert given == pytest.approx(T_BASE_CAMERA.tolist())
+    assert "perception.extrinsics" not in specs_of(bag, configuration, has_tf2=True)["classifier"].parameters
+
+
+def test_bag_without_depth_is_bearing_only(tmp_path: Path, configuration: Path) -> None:
+    bag = write_bag(tmp_path / "flat", input_entries(2, with_depth=False))
+    assert specs_of(bag, configuration)["classifier"].parameters["has_depth"] is False
+
+
+def test_no_backend_is_refused(bag: Path, configuration: Path) -> None:
+    with pytest.raises(InputError, match="at least one backend"):
+        specs_of(bag, configuration, backends=0)
+
+
+def noted(kind: str) -> Any:
+    """A class whose instances remember their arguments."""
+    return lambda *arguments, **options: SimpleNamespace(kind=kind, arguments=arguments, **options)
+
+
+@pytest.fixture
+def launch_file(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """The launch file's names, with stand-ins for the packages that are not installed here."""
+    actions = {kind: noted(kind) for kind in ("DeclareLaunchArgument", "OpaqueFunction", "Shutdown")}
+    contents = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": actions,
+        "launch.substitutions": {"LaunchConfiguration": lambda name: SimpleNamespace(perform=lambda c: c[name])},
+        "launch_ros": {},
+        "launch_ros.actions": {"Node": noted("Node")},
+    }
+    for name, members in contents.items():
+        module = ModuleType(name)
+        vars(module).update(members)
+        monkeypatch.setitem(sys.modules, name, module)
+    return runpy.run_path(str(ROOT / "launch" / "demo.launch.py"))
+
+
+def test_launch_file_declares_the_arguments_of_the_interface(launch_file: dict[str, Any]) -> None:
+    description = launch_file["generate_launch_description"]()
+    declared = {action.arguments[0] for action in description if action.kind == "DeclareLaunchArgument"}
+    assert declared == ARGUMENTS
+    assert description[-1].kind == "OpaqueFunction"
+
+
+def test_launch_file_starts_the_node_set(launch_file: dict[str, Any], bag: Path, configuration: Path) -> None:
+    context = {"bag": str(bag), "config": str(configuration), "backends": "3", "rate": "0.0", "record": "out/belief"}
+    nodes = launch_file["start_nodes"](context)
+    expected = specs_of(bag, configuration, backends=3)
+    assert {node.name: (node.executable, node.parameters) for node in nodes} == {
+        spec.name: (spec.executable, [spec.parameters]) for spec in expected.values()
+    }
+
+
+def test_end_of_the_recorder_and_death_of_any_node_end_the_launch(
+    launch_file: dict[str, Any], bag: Path, configuration: Path
+) -> None:
+    context = {"bag": str(bag), "config": str(configuration), "backends": "1", "rate": "0.0", "record": "out/belief"}
+    nodes = launch_file["start_nodes"](context)
+
+    def ending(returncode: int) -> set[str]:
+        event = SimpleNamespace(returncode=returncode)
+        actions = {node.name: node.on_exit(event, context) for node in nodes}
+        return {name for name, shut in actions.items() if [action.kind for action in shut] == ["Shutdown"]}
+
+    assert ending(0) == {"bag_recorder"}
+    assert ending(2) == ending(-9) == {node.name for node in nodes}

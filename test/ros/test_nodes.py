@@ -1,0 +1,139 @@
+"""Real nodes over DDS against the offline pipeline: the same beliefs, and nothing lost."""
+
+import re
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from node_runs import Replay, beliefs, run
+from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
+
+from semantic_slam.configuration import load_configuration
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.pipeline.offline import run_bag
+
+NUM_FRAMES = 10
+FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parent / "faulty_backends.py")]
+EXPECTED_TO_DIE = [
+    sys.executable,
+    "-c",
+    """
+import signal, subprocess, sys
+node = subprocess.Popen(sys.argv[1:])
+signal.signal(signal.SIGINT, lambda *_: node.send_signal(signal.SIGINT))  # or it would outlive a test that fails
+node.wait()
+""",
+]
+EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
+
+
+@pytest.fixture(scope="module")
+def configuration(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A robot lost by metres among few objects: several hypotheses live, and every backend gets some."""
+    return write_configuration(
+        tmp_path_factory.mktemp("configuration"),
+        initial_pose={"mean": [0.0, 0.0, 0.0], "sigma": [2.0, 2.0, 0.5]},
+        pruning={"ratio": 1e6, "max_hypotheses": 8},
+        perception={"num_passes": 3},
+    )
+
+
+@pytest.fixture(scope="module")
+def camera_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pair of boxes stands in three places of the map: where the robot is, nobody can tell."""
+    bag = write_bag(tmp_path_factory.mktemp("camera") / "bag", input_entries(NUM_FRAMES))
+    pair = map_prior().objects
+    copies = [
+        replace(box, object_id=box.object_id + 2 * n, pose=box.pose + np.array([0.0, shift_m, 0, 0, 0, 0, 0]))
+        for n, shift_m in enumerate((0.0, 3.0, -3.0))
+        for box in pair
+    ]
+    (bag / "objects.json").write_text(MapPrior(tuple(copies)).to_json())
+    return bag
+
+
+@pytest.fixture(scope="module")
+def offline_bag(tmp_path_factory: pytest.TempPathFactory, camera_bag: Path, configuration: Path) -> Path:
+    """The offline pipeline's belief bag; it holds the measurements, so that it can be replayed without a classifier."""
+    bag = tmp_path_factory.mktemp("offline") / "belief"
+    run_bag(camera_bag, bag, load_configuration(configuration))
+    shutil.copy(camera_bag / "objects.json", bag)
+    return bag
+
+
+@pytest.fixture(scope="module")
+def reference(offline_bag: Path) -> list[HybridBelief]:
+    return beliefs(offline_bag)
+
+
+@pytest.fixture(scope="module")
+def slow_replay(tmp_path_factory: pytest.TempPathFactory, offline_bag: Path, configuration: Path) -> list[HybridBelief]:
+    """Three backends, one of them far slower than the bag."""
+    slow = {"backend_1": [*FAULTY_BACKENDS, "slow"]}
+    return run(Replay(offline_bag, configuration, tmp_path_factory.mktemp("slow"), backends=3, commands=slow))
+
+
+def test_reference_has_work_for_three_backends(reference: list[HybridBelief]) -> None:
+    assert len(reference) == NUM_FRAMES
+    assert max(len(belief.hypothesis_ids) for belief in reference) >= 3
+
+
+def test_two_backends_and_classifier_agree_with_offline(
+    camera_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
+) -> None:
+    assert_same(run(Replay(camera_bag, configuration, tmp_path, backends=2)), reference)
+
+
+def test_one_backend_agrees_with_offline_and_a_user_reads_along(
+    offline_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
+) -> None:
+    example = {"print_belief": EXAMPLE}
+    replay = Replay(offline_bag, configuration, tmp_path, 1, commands=example, companions=("print_belief",))
+    assert_same(run(replay), reference)
+    printed = replay.output_of("print_belief").splitlines()
+    last = [line for line in printed if line.startswith(f"{NUM_FRAMES - 1}: object ")]
+    assert len(last) == len(reference[-1].object_ids)
+
+
+def test_hypotheses_of_a_killed_backend_move_to_the_others(
+    offline_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
+) -> None:
+    """It is missed by its sign of life, long before its time to answer is over."""
+    replay = Replay(
+        offline_bag, configuration, tmp_path, 3, commands={"backend_2": [*EXPECTED_TO_DIE, *FAULTY_BACKENDS, "dying"]}
+    )
+    assert_same(run(replay), reference)
+    killed = re.search(r"killed at ([\d.]+)", replay.output_of("backend_2"))
+    missed = re.search(
+        r"\[([\d.]+)\] \[hypothesis_manager\]: backend_2 is gone", replay.output_of("hypothesis_manager")
+    )
+    assert killed and missed
+    print(f"missed after {float(missed[1]) - float(killed[1]):.2f} s")
+    assert 0.0 < float(missed[1]) - float(killed[1]) < 10.0
+
+
+def test_three_backends_agree_with_offline(slow_replay: list[HybridBelief], reference: list[HybridBelief]) -> None:
+    assert_same(slow_replay, reference)
+
+
+def test_lossless_replay_with_a_slow_backend_loses_nothing(slow_replay: list[HybridBelief]) -> None:
+    assert [belief.keyframe for belief in slow_replay] == list(range(NUM_FRAMES))
+    assert slow_replay[-1].dropped == 0
+
+
+def assert_same(live: list[HybridBelief], reference: list[HybridBelief]) -> None:
+    """Equal at every keyframe, hypothesis by hypothesis: weights within 1e-9, poses within 1e-6."""
+    assert [belief.stamp_ns for belief in live] == [belief.stamp_ns for belief in reference]
+    for ours, theirs in zip(live, reference, strict=True):
+        order, expected = np.argsort(ours.hypothesis_ids), np.argsort(theirs.hypothesis_ids)
+        np.testing.assert_array_equal(ours.hypothesis_ids[order], theirs.hypothesis_ids[expected])
+        np.testing.assert_array_equal(ours.associations[order], theirs.associations[expected])
+        weights = np.exp(ours.log_weights[order])
+        np.testing.assert_allclose(weights, np.exp(theirs.log_weights[expected]), rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(ours.poses[order], theirs.poses[expected], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(ours.object_poses, theirs.object_poses, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(ours.class_probabilities, theirs.class_probabilities, rtol=0.0, atol=1e-9)

@@ -1,0 +1,117 @@
+"""A node says what is wrong, by name, within five seconds."""
+
+import json
+import subprocess
+import time
+from collections.abc import Iterator
+
+import pytest
+import rclpy
+from node_runs import processes
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from worlds.bag_factory import T_BASE_CAMERA, input_entries, of_topic, write_configuration
+
+from semantic_slam.messages import topics
+from semantic_slam.messages.typestore import deserialize, serialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.node_set import NodeSpec
+from semantic_slam.ros.transport import Outlet, receive, ros_type
+
+WITHIN_S = 5.0
+START_S = 120.0
+SENT = (topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)
+
+
+class Listener:
+    """A ROS node of the test's own that follows /diagnostics."""
+
+    def __init__(self) -> None:
+        self.node: Node = rclpy.create_node("listener")
+        self.heard: list[tuple[int, str]] = []  # level and "name: message"
+        receive(self.node, topics.DIAGNOSTICS, self._note, qos.everything())
+
+    def _note(self, data: bytes) -> None:
+        for status in deserialize(data, topics.TYPES[topics.DIAGNOSTICS]).status:
+            self.heard.append((int(status.level), f"{status.name}: {status.message}"))
+
+    def wait_for(self, level: int, *words: str, within_s: float) -> str:
+        """The first status from now on of that level that contains all words; fails after ``within_s``."""
+        self.heard.clear()
+        give_up = time.monotonic() + within_s
+        while time.monotonic() < give_up:
+            rclpy.spin_once(self.node, timeout_sec=0.1)
+            for found, text in self.heard:
+                if found == level and all(word in text for word in words):
+                    return text
+        raise AssertionError(f"no status of level {level} with {words} in {within_s:.0f} s; heard {self.heard}")
+
+
+@pytest.fixture(scope="module")
+def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
+    """A lossless classifier that accepts boxes labelled ``chair`` only, and nobody who sends it anything yet."""
+    folder = tmp_path_factory.mktemp("health")
+    network = json.loads(write_configuration(folder).read_text())["perception"]["network"]
+    parameters = {
+        "lossless": True,
+        "has_depth": False,
+        "perception.network": network,
+        "perception.num_passes": 1,
+        "perception.labels": ["chair"],
+        "perception.extrinsics": T_BASE_CAMERA.tolist(),
+    }
+    rclpy.init()
+    with processes(folder) as nodes:
+        nodes.start(NodeSpec("classifier_node", "classifier", parameters))
+        listener = Listener()
+        listener.wait_for(0, "classifier: ", within_s=START_S)
+        yield listener
+    rclpy.try_shutdown()
+
+
+def test_silent_topics_are_named(listener: Listener) -> None:
+    for topic in ("/image/compressed", "/camera_info", "/detections"):
+        listener.wait_for(2, "classifier: ", f"{topic} is silent", within_s=WITHIN_S)
+
+
+def test_unknown_label_is_named(listener: Listener) -> None:
+    outlets = {topic: Outlet(listener.node, topic, topics.TYPES[topic], qos.replayed(topic)) for topic in SENT}
+    assert all(outlet.wait_for_readers(1, START_S) for outlet in outlets.values())
+    entries = input_entries(num_frames=2, with_depth=False)
+    for topic in SENT:
+        for entry in of_topic(entries, topic):
+            outlets[topic].send(serialize(entry.message))
+    listener.wait_for(1, "classifier: dropped", "unknown label 'box'", within_s=WITHIN_S)
+
+
+def test_publisher_whose_qos_cannot_match_is_named(listener: Listener) -> None:
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
+    listener.node.create_publisher(ros_type(topics.TYPES[topics.CAMERA_INFO]), "camera_info", best_effort)
+    text = listener.wait_for(2, "classifier: QoS", "/camera_info", within_s=WITHIN_S)
+    assert "incompatible" in text
+
+
+def test_topic_that_falls_silent_is_named(listener: Listener) -> None:
+    listener.wait_for(1, "/image/compressed has been silent", within_s=WITHIN_S)
+
+
+def test_terminated_nodes_end_at_once_and_quietly(listener: Listener) -> None:
+    """Whatever they were about to publish: nobody is left to take it."""
+    command = ["backend_node", "--ros-args", "-p"]
+    nodes = [
+        subprocess.Popen(
+            [*command, f"backend_id:={n}", "-r", f"__node:=backend_{n}"], stderr=subprocess.PIPE, text=True
+        )
+        for n in range(3)
+    ]
+    try:
+        for n in range(3):
+            listener.wait_for(0, f"backend_{n}", within_s=30.0)
+        for node in nodes:
+            node.terminate()
+        for node in nodes:
+            complaints = node.communicate(timeout=15.0)[1]
+            assert "Traceback" not in complaints
+    finally:
+        for node in nodes:
+            node.kill()

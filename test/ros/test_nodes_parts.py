@@ -1,0 +1,158 @@
+"""The parts of the nodes that need no ROS graph: order of rounds, flow control, play list, plain views."""
+
+import threading
+import time
+from dataclasses import dataclass, replace
+from itertools import permutations
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import MarkerArray
+from worlds.belief_factory import CLASSES, small_belief
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.transform import compose
+from semantic_slam.messages.sensor import TransformTree
+from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.messages.typestore import serialize
+from semantic_slam.ros.flow_control import Credit
+from semantic_slam.ros.playlist import Playlist, parse_remaps
+from semantic_slam.ros.rounds import Rounds
+from semantic_slam.ros.views import map_to_odom_view, markers_view, pose_view
+
+RUN = "run"
+
+
+class Scribe:
+    """Stands where a backend stands, and answers with what it was asked."""
+
+    def start(self, run: Any) -> None:
+        self.run_id = run.run_id
+
+    def expand(self, keyframe: Any) -> str:
+        return f"expand {keyframe.index}"
+
+    def commit(self, commit: Any) -> str:
+        return f"commit {commit.keyframe}"
+
+
+def in_order(number: int) -> list[str]:
+    return [f"{round_} {k}" for k in range(number) for round_ in ("expand", "commit")]
+
+
+@dataclass
+class Feed:
+    """One message to :class:`Rounds`."""
+
+    kind: str
+    index: int = 0
+
+    def to(self, rounds: Rounds) -> list[Any]:
+        if self.kind == "start":
+            return rounds.start(SimpleNamespace(run_id=RUN))  # type: ignore[arg-type]
+        if self.kind == "keyframe":
+            return rounds.keyframe(RUN, SimpleNamespace(index=self.index))  # type: ignore[arg-type]
+        return rounds.commit(SimpleNamespace(run_id=RUN, keyframe=self.index))  # type: ignore[arg-type]
+
+
+def test_rounds_do_not_depend_on_the_order_between_topics() -> None:
+    """Start, two keyframes, two commits: every order that keeps the order within each topic."""
+    messages = [Feed("start"), Feed("keyframe", 0), Feed("keyframe", 1), Feed("commit", 0), Feed("commit", 1)]
+    tried = 0
+    for order in permutations(range(5)):
+        if order.index(1) < order.index(2) and order.index(3) < order.index(4):
+            rounds = Rounds(Scribe())  # type: ignore[arg-type]
+            answers = [answer for n in order for answer in messages[n].to(rounds)]
+            assert answers == in_order(2)
+            tried += 1
+    assert tried == 30  # 5! / (2! 2!)
+
+
+def test_newest_keyframe_is_answered_again_and_a_second_start_begins_anew() -> None:
+    rounds = Rounds(Scribe())  # type: ignore[arg-type]
+    for feed in (Feed("start"), Feed("keyframe", 0), Feed("commit", 0), Feed("keyframe", 1)):
+        feed.to(rounds)
+    assert Feed("keyframe", 1).to(rounds) == ["expand 1"]
+    assert Feed("start").to(rounds) == []
+    assert Feed("keyframe", 0).to(rounds) == ["expand 0"]
+
+
+def test_credit_lets_a_window_of_frames_go_and_then_waits() -> None:
+    credit = Credit(window=2, stall_s=60.0)
+    assert credit.wait(0, lambda: True)
+    assert credit.wait(1, lambda: True)
+    threading.Timer(0.2, credit.done, [1]).start()
+    begin = time.monotonic()
+    assert credit.wait(2, lambda: True)
+    assert time.monotonic() - begin >= 0.2
+
+
+def test_credit_goes_on_when_nothing_moves() -> None:
+    assert not Credit(window=1, stall_s=0.1).wait(1, lambda: True)
+
+
+def test_playlist_renames_and_leaves_out_what_the_nodes_publish() -> None:
+    types = {
+        "/camera/image": "sensor_msgs/msg/Image",
+        "/detections": "semantic_slam_msgs/msg/DetectionArray",
+        "/classifier/measurements": "semantic_slam_msgs/msg/SemanticMeasurementArray",
+        "/clock": "rosgraph_msgs/msg/Clock",
+        "/other": "unheard_msgs/msg/Of",
+    }
+    playlist = Playlist(types, parse_remaps(["/camera/image:=image", ""]), lambda name: "unheard" not in name)
+    assert {topic: item.name for topic, item in playlist.items.items()} == {
+        "/camera/image": "image",
+        "/detections": "detections",
+    }
+    assert len(playlist.notes) == 1
+    assert not playlist.has_measurements
+
+
+def test_recorded_measurements_are_replayed_where_there_is_nothing_to_measure() -> None:
+    types = {"/classifier/measurements": "semantic_slam_msgs/msg/SemanticMeasurementArray"}
+    playlist = Playlist(types, {}, lambda name: True)
+    assert playlist.has_measurements
+    assert playlist.items["/classifier/measurements"].is_frame
+
+
+@pytest.mark.parametrize("entry", ["image", ":=image", "/camera:="])
+def test_remap_that_is_none_is_refused(entry: str) -> None:
+    with pytest.raises(InputError, match="FROM:=TO"):
+        parse_remaps([entry])
+
+
+def test_map_to_odom_closes_the_chain_to_the_robot() -> None:
+    """T_map_odom T_odom_body = T_map_body (REP-105)."""
+    half = np.pi / 8
+    T_map_body = np.array([1.0, 2.0, 0.0, 0.0, 0.0, np.sin(half), np.cos(half)])
+    T_odom_body = np.array([-3.0, 0.5, 0.0, 0.0, 0.0, np.sin(-half / 2), np.cos(-half / 2)])
+    tree = TransformTree()
+    tree.add(map_to_odom_view(PoseEstimate(5, "map", T_map_body, np.zeros((6, 6))), T_odom_body))
+    np.testing.assert_allclose(compose(tree.lookup("map", "odom"), T_odom_body), T_map_body, atol=1e-12)
+
+
+def test_views_of_a_belief_are_messages_that_rclpy_reads() -> None:
+    belief = small_belief(3, [1, 2], [1, 1], [0.75, 0.25], [4, 9], [[4], [9]])
+    estimate = pose_view(belief)
+    np.testing.assert_allclose(estimate.pose[:2], np.exp(belief.log_weights) @ belief.poses[:, :2], atol=1e-12)
+    markers = deserialize_message(serialize(markers_view(belief)), MarkerArray).markers
+    assert [(marker.ns, marker.id) for marker in markers] == [
+        ("objects", 4),
+        ("classes", 4),
+        ("objects", 9),
+        ("classes", 9),
+    ]
+    assert {marker.header.frame_id for marker in markers} == {"map"}
+    assert all(marker.text.split()[0] in CLASSES for marker in markers if marker.ns == "classes")
+
+
+def test_ellipsoid_spans_two_standard_deviations() -> None:
+    """Variances 0.09 and 0.25 m^2 along x and y: diameters 4 x 0.3 m and 4 x 0.5 m; the flat axis has a least size."""
+    belief = small_belief(0, [1], [1], [1.0], [4], [[4]])
+    covariance = np.zeros((1, 6, 6))
+    covariance[0, 0, 0], covariance[0, 1, 1] = 0.09, 0.25
+    marker = markers_view(replace(belief, object_covariances=covariance)).markers[0]
+    assert sorted([marker.scale.x, marker.scale.y, marker.scale.z]) == pytest.approx([0.1, 1.2, 2.0])

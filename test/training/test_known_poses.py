@@ -1,0 +1,69 @@
+"""Viewpoint models from bags whose poses are known, and the page about them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from worlds.synthetic_views import FEATURES, looking_from, synthetic_samples
+
+from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.pipeline.known_poses import views_of_bag
+from semantic_slam.report.viewpoint_page import write_page
+from semantic_slam.training.viewpoint.fit import fit_samples
+from semantic_slam.viewpoint.samples import ClassSamples
+
+BAGS = Path(__file__).parents[2] / "bags"
+
+
+def single_views(seed: int, count: int = 6) -> ClassSamples:
+    """Every draw a view of its own, at slightly different azimuths."""
+    data = synthetic_samples(0.0, seed=seed, draws=count)
+    azimuth = np.repeat(data.azimuth_rad, count) + np.tile(np.linspace(-0.02, 0.02, count), len(data.azimuth_rad))
+    order = np.argsort(azimuth)
+    features = data.features.reshape(-1, 1, 3)[order]
+    return ClassSamples(azimuth[order], features, data.feature_covariances.reshape(-1, 1, 3, 3)[order])
+
+
+def test_a_standing_robot_sees_one_class_from_one_direction() -> None:
+    """The bag's README: a desk, seen from an azimuth of 99 degrees, fifty times."""
+    samples, left_out = views_of_bag(BAGS / "standing.mcap", PerceptionConfiguration(num_passes=5))
+    assert list(samples) == ["desk"] and left_out == {}
+    assert samples["desk"].features.shape == (50, 1, 5)
+    np.testing.assert_allclose(np.rad2deg(samples["desk"].azimuth_rad), 99.0, atol=1.0)
+
+
+def test_one_view_per_direction_is_enough_to_fit() -> None:
+    model, report = fit_samples({"one": single_views(1)}, FEATURES)
+    assert report["one"]["mean_squared_whitened_residual"] == pytest.approx(3.0, abs=0.8)
+    many, _ = fit_samples({"one": synthetic_samples(0.0, seed=2)}, FEATURES)
+    azimuth = looking_from(np.linspace(0.0, 6.0, 20))
+    first, second = (m.predict(np.zeros(20, dtype=int), azimuth).mean for m in (model, many))
+    np.testing.assert_allclose(first, second, atol=0.12)
+
+
+def test_the_page_shows_every_class_and_escapes_names(tmp_path: Path) -> None:
+    samples = {"<b>bold</b>": single_views(3), "two": single_views(4)}
+    model, report = fit_samples(samples, FEATURES)
+    write_page(tmp_path / "page.html", model, samples, report)
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == 2
+    assert "&lt;b&gt;bold&lt;/b&gt;" in text and "<b>" not in text
+    assert "http" not in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ([], "--turntables"),
+        (["--bag", "a", "--turntables", "b"], "not allowed"),
+        (["--bag", "missing_bag"], "missing_bag"),
+    ],
+)
+def test_a_wrong_source_is_one_line(arguments: list[str], named: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "semantic_slam.cli.fit_viewpoint_models", *arguments, "--out", str(tmp_path / "m")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert named in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "m").exists()

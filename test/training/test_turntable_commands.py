@@ -1,0 +1,147 @@
+"""train_classifier and fit_viewpoint_models: from a small folder in BigBIRD's format to models that know classes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from semantic_slam.configuration import Configuration, PerceptionConfiguration
+from semantic_slam.datasets.bigbird import CAMERAS
+from semantic_slam.errors import InputError
+from semantic_slam.perception.classifier import Classifier
+from semantic_slam.training.classifier import TrainingConfiguration
+from semantic_slam.training.turntables import class_names_of, load_views, with_classes
+from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
+from semantic_slam.viewpoint.store import read_model, read_provenance
+
+REPOSITORY = Path(__file__).parents[2]
+ANGLES = range(0, 360, 30)
+USED = ("NP1", "NP2")
+COLOURS = {"red_box": (200, 40, 40), "blue_box": (40, 40, 200)}
+
+
+def write_turntable(folder: Path, colour: tuple[int, int, int]) -> None:
+    """A box with a coloured front and a grey back, on a table that turns before two of the five cameras."""
+    for sub in ("masks", "poses"):
+        (folder / sub).mkdir(parents=True)
+    with h5py.File(folder / "calibration.h5", "w") as file:
+        for camera in CAMERAS:
+            for lens in ("rgb", "depth", "ir"):
+                file[f"{camera}_{lens}_K"] = np.eye(3)
+                file[f"{camera}_{lens}_d"] = np.zeros(5)
+            file[f"{camera}_ir_depth_scale"] = 1.0
+            file[f"H_{camera}_from_NP5"] = np.eye(4)
+            file[f"H_{camera}_ir_from_NP5"] = np.eye(4)
+    for angle in ANGLES:
+        azimuth = np.deg2rad(angle)
+        pose = np.eye(4)
+        pose[:3, 3] = 2.0 * np.cos(azimuth), 2.0 * np.sin(azimuth), 0.5
+        with h5py.File(folder / "poses" / f"NP5_{angle}_pose.h5", "w") as file:
+            file["H_table_from_reference_camera"] = pose
+        front = 0.5 * (1.0 + np.cos(azimuth))
+        picture = np.full((60, 80, 3), 220.0)
+        picture[10:50, 20:60] = front * np.array(colour) + (1.0 - front) * 120.0
+        mask = np.full((60, 80), 255, dtype=np.uint8)
+        mask[10:50, 20:60] = 0
+        for camera in USED:
+            cv2.imwrite(str(folder / f"{camera}_{angle}.jpg"), picture[..., ::-1].astype(np.uint8))
+            cv2.imwrite(str(folder / "masks" / f"{camera}_{angle}_mask.pbm"), mask)
+
+
+@pytest.fixture(scope="module")
+def turntables(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("turntables")
+    for name, colour in COLOURS.items():
+        write_turntable(root / name, colour)
+    return root
+
+
+def call(command: str, *words: str) -> subprocess.CompletedProcess[str]:
+    line = [sys.executable, "-m", f"semantic_slam.cli.{command}", *words]
+    return subprocess.run(line, capture_output=True, text=True, cwd=REPOSITORY, check=False)
+
+
+def test_views_know_their_direction_and_their_object(turntables: Path) -> None:
+    views = load_views(turntables, USED)
+    assert class_names_of(views) == ("blue_box", "red_box")
+    assert len(views) == 2 * 2 * len(ANGLES)
+    view = next(view for view in views if view.class_name == "red_box" and np.isclose(view.azimuth_rad, np.deg2rad(60)))
+    assert view.elevation_rad == pytest.approx(np.arctan2(0.5, 2.0))
+    assert view.cutout.shape == (40, 40, 3)
+    assert view.mask.min() == 255
+
+
+def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
+    weights, models = tmp_path / "network.safetensors", tmp_path / "models.safetensors"
+    trained = call(
+        "train_classifier",
+        *("--turntables", str(turntables), "--out", str(weights), "--cameras", "NP1,NP2"),
+        *("--epochs", "3", "--crops-per-epoch", "256", "--max-azimuth-deg", "100"),
+    )
+    assert trained.returncode == 0, trained.stderr
+    assert "classes blue_box, red_box" in trained.stdout
+    classifier = Classifier(Configuration(perception=PerceptionConfiguration(network=str(weights))))
+    assert classifier.class_names == ("blue_box", "red_box")
+
+    fitted = call(
+        "fit_viewpoint_models",
+        *("--turntables", str(turntables), "--out", str(models), "--weights", str(weights)),
+        *("--cameras", "NP1,NP2", "--draws", "3"),
+    )
+    assert fitted.returncode == 0, fitted.stderr
+    model = read_model(models)
+    assert model.class_names == model.feature_names == ("blue_box", "red_box")
+    report = json.loads(models.with_suffix(".json").read_text())
+    assert set(report) == set(COLOURS)
+    assert report["red_box"]["coverage"]["views"] == len(ANGLES)
+    assert read_provenance(models)["report"] == report
+
+    front = Viewpoints(np.zeros(1), np.full(1, 0.2), np.full(1, 2.0))
+    seen_red = model.predict(np.array([1]), front).mean[0]
+    likelihood = log_likelihood(model, seen_red, np.zeros((2, 2)), front)
+    assert likelihood[1] > likelihood[0] + 1.0
+
+
+@pytest.mark.parametrize("command", ["train_classifier", "fit_viewpoint_models"])
+def test_wrong_usage_is_one_line(command: str) -> None:
+    result = call(command, "--frobnicate")
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert command in result.stderr
+
+
+def test_help_of_train_classifier_tells_the_defaults() -> None:
+    text = " ".join(call("train_classifier", "--help").stdout.split())
+    defaults = TrainingConfiguration()
+    degrees = round(np.rad2deg(defaults.largest_azimuth_rad))
+    for value in ("NP1,NP2,NP3,NP4,NP5", defaults.epochs, defaults.crops_per_epoch, degrees, defaults.seed):
+        assert f"(default: {value})" in text
+
+
+@pytest.mark.parametrize("command", ["train_classifier", "fit_viewpoint_models"])
+def test_a_folder_without_turntables_is_bad_input(command: str, tmp_path: Path) -> None:
+    result = call(command, "--turntables", str(tmp_path), "--out", str(tmp_path / "out.safetensors"))
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert str(tmp_path) in result.stderr
+
+
+def test_instances_go_under_their_class(turntables: Path, tmp_path: Path) -> None:
+    classes = tmp_path / "classes.json"
+    classes.write_text(json.dumps({"red_box": "box"}))
+    views = load_views(turntables, USED)
+    assert {view.class_name for view in with_classes(views, classes)} == {"box"}
+    assert len(with_classes(views, classes)) == len(views) // 2
+
+
+@pytest.mark.parametrize("text", ["[1]", '{"red_box": 3}', '{"green_box": "box"}', "{", ""])
+def test_a_wrong_file_of_classes_is_one_line(text: str, turntables: Path, tmp_path: Path) -> None:
+    classes = tmp_path / "classes.json"
+    classes.write_text(text)
+    with pytest.raises(InputError, match=str(classes)):
+        with_classes(load_views(turntables, USED), classes)

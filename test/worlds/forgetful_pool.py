@@ -1,0 +1,18 @@
+"""Backends of which one is lost, as a manager meets it."""
+
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import Candidates
+
+
+class ForgetfulPool(InProcessPool):
+    """Loses its first backend before a given keyframe."""
+
+    def __init__(self, number: int, dies_at: int = 9):
+        super().__init__(number)
+        self._dies_at = dies_at
+
+    def expand(self, keyframe) -> list[Candidates]:
+        if keyframe.index == self._dies_at and 0 in self.backend_ids:
+            self.backend_ids = self.backend_ids[1:]
+            self._backends = self._backends[1:]
+        return super().expand(keyframe)

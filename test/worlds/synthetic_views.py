@@ -1,0 +1,23 @@
+"""Views of a class with smooth features, whose noise is known."""
+
+import numpy as np
+
+from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.samples import ClassSamples
+
+FEATURES = ("first", "second", "third")
+
+
+def looking_from(azimuth_rad: np.ndarray) -> Viewpoints:
+    azimuth_rad = np.atleast_1d(np.asarray(azimuth_rad, dtype=np.float64))
+    return Viewpoints(azimuth_rad, np.full(azimuth_rad.shape, 0.2), np.full(azimuth_rad.shape, 2.0))
+
+
+def synthetic_samples(phase: float, seed: int, views: int = 60, draws: int = 6, sigma: float = 0.05) -> ClassSamples:
+    """Smooth features around the circle with independent noise of a known, azimuth-dependent spread."""
+    generator = np.random.default_rng(seed)
+    azimuth = np.arange(views) * 2.0 * np.pi / views
+    truth = np.stack([0.5 + 0.4 * np.cos(azimuth + phase), 0.5 + 0.3 * np.sin(azimuth), 0.2 + 0.0 * azimuth], axis=-1)
+    spread = sigma * (1.5 + np.cos(azimuth))[:, None, None]
+    features = truth[:, None, :] + spread * generator.normal(size=(views, draws, 3))
+    return ClassSamples(azimuth, features, np.zeros((views, draws, 3, 3)))
