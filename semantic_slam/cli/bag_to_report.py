@@ -105,7 +105,7 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
 
     Raises InputError.
     """
-    from semantic_slam.inference.map_prior import read_map_prior
+    from semantic_slam.inference.world.map_prior import read_map_prior
     from semantic_slam.pipeline.offline import run_bag
 
     if arguments.compare:

@@ -12,7 +12,7 @@ from semantic_slam.datasets.avd import AvdScene
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector, pose_vector_from_planar
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 POSITION_VARIANCE_M2 = 0.05
 HEADING_VARIANCE_RAD2 = 0.0005

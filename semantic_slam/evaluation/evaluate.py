@@ -23,7 +23,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import PLANAR_AXES
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.map_prior import parse_map_prior
+from semantic_slam.inference.world.map_prior import parse_map_prior
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,15 @@ from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.class_marginals import class_marginals
 from semantic_slam.inference.component_marginals import ComponentMarginals, aligned_marginals, component_marginals
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
-from semantic_slam.inference.expander import Continuations, Expander
+from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.objects import ObjectRegistry, ReportedObjects
-from semantic_slam.inference.open_world.open_expander import OpenExpander
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.smoothing.component import Component, LostComponentError, WeightedComponent
 from semantic_slam.inference.smoothing.growth import Outcome, certain
 from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
+from semantic_slam.inference.world.problem import Problem
 
 
 class Backend:
@@ -39,19 +38,17 @@ class Backend:
         self.run_id = run.run_id
         self.problem = self._given_problem or problem_of(run)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
-        self.expander: Expander | OpenExpander = Expander(self.problem, self.registry)
-        if self.problem.association == "open":
-            self.expander = OpenExpander(self.problem, self.registry)
+        self.association: AssociationStrategy = ASSOCIATIONS.load(self.problem.association)(self.problem, self.registry)
+        self.expander = Expander(self.problem, self.association)
         self.held: dict[int, WeightedComponent] = {
-            ROOT_ID + number: WeightedComponent(self.expander.root(number), log_weight)
+            ROOT_ID + number: WeightedComponent(self.association.root(number), log_weight)
             for number, log_weight in enumerate(self.problem.log_root_weights)
         }
         self.steps: list[Step] = []
         self.committed = -1
-        self._expanded: tuple[Continuations, list[int]] | None = None
+        self._expanded: tuple[Expansion, list[int]] | None = None
         self._asked: set[int] = set()  # what the newest commit gave to this backend
         self._answer: Components | None = None
-        self._roster = ReportedObjects(self.problem.objects, len(self.problem.class_names), ())
 
     def expand(self, keyframe: Any) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
@@ -62,13 +59,13 @@ class Backend:
             raise SemanticSlamError(
                 f"backend {self.backend_id}: keyframe {len(self.steps)} is missing; start the run again"
             )
-        self._register(step)
+        self.association.introduce(self.registry, step)
         if not self.held:
             return self._no_candidates(step)
         parents = sorted(self.held)
-        continuations = self.expander.expand(step, parents, [self.held[n] for n in parents])
-        self._expanded = (continuations, parents)
-        return self._candidates(step, continuations, parents)
+        expansion = self.expander.expand(step, parents, [self.held[n] for n in parents])
+        self._expanded = (expansion, parents)
+        return self._candidates(step, expansion, parents)
 
     def commit(self, commit: Commit) -> Components | None:
         """Round two; None for a commit older than the newest one (stale). A repeated commit changes nothing."""
@@ -115,9 +112,10 @@ class Backend:
             return {}
         return {number: at for at, number in enumerate(self._expanded[0].ids)}
 
-    def _grown(self, step: Step, found: Continuations, parent_ids: list[int], at: list[int]) -> list[Outcome]:
+    def _grown(self, step: Step, found: Expansion, parent_ids: list[int], at: list[int]) -> list[Outcome]:
         """The components of some continuations, which may use up their parents."""
-        parents = [self.held[parent_ids[found.parents[one]]].component for one in at]
+        rows = found.assignments.parents[at]
+        parents = [self.held[parent_ids[row]].component for row in rows]
         return self.expander.grow(step, found, parents, at, in_place=True)
 
     def _rebuild(self, lineage: Sequence[LineageStep], length: int, rebuilt: dict[int, Component]) -> Component:
@@ -125,25 +123,19 @@ class Backend:
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
         number = ROOT_ID + (lineage[0].mode if len(self.problem.noise_factors) > 1 else 0)
-        component = self.expander.root(number - ROOT_ID)
+        component = self.association.root(number - ROOT_ID)
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             if child not in rebuilt:
-                continuations = self.expander.expand(step, [number], [WeightedComponent(component, 0.0)], taken)
-                if child not in continuations.ids:
+                expansion = self.expander.expand(step, [number], [WeightedComponent(component, 0.0)], taken)
+                if child not in expansion.ids:
                     raise LostComponentError("a lineage names an impossible continuation")
-                at = [continuations.ids.index(child)]
-                rebuilt[child] = certain(self.expander.grow(step, continuations, [component], at, in_place=False)[0])
+                at = [expansion.ids.index(child)]
+                rebuilt[child] = certain(self.expander.grow(step, expansion, [component], at, in_place=False)[0])
             number, component = child, rebuilt[child]
         return component
 
-    def _register(self, step: Step) -> None:
-        self.registry.introduce(step.index, len(step.names))
-        if self.problem.association == "given":
-            for name in step.names:
-                self.registry.identify(name)
-
-    def _candidates(self, step: Step, found: Continuations, parents: list[int]) -> Candidates:
+    def _candidates(self, step: Step, found: Expansion, parents: list[int]) -> Candidates:
         reader = self.problem.reader
         count, detections, dimension = len(found.ids), len(step.names), self.problem.space.dimension
         states = np.full((count, detections, dimension), np.nan)
@@ -226,13 +218,10 @@ class Backend:
             descriptor_variances=_stacked([known.variance for known in descriptors], len(registry.ids)),
         )
 
-    def _present(self) -> ObjectRegistry:
-        """The objects that are reported: in an open world those that some hypothesis holds."""
-        if self.problem.association != "open":
-            return self.registry
+    def _present(self) -> ReportedObjects:
+        """The objects that are reported."""
         alive = frozenset[int]().union(*(held.component.object_ids for held in self.held.values()))
-        self._roster = self._roster.with_only(alive)
-        return self._roster
+        return self.association.reported(self.registry, alive)
 
     def _in_map(self, found: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:
         """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances and (H, O) existence, NaN for what is absent."""

@@ -10,15 +10,12 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
-from semantic_slam.inference.objects import ObjectEntry
 from semantic_slam.inference.planar_reader import PlanarReader
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.class_tables import ClassTables
 from semantic_slam.inference.semantics.correlated_views import CorrelatedViews
@@ -29,6 +26,9 @@ from semantic_slam.inference.semantics.interface import CarriedSemantics, Semant
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
+from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.problem import Problem
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.correlated import CorrelatedModel

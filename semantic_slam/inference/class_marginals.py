@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import class_posterior
+from semantic_slam.inference.world.objects import ObjectRegistry
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.open_component import OpenComponent
 from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.world.objects import ObjectRegistry
 
 
 @dataclass(frozen=True)

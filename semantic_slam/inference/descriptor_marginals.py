@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import descriptor_key
+from semantic_slam.inference.world.objects import ObjectRegistry
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,14 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.marginals import Mixture, state_belief
-from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.open_world.rounds import OpenRounds, TimeBudget
 from semantic_slam.inference.ownership import assign_owners
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import LOST, BackendPool, Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.pruning import Pruned, prune
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from semantic_slam.geometry.moments import matched_moments_of_many
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry
 
 
 @dataclass(frozen=True)

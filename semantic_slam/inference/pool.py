@@ -3,8 +3,8 @@
 from typing import Any
 
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.world.problem import Problem
 
 
 class InProcessPool:

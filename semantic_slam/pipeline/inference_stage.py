@@ -7,8 +7,8 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import HypothesisManager
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.preamble import Preamble
 from semantic_slam.pipeline.provenance import revision

@@ -11,7 +11,7 @@ from semantic_slam.configuration import Configuration, PerceptionConfiguration, 
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.record import GroundTruth, Record
 from semantic_slam.evaluation.trajectory import interpolate
-from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.viewpoint.samples import ClassSamples

@@ -17,7 +17,7 @@ from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import sensor_pose

@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.errors import InputError
-from semantic_slam.inference.map_prior import MapPrior, read_map_prior
+from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import TransformTree, plain_frame

@@ -11,7 +11,7 @@ from semantic_slam.evaluation.evaluate import Evaluation, evaluate
 from semantic_slam.evaluation.history import associated_objects, best_index, lineage
 from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 SCHEMA_VERSION = 1
 

@@ -23,7 +23,7 @@ from semantic_slam.datasets.avd_objects import POSITION_VARIANCE_M2, triangulate
 from semantic_slam.datasets.planar_odometry import OdometryNoise, simulate_odometry, step_sigma
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector
-from semantic_slam.inference.map_prior import read_map_prior
+from semantic_slam.inference.world.map_prior import read_map_prior
 
 HEIGHT_M = 0.9
 SCALE_MM = 437.0

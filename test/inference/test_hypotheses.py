@@ -13,11 +13,11 @@ from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference import expander
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.engine import HypothesisManager
-from semantic_slam.inference.map_prior import MapPrior, parse_map_prior
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates, Commit, Components
 from semantic_slam.inference.smoothing.component import LostComponentError
+from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 
 
 def test_a_lost_robot_finds_itself_and_the_classes() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from semantic_slam.errors import InputError
-from semantic_slam.inference.map_prior import MapPrior, parse_map_prior
+from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 
 COVARIANCE = np.diag([0.1, 0.1, 0.0, 0.0, 0.0, 0.2])
 

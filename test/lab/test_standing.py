@@ -31,7 +31,7 @@ from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report
-from semantic_slam.inference.map_prior import read_map_prior
+from semantic_slam.inference.world.map_prior import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.images import decode_depth, decode_image

@@ -29,8 +29,8 @@ from semantic_slam.cli import bag_to_report
 from semantic_slam.configuration import load_configuration
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference import expander
-from semantic_slam.inference.map_prior import MapPrior, read_map_prior
 from semantic_slam.inference.smoothing.component import LostComponentError
+from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.images import decode_image

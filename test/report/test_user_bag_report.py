@@ -8,7 +8,7 @@ from worlds.bag_factory import write_configuration
 from worlds.user_bag_factory import write_drive
 
 from semantic_slam.cli import bag_to_report, import_dataset
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 CUP, BOTTLE = [3.1, -0.5], [3.1, 0.6]
 """Where write_drive puts them in map [m]: ahead of the first pose, to the right and to the left."""

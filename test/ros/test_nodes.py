@@ -13,7 +13,7 @@ from worlds.bag_factory import input_entries, map_prior, write_bag, write_config
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.pipeline.offline import run_bag
 
 NUM_FRAMES = 10

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from semantic_slam.bag.writer import BagWriter
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects

@@ -19,8 +19,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate, header_message

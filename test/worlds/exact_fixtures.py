@@ -13,14 +13,14 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.models.visibility import PlanarVisibility
-from semantic_slam.inference.objects import ObjectEntry
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.problem import Problem
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 NO_PRUNING = PruningConfiguration(ratio=np.inf, max_hypotheses=10**9)

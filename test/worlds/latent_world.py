@@ -15,10 +15,10 @@ from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_observation import viewpoints_in_plane
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
+from semantic_slam.inference.world.problem import Problem
 
 MODEL = HarmonicModel()
 

@@ -9,8 +9,8 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.build import make_run_configuration
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel

@@ -11,9 +11,9 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration
 from semantic_slam.inference.engine import HypothesisManager
 from semantic_slam.inference.keyframe import Keyframe
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import Viewpoints

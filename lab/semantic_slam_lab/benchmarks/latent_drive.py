@@ -14,14 +14,14 @@ from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.models.visibility import PlanarVisibility
-from semantic_slam.inference.objects import ObjectEntry
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.problem import Problem
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.latent_update import DETECTIONS, OBJECTS, POSES, SIGMA_STEP, STEP, Circuit

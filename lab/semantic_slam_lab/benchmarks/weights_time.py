@@ -9,9 +9,9 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.expander import Expander
-from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.smoothing.component import WeightedComponent
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam_lab.benchmarks.row import Row
 from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import World, grid_world

@@ -19,7 +19,7 @@ from semantic_slam.datasets.avd_objects import covariance
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector, pose_vector_from_planar
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate

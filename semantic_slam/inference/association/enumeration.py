@@ -7,7 +7,7 @@ it would have continued as well as the best.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
 from semantic_slam.inference.association.screening import ScreenedAssignments, screen
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import (
     Assignments,
     KeyframeProblem,
@@ -34,13 +36,14 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.state_space import StateSpace
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EnumerationProblem:
     """What enumeration needs to know besides the parents' Gaussians; C classes, O objects, P parents."""
 
     space: StateSpace
     model: ObservationModel
     detections: Sequence[Any]
+    object_ids: Index  # (O,)
     known_classes: Index  # (P, O) class, -1 while carried lazily
     log_class_prior: Array  # (O, C)
     distinct: bool
@@ -59,24 +62,7 @@ class EnumerationProblem:
         return self.seen if count == len(self.detections) else self.seen.take(slice(count))
 
 
-@dataclass(frozen=True)
-class EnumeratedAssignments:
-    """Candidates with their geometric part's mode, and the score by which others were left out.
-
-    Where classes are enumerated after that, mode and score may be those of one linear step.
-    """
-
-    stack: KeyframeProblem
-    start: Array  # (B, n) whitened states of that mode
-    score: Array  # (B,) log of an estimate of psi, the class prior included
-    log_class_prior: Array  # (B,) of the classes first enumerated here
-    log_left_out: Array  # (P,) left-out mass relative to the best score of the parent
-    log_best: Array = field(default_factory=lambda: np.zeros(0))  # (P,) geometric evidence of the best association
-
-
-def enumerate_associations(
-    setting: EnumerationProblem, predicted: PredictedBelief
-) -> tuple[EnumeratedAssignments, Mode]:
+def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBelief) -> Candidates:
     """All associations of the detections to the objects, as far as the gate admits."""
     num_parents = len(predicted.mean)
     left_out = np.full(num_parents, -np.inf)
@@ -94,10 +80,20 @@ def enumerate_associations(
         keep, dropped = _gated(parents, mode.log_evidence, setting.gate, num_parents, setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
         prefixes, mode = screened.prefixes.take(keep), mode.take(keep)
-    best = np.full(num_parents, -np.inf)
-    np.maximum.at(best, prefixes.rows.parents, mode.log_evidence)
-    stack = prefixes.stack(setting.model, setting.seen)
-    return EnumeratedAssignments(stack, mode.y, mode.log_evidence, np.zeros(len(mode.y)), left_out, best), mode
+    return _associated(setting, prefixes.stack(setting.model, setting.seen), mode, left_out)
+
+
+def _associated(setting: EnumerationProblem, problem: KeyframeProblem, mode: Mode, log_left_out: Array) -> Candidates:
+    """Candidates whose classes, where there are any, are still open."""
+    rows = problem.rows.gaining(log_evidence=mode.log_evidence, log_class_prior=np.zeros(len(mode.y)))
+    return Candidates(
+        assignments=rows,
+        object_ids=setting.object_ids,
+        log_left_out=log_left_out,
+        problem=problem,
+        start=mode.y,
+        mode=mode,
+    )
 
 
 def _ranking(screened: ScreenedAssignments) -> Mode:
@@ -110,27 +106,21 @@ def _ranking(screened: ScreenedAssignments) -> Mode:
     return mode
 
 
-def fixed_association(
-    setting: EnumerationProblem, predicted: PredictedBelief, objects: Index
-) -> tuple[EnumeratedAssignments, Mode]:
+def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, objects: Index) -> Candidates:
     """One association (D,), as given with the detections, for every parent."""
     parents = np.arange(len(predicted.mean))
-    rows = Assignments(parents, np.broadcast_to(objects, (len(parents), len(objects))))
-    stack = KeyframeProblem.of(setting.space, setting.model, predicted, setting.seen, rows)
-    mode = find_modes(stack, search_start(stack))
-    nothing = np.full(len(parents), -np.inf)
-    return EnumeratedAssignments(
-        stack, mode.y, mode.log_evidence, np.zeros(len(parents)), nothing, mode.log_evidence
-    ), mode
+    rows = Assignments(parents=parents, objects=np.broadcast_to(objects, (len(parents), len(objects))))
+    problem = KeyframeProblem.of(setting.space, setting.model, predicted, setting.seen, rows)
+    mode = find_modes(problem, search_start(problem))
+    return _associated(setting, problem, mode, np.full(len(parents), -np.inf))
 
 
-def enumerate_classes(setting: EnumerationProblem, associations: EnumeratedAssignments) -> EnumeratedAssignments:
+def enumerate_classes(setting: EnumerationProblem, associated: Candidates) -> Candidates:
     """Every class for the objects a hypothesis had not observed, the known one for the others."""
-    stack = associations.stack
-    bounds, turns = _semantic_profiles(setting, stack, associations.start)  # (B, D, C) each
-    num_parents = len(setting.known_classes)
-    index = np.arange(len(associations.score))
-    score, prior, left_out = associations.score, associations.log_class_prior, associations.log_left_out
+    stack, mode = associated.solved()
+    bounds, turns = _semantic_profiles(setting, stack, mode.y)  # (B, D, C) each
+    num_parents, left_out = len(setting.known_classes), associated.log_left_out
+    index, score, prior = np.arange(len(mode.y)), mode.log_evidence, np.zeros(len(mode.y))
     chosen = np.zeros((len(index), 0), dtype=int)
     for number in range(len(setting.detections)):
         options = _class_options(setting, stack, index, chosen, number)  # (B, C) log prior, -inf where excluded
@@ -146,10 +136,15 @@ def enumerate_classes(setting: EnumerationProblem, associations: EnumeratedAssig
         left_out = np.logaddexp(left_out, dropped)
         index, score, prior, chosen = index[keep], score[keep], prior[keep], chosen[keep]
     classes = np.where(stack.active[index], chosen, -1)
-    part = stack.with_classes(index, classes)
+    problem = stack.with_classes(index, classes)
     chosen_turns = turns[index[:, None], np.arange(classes.shape[1]), np.maximum(classes, 0)]
-    start = _turned(part, associations.start[index], chosen_turns)
-    return EnumeratedAssignments(part, start, score, prior, left_out, associations.log_best)
+    return Candidates(
+        assignments=problem.rows.gaining(log_class_prior=prior),
+        object_ids=associated.object_ids,
+        log_left_out=left_out,
+        problem=problem,
+        start=_turned(problem, mode.y[index], chosen_turns),
+    )
 
 
 def _of_prior(count: int, size: int) -> Mode:

@@ -33,7 +33,7 @@ class PartialAssignments:
         """One for each parent, of no detection."""
         size, parents = space.dimension, np.arange(len(predicted.mean))
         root = np.asarray(np.linalg.cholesky(predicted.covariance[:, :size, :size]), dtype=np.float64)
-        rows = Assignments(parents, np.zeros((len(parents), 0), dtype=int))
+        rows = Assignments(parents=parents, objects=np.zeros((len(parents), 0), dtype=int))
         return cls(space, predicted, rows, predicted.mean[:, :1], root, None, parents)
 
     def take(self, selection: Index) -> "PartialAssignments":
@@ -59,7 +59,7 @@ class PartialAssignments:
         return PartialAssignments(
             self.space,
             self.predicted,
-            Assignments(parents, np.concatenate([before, objects[:, None]], axis=1)),
+            Assignments(parents=parents, objects=np.concatenate([before, objects[:, None]], axis=1)),
             np.concatenate([self.mean[origin], mean[:, None]], axis=1),
             root,
             self,

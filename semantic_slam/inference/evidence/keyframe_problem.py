@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, row_sums, squared_norms
+from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.observation import Linearisation, ObservationModel
 from semantic_slam.inference.states.state_space import StateSpace
 
@@ -41,20 +42,6 @@ class PredictedBelief:
         joint[..., :dimension, dimension:] = np.swapaxes(joint[..., dimension:, :dimension], 2, 3)
         joint[..., dimension:, dimension:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)
         return joint
-
-
-@dataclass(frozen=True)
-class Assignments:
-    """B candidates."""
-
-    parents: Index  # (B,) into Predicted
-    objects: Index  # (B, n) into its objects, -1 clutter
-    classes: Index | None = None  # (B, n); None: geometry alone
-
-    def take(self, selection: Any) -> "Assignments":
-        """The rows of a selection."""
-        classes = None if self.classes is None else self.classes[selection]
-        return Assignments(self.parents[selection], self.objects[selection], classes)
 
 
 class KeyframeProblem:
@@ -94,7 +81,7 @@ class KeyframeProblem:
     def with_classes(self, selection: Index, classes: Index) -> "KeyframeProblem":
         """Some of the candidates, with (B, n) classes of their objects."""
         part = self.select(selection)
-        part.rows = Assignments(part.rows.parents, part.rows.objects, classes)
+        part.rows = Assignments(parents=part.rows.parents, objects=part.rows.objects, classes=classes)
         return part
 
     def select(self, selection: Index) -> "KeyframeProblem":

@@ -1,24 +1,25 @@
 """Candidates become modes: those heavy enough are sampled, and split where they are not one Gaussian."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry.arrays import Array, Index, row_sums, squared_norms
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.importance import normal_points
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.evidence.mode_search import SearchStart, search_modes
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode
-from semantic_slam.inference.evidence.window import Window, WindowStep
+from semantic_slam.inference.evidence.window import Anchor, Window, WindowStep
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.lineage import LineageStep
 
 FEW_SAMPLES = 16
 """Samples that do for a candidate whose weights hardly differ among them, and whose objects are well in sight: they
@@ -30,24 +31,43 @@ LOG_IN_SIGHT = -0.02
 """Soft log visibility of all objects together from which on they are well inside every limit."""
 
 
-@dataclass(frozen=True)
-class WeighedAssignments:
+@dataclass(frozen=True, kw_only=True)
+class UnsplitCandidates:
     """K candidates before they split: each under one association and class assignment."""
 
     step: Step
-    parents: Sequence[Component]
+    parents: Sequence[Anchor]
     log_parent_weights: Array  # (P,)
-    stack: KeyframeProblem
-    mode: Mode
-    log_prior: Array  # (K,) of the classes first enumerated here
-    lineage_steps: Sequence[LineageStep]  # K
-    used: Index  # (n,) detections that ``stack`` is about
+    candidates: Candidates
+    used: Index  # (n,) detections that the candidates are about
     new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
-    object_ids: Sequence[int]  # that ``stack.rows.objects`` refers to
+
+    @property
+    def stack(self) -> KeyframeProblem:
+        """The least-squares problems of the candidates."""
+        return self.candidates.solved()[0]
+
+    @property
+    def mode(self) -> Mode:
+        """The modes of those problems."""
+        return self.candidates.solved()[1]
+
+    @property
+    def log_prior(self) -> Array:
+        """(K,) of the classes first enumerated here."""
+        prior = self.candidates.assignments.log_class_prior
+        assert prior is not None
+        return prior
+
+    @property
+    def object_ids(self) -> Index:
+        """(O,) that associations refer to."""
+        return self.candidates.object_ids
 
     def taken(self, row: int) -> WindowStep:
         """What one candidate makes of the keyframe."""
-        own = self.lineage_steps[row]
+        rows = self.candidates.assignments.take([row])
+        own = replace(self.candidates, assignments=rows).steps(self.used, len(self.step.names))[0]
         return WindowStep(self.step.motion, self.step.observed(own.association, own.class_assignment, self.used))
 
     def states_of(self, row: int, refined: PosteriorMode) -> Array:
@@ -56,36 +76,17 @@ class WeighedAssignments:
         states[0] = refined.smoothed[robot_key(self.parents[self.stack.rows.parents[row]].keyframe + 1)]
         for slot, place in enumerate(self.stack.rows.objects[row]):
             if place >= 0 and self.stack.slots[row, slot] == slot:
-                states[1 + slot] = refined.smoothed[object_key(self.object_ids[place])]
+                states[1 + slot] = refined.smoothed[object_key(int(self.object_ids[place]))]
         return states
 
 
-@dataclass(frozen=True)
-class ModeSplit:
-    """M >= K modes of candidates."""
-
-    origin: Index  # (M,) candidate
-    number: Index  # (M,) 0: the candidate as it is; from 1 on: a mode found in its whole history
-    log_evidence: Array  # (M,) log psi without the class prior
-    effective_sample_sizes: Array  # (M,) NaN where nothing was sampled
-    refined: list[PosteriorMode | None]  # M
-    histories: list[Window | None]  # M
-
-    @classmethod
-    def unchanged(cls, log_evidence: Array, effective_sample_sizes: Array) -> "ModeSplit":
-        """Every candidate one mode."""
-        count = len(log_evidence)
-        number = np.zeros(count, dtype=int)
-        return cls(np.arange(count), number, log_evidence, effective_sample_sizes, [None] * count, [None] * count)
-
-
-def split_modes(expanded: WeighedAssignments, weights: WeightsConfiguration, path_mode: int | None) -> ModeSplit:
+def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path_mode: int | None) -> Candidates:
     """All modes of all candidates. ``path_mode`` names the mode of a lineage: 0 has no history looked at."""
     log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
     log_evidence = expanded.mode.log_evidence + log_visible
     effective = np.full(len(log_evidence), np.nan)
     heavy = _heavy(expanded, log_evidence, weights.importance_gate, path_mode)
-    has_history = np.array([parent.history is not None for parent in expanded.parents])[expanded.stack.rows.parents]
+    has_history = np.array([parent.window is not None for parent in expanded.parents])[expanded.stack.rows.parents]
     plain = heavy & ~has_history
     shares = np.zeros(len(log_evidence))
     if plain.any():
@@ -98,14 +99,15 @@ def split_modes(expanded: WeighedAssignments, weights: WeightsConfiguration, pat
     look = heavy & (shares < weights.gaussian_share) if path_mode is None else heavy
     rows = np.flatnonzero(look)
     if not len(rows) and not has_history.any():
-        return ModeSplit.unchanged(log_evidence, effective)
+        return expanded.candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
     found: list[list[PosteriorMode]] = [[] for _ in log_evidence]
     for row, modes in zip(rows, search_modes(_starts(expanded, rows), weights), strict=True):
         found[row] = modes
-    return _collected(expanded, found, log_evidence, effective, weights)
+    origin, columns = _collected(expanded, found, log_evidence, effective, weights)
+    return _at_posterior_modes(expanded, origin, expanded.candidates.assignments.take(origin).gaining(**columns))
 
 
-def _heavy(expanded: WeighedAssignments, log_evidence: Array, gate: float, path_mode: int | None) -> NDArray[np.bool_]:
+def _heavy(expanded: UnsplitCandidates, log_evidence: Array, gate: float, path_mode: int | None) -> NDArray[np.bool_]:
     """(K,) whether a candidate weighs so much that its weight should be exact; never for one without a rival."""
     if path_mode is not None:
         return np.full(len(log_evidence), path_mode > 0)
@@ -119,7 +121,7 @@ def _heavy(expanded: WeighedAssignments, log_evidence: Array, gate: float, path_
     return np.asarray(heavy & ~(alone & certain)[parents])
 
 
-def _screened(expanded: WeighedAssignments, rows: Index, laplace: Array, count: int) -> tuple[Array, Array]:
+def _screened(expanded: UnsplitCandidates, rows: Index, laplace: Array, count: int) -> tuple[Array, Array]:
     """(R,) log evidence by samples about the mode, and their effective share."""
     half = normal_points(count // 2, expanded.stack.size)
     points = np.concatenate([half, -half])
@@ -137,18 +139,18 @@ def _screened(expanded: WeighedAssignments, rows: Index, laplace: Array, count: 
     return np.where(seen, found, laplace), shares
 
 
-def _starts(expanded: WeighedAssignments, rows: Index) -> list[SearchStart]:
+def _starts(expanded: UnsplitCandidates, rows: Index) -> list[SearchStart]:
     """Histories of some candidates, and where their parents' and their own modes are."""
     part = expanded.stack.select(rows)
     return [_start(expanded, row, own) for row, own in zip(rows, part.states(expanded.mode.y[rows]), strict=True)]
 
 
-def _start(expanded: WeighedAssignments, row: int, states: Array) -> SearchStart:
+def _start(expanded: UnsplitCandidates, row: int, states: Array) -> SearchStart:
     parent = expanded.parents[expanded.stack.rows.parents[row]]
     new = expanded.new[expanded.stack.rows.parents[row]]
     history = Window.of(parent).with_keyframe(expanded.taken(row), new)
     seen = {
-        expanded.object_ids[place]: states[1 + expanded.stack.slots[row, number]]
+        int(expanded.object_ids[place]): states[1 + expanded.stack.slots[row, number]]
         for number, place in enumerate(expanded.stack.rows.objects[row])
         if place >= 0
     }
@@ -159,18 +161,19 @@ def _start(expanded: WeighedAssignments, row: int, states: Array) -> SearchStart
 
 
 def _collected(
-    expanded: WeighedAssignments,
+    expanded: UnsplitCandidates,
     found: list[list[PosteriorMode]],
     log_evidence: Array,
     effective: Array,
     weights: WeightsConfiguration,
-) -> ModeSplit:
+) -> tuple[Index, dict[str, Any]]:
+    """(M,) candidate of each mode, and the columns that tell of it."""
     origin, number, evidence, sizes = [], [], [], []
     refined: list[PosteriorMode | None] = []
     histories: list[Window | None] = []
     for row, modes in enumerate(found):
         parent = expanded.parents[expanded.stack.rows.parents[row]]
-        before = parent.history.log_evidence if parent.history is not None else 0.0
+        before = parent.window.log_evidence if parent.window is not None else 0.0
         for at, mode in enumerate(modes):
             origin.append(row)
             number.append(1 + at)
@@ -185,21 +188,41 @@ def _collected(
             sizes.append(float(effective[row]))
             refined.append(None)
             histories.append(_carried(expanded, row, log_evidence[row], weights.max_history))
-    return ModeSplit(
-        np.array(origin, dtype=int),
-        np.array(number, dtype=int),
-        np.array(evidence),
-        np.array(sizes),
-        refined,
-        histories,
-    )
+    columns = {
+        "numbers": np.array(number, dtype=int),
+        "log_evidence": np.array(evidence),
+        "effective_sample_sizes": np.array(sizes),
+        "posterior_modes": _objects(refined),
+        "windows": _objects(histories),
+    }
+    return np.array(origin, dtype=int), columns
 
 
-def _carried(expanded: WeighedAssignments, row: int, log_evidence: float, max_links: int) -> Window | None:
+def _objects(values: Sequence[object]) -> NDArray[np.object_]:
+    """(M,) column of them."""
+    column = np.empty(len(values), dtype=object)
+    column[:] = values
+    return column
+
+
+def _at_posterior_modes(expanded: UnsplitCandidates, origin: Index, rows: Assignments) -> Candidates:
+    """The candidates once for every mode of theirs, where it is."""
+    problem, mode = expanded.stack.select(origin), expanded.mode.take(origin)
+    assert rows.posterior_modes is not None
+    moved = np.array([row for row, found in enumerate(rows.posterior_modes) if found is not None], dtype=int)
+    if len(moved):
+        part = problem.select(moved)
+        states = [expanded.states_of(int(origin[row]), rows.posterior_modes[row]) for row in moved]
+        mode.y[moved] = part.coordinates(np.array(states))
+        mode.hessian[moved] = part.normal_equations(mode.y[moved])[2]
+    return replace(expanded.candidates, assignments=rows, problem=problem, mode=mode)
+
+
+def _carried(expanded: UnsplitCandidates, row: int, log_evidence: float, max_links: int) -> Window | None:
     """The history of a candidate that was not looked at, while its parent has one."""
     parent = expanded.parents[expanded.stack.rows.parents[row]]
-    if parent.history is None or len(parent.history.taken) + 1 >= max_links:
+    if parent.window is None or len(parent.window.taken) + 1 >= max_links:
         return None
     new = expanded.new[expanded.stack.rows.parents[row]]
-    carried: Window = parent.history.with_keyframe(expanded.taken(row), new, log_evidence)
+    carried: Window = parent.window.with_keyframe(expanded.taken(row), new, log_evidence)
     return carried

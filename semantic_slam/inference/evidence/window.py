@@ -6,6 +6,7 @@ share of the states that it answers for, so that the modes of one association su
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -13,10 +14,37 @@ from scipy.linalg import block_diag
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.evidence.importance import Gaussians
 from semantic_slam.inference.evidence.window_problem import AnchorPrior, WindowKeyframe, WindowProblem
+from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
-from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.state_space import StateSpace
+
+
+class Anchor(Protocol):
+    """A Gaussian belief over the robot's poses and the objects: a window begins at one."""
+
+    @property
+    def space(self) -> StateSpace:
+        """Of its states."""
+
+    @property
+    def model(self) -> ObservationModel:
+        """Of what is observed since."""
+
+    @property
+    def keyframe(self) -> int:
+        """The newest one."""
+
+    @property
+    def window(self) -> "Window | None":
+        """Since it was last Gaussian; None: it is."""
+
+    def states(self, keys: Sequence[int]) -> Array:
+        """(n, d) estimates by GTSAM keys."""
+
+    def joint_covariance(self, keys: Sequence[int]) -> Array:
+        """(n d, n d) marginal covariance. Raises LostComponentError."""
 
 
 @dataclass(frozen=True)
@@ -48,16 +76,16 @@ class Region:
 class Window:
     """The anchor, the keyframes since, and the evidence of those keyframes."""
 
-    anchor: Component
+    anchor: Anchor
     taken: tuple[WindowStep, ...] = ()
     introduced: tuple[tuple[int, GaussianPrior], ...] = ()  # objects that the keyframes since have introduced
     regions: tuple[Region, ...] = ()
     log_evidence: float = 0.0
 
     @classmethod
-    def of(cls, component: Component) -> "Window":
+    def of(cls, component: Anchor) -> "Window":
         """A component's, which is its own anchor where it is Gaussian."""
-        return component.history if component.history is not None else cls(component)
+        return component.window if component.window is not None else cls(component)
 
     def with_keyframe(self, taken: WindowStep, new: dict[int, GaussianPrior], log_psi: float = 0.0) -> "Window":
         """One keyframe more, with an estimate of what it adds to the evidence."""

@@ -1,51 +1,27 @@
 """The small problems of candidates from several parents over one set of columns: near objects, then new ones."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.evidence.keyframe_problem import Assignments, KeyframeProblem, PredictedBelief
-from semantic_slam.inference.evidence.laplace import Mode
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.linear_evidence import EvaluatedAssignments
 from semantic_slam.inference.open_world.prediction import Prediction
-from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.world.problem import Problem
 
 FIXED_HEADING_VARIANCE = 1e-8
 
 
-@dataclass(frozen=True)
-class OpenKeyframeProblem:
-    """K candidates."""
-
-    object_ids: list[int]  # the columns that the stack's rows refer to
-    stack: KeyframeProblem
-
-    @classmethod
-    def of(
-        cls, problem: Problem, step: Step, predictions: list[Prediction], born: Index, parents: Index, ids: Index
-    ) -> "OpenKeyframeProblem":
-        """``born`` (D,) ids that the detections would start, ``parents`` (K,), ``ids`` (K, D) associations."""
-        known = np.unique(np.concatenate([prediction.near_ids for prediction in predictions]))
-        predicted = _padded(predictions, known, len(born))
-        if problem.model.num_classes == 0:
-            predicted = _without_headings(predicted)
-        object_ids = np.concatenate([known, born]).astype(int)
-        rows = Assignments(parents, np.searchsorted(object_ids, ids))
-        stack = KeyframeProblem.of(
-            problem.space, problem.model, predicted, problem.model.collect(step.detections), rows
-        )
-        return cls(object_ids.tolist(), stack)
-
-
-def at_modes(stack: KeyframeProblem, mode: Mode) -> EvaluatedAssignments:
-    """States and covariances of K candidates at their modes; objects are distinct, so that every slot is used."""
-    states, covariances = stack.marginals(mode.y, mode.hessian)
-    at_mode = np.zeros(len(states))
-    return EvaluatedAssignments(
-        mode.log_evidence, states[:, 0], covariances[:, 0], states[:, 1:], covariances[:, 1:], at_mode
-    )
+def open_keyframe_problem(
+    problem: Problem, step: Step, predictions: list[Prediction], object_ids: Index, rows: Assignments
+) -> KeyframeProblem:
+    """K candidates over ``object_ids`` (O,): the objects near some parent, ascending, and then the D that may be born."""
+    num_births = len(step.detections)
+    predicted = _padded(predictions, object_ids[: len(object_ids) - num_births], num_births)
+    if problem.model.num_classes == 0:
+        predicted = _without_headings(predicted)
+    seen, own = problem.model.collect(step.detections), Assignments(parents=rows.parents, objects=rows.objects)
+    return KeyframeProblem.of(problem.space, problem.model, predicted, seen, own)
 
 
 def _padded(predictions: list[Prediction], known: Index, num_births: int) -> PredictedBelief:

@@ -11,34 +11,33 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.small_matrices import inverted
 from semantic_slam.inference.association.gating import PairDensities
+from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.states.state_space import StateSpace
 
 
-@dataclass(frozen=True)
-class EvaluatedAssignments:
-    """K assignments of D detections; covariances in the tangent spaces at the states."""
+@dataclass(frozen=True, kw_only=True)
+class _Results:
+    """Columns of K assignments that are filled row by row."""
 
     log_evidence: Array  # (K,) of the detections, those that start an object under their stand-in
     robot: Array  # (K, d) modes
     robot_covariance: Array  # (K, d, d)
-    objects: Array  # (K, D, d)
+    object_states: Array  # (K, D, d)
     object_covariances: Array  # (K, D, d, d)
-    bend: Array  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most; inf: unknown
+    bend: Array  # (K,)
 
-    def replaced(self, rows: Index, others: "EvaluatedAssignments") -> "EvaluatedAssignments":
-        """The same with ``others`` in some rows."""
-        fields = {name: value.copy() for name, value in vars(self).items()}
-        for name, value in fields.items():
-            value[rows] = getattr(others, name)
-        return EvaluatedAssignments(**fields)
-
-
-def joined(parts: list[EvaluatedAssignments]) -> EvaluatedAssignments:
-    """One after the other."""
-    return EvaluatedAssignments(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
-    )
+    @classmethod
+    def empty(cls, count: int, detections: int, size: int) -> "_Results":
+        """To be filled."""
+        return cls(
+            log_evidence=np.zeros(count),
+            robot=np.empty((count, size)),
+            robot_covariance=np.empty((count, size, size)),
+            object_states=np.empty((count, detections, size)),
+            object_covariances=np.empty((count, detections, size, size)),
+            bend=np.zeros(count),
+        )
 
 
 class LinearisedEvidence:
@@ -52,23 +51,14 @@ class LinearisedEvidence:
         self.pairs, self.births, self.turns = pairs, births, turns
         self.dimension, self.known = space.dimension, len(mean) - 1
 
-    def evaluate(self, columns: Index) -> EvaluatedAssignments:
-        """(K, D) columns: an object, or M + i when detection i starts one."""
-        count, detections = columns.shape
-        size = self.dimension
-        result = EvaluatedAssignments(
-            np.zeros(count),
-            np.empty((count, size)),
-            np.empty((count, size, size)),
-            np.empty((count, detections, size)),
-            np.empty((count, detections, size, size)),
-            np.zeros(count),
-        )
-        for row in range(count):
-            self._row(columns[row], result, row)
-        return result
+    def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
+        """With evidence and states of K assignments; (K, D) columns: an object, or M + i when detection i starts one."""
+        results = _Results.empty(*columns.shape, self.dimension)
+        for row in range(len(columns)):
+            self._row(columns[row], results, row)
+        return assignments.gaining(**vars(results))
 
-    def _row(self, columns: Index, result: EvaluatedAssignments, row: int) -> None:
+    def _row(self, columns: Index, result: _Results, row: int) -> None:
         size = self.dimension
         seen = [number for number, column in enumerate(columns.tolist()) if column < self.known]
         blocks = np.array([0, *(1 + int(columns[number]) for number in seen)])
@@ -112,9 +102,7 @@ class LinearisedEvidence:
         squared = np.maximum(change**2, variances).reshape(len(seen), -1).sum(axis=1)
         return float((0.5 * self.turns[seen] * squared).max())
 
-    def _fill(
-        self, result: EvaluatedAssignments, row: int, columns: Index, seen: list[int], shift: Array, after: Array
-    ) -> None:
+    def _fill(self, result: _Results, row: int, columns: Index, seen: list[int], shift: Array, after: Array) -> None:
         """States and covariances at the mode; charts are those of the prediction, for shifts are small."""
         size = self.dimension
         own = [0, *(1 + int(columns[number]) for number in seen)]
@@ -122,9 +110,12 @@ class LinearisedEvidence:
         result.robot[row], result.robot_covariance[row] = states[0], after[:size, :size]
         for place, number in enumerate(seen, start=1):
             block = slice(place * size, (place + 1) * size)
-            result.objects[row, number], result.object_covariances[row, number] = states[place], after[block, block]
+            result.object_states[row, number], result.object_covariances[row, number] = (
+                states[place],
+                after[block, block],
+            )
         for number in [number for number, column in enumerate(columns) if column >= self.known]:
             born = self.births[number]
-            result.objects[row, number] = self.space.retract(born.prior.mean, born.gain @ shift[0])
+            result.object_states[row, number] = self.space.retract(born.prior.mean, born.gain @ shift[0])
             result.object_covariances[row, number] = born.gain @ after[:size, :size] @ born.gain.T + born.noise
             result.log_evidence[row] += born.log_stand_in

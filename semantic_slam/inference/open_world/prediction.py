@@ -27,9 +27,8 @@ from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap
-from semantic_slam.inference.smoothing.open_component import OpenComponent
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
-from semantic_slam.inference.states.object_table import ObjectTable
+from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
@@ -37,11 +36,11 @@ LOCAL_OBJECTS = 12
 """Objects around the robot that a local map holds from the start, besides those near the detections."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Prediction:
     """One parent before the detections: M objects near them, N within reach of the sensor."""
 
-    component: OpenComponent
+    component: Component
     near: Index  # (M,) rows of the population whose covariance with the robot is known
     predicted: PredictedBelief  # of one parent: robot and near objects
     local: LocalMap  # predicted, holds all near objects
@@ -50,22 +49,23 @@ class Prediction:
     birth_existence: Array  # (D,)
     log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
     in_reach: Index  # (N,) rows of the population that may be in the region
-    prediction: PredictedObjects  # of those
+    objects: PredictedObjects  # of those
     detected: Array  # (O,) detection probabilities at the prediction, nothing being hidden
 
     @property
-    def population(self) -> ObjectTable:
-        return self.component.objects
+    def existence(self) -> Array:
+        """(O,) of the parent's objects before the keyframe."""
+        return self.component.objects.existence
 
     @property
     def near_ids(self) -> Index:
         """(M,) ascending."""
-        return self.population.ids[self.near]
+        return self.component.objects.ids[self.near]
 
     @property
     def is_lost(self) -> bool:
         """Whether the prediction does not tell what is in sight."""
-        spread = self.prediction.robot_covariance
+        spread = self.objects.robot_covariance
         far = float(position_sigmas(spread[None])[0]) > LOST_SIGMA_M
         return far or float(spread[2, 2]) > LOST_SIGMA_RAD**2
 
@@ -93,35 +93,43 @@ class Predictor:
 
     def predict(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Prediction:
         """Raises LostComponentError."""
-        assert isinstance(component, OpenComponent)
-        motion = component.scaled(motion)
-        population, space = component.objects, component.space
-        control = component.control(motion)
-        robot = space.compose(population.robot, control)
+        motion, space, tracked = component.scaled(motion), component.space, _tracked(component)
+        control = _control(component, motion)
+        robot = space.compose(tracked.robot, control)
         transition = space.propagation(control)
         if motion.by_bias is not None:
             transition = np.concatenate([transition, motion.by_bias], axis=1)
-        before = with_changed_bias(population.motion_covariance, component.keyframe + 1, len(population.bias))
+        before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
         spread = transition @ before @ transition.T + motion.covariance
         births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
         sigma = float(position_sigmas(spread[None])[0])
-        errors = self.settings.gate_sigma * np.hypot(sigma, population.sigmas)
-        reach = np.flatnonzero(_distances(population.states, robot) < self.region.max_range_m + errors)
-        near, beyond = self._near(population, robot, spread, births, detections, reach)
+        errors = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
+        reach = np.flatnonzero(_distances(tracked.states, robot) < self.region.max_range_m + errors)
+        near, beyond = self._near(component, robot, spread, births, detections, reach)
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(wider, transition, motion.covariance)
-        predicted = _predicted(population, robot, near, local)
-        prediction = _prediction(population, reach, near, predicted)
-        intensity, existence = self._births(population, births, detections)
-        detected = np.zeros(len(population.ids))
-        detected[reach] = predicted_detection_probabilities(self.region, prediction)
+        predicted = _predicted(component, robot, near, local)
+        objects = _objects_in_reach(tracked, reach, near, predicted)
+        intensity, existence = self._births(tracked, births, detections)
+        detected = np.zeros(len(component.objects.ids))
+        detected[reach] = predicted_detection_probabilities(self.region, objects)
         return Prediction(
-            component, near, predicted, local, births, intensity, existence, beyond, reach, prediction, detected
+            component=component,
+            near=near,
+            predicted=predicted,
+            local=local,
+            births=births,
+            log_intensity=intensity,
+            birth_existence=existence,
+            log_beyond=beyond,
+            in_reach=reach,
+            objects=objects,
+            detected=detected,
         )
 
     def _near(
-        self, population: ObjectTable, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any],
+        self, component: Component, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any],
         reach: Index,
     ) -> tuple[Index, Array]:  # fmt: skip
         """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
@@ -130,27 +138,28 @@ class Predictor:
         and object are taken as independent: what they share brings them closer.
         """
         limit, gate = self.settings.max_joint_objects, self.settings.gate_sigma
-        if len(population.ids) <= limit:
+        objects, tracked = component.objects, _tracked(component)
+        if len(objects.ids) <= limit:
             return reach, np.full(len(births), -np.inf)
-        away = np.full((len(births), len(population.ids)), np.inf)
+        away = np.full((len(births), len(objects.ids)), np.inf)
         for own, born, detection in zip(away, births, detections, strict=True):
-            own[reach] = _sigmas_away(population, robot, spread, born, detection)[reach]
+            own[reach] = _sigmas_away(tracked, robot, spread, born, detection)[reach]
         excess = away.min(axis=0, initial=np.inf)
         order = np.argsort(excess, kind="stable")
         order = order[excess[order] < gate]
         peaks = np.array([detection.log_normaliser for detection in detections])
-        detected = population.existence[order[limit:]] * self.region.detection_probability
+        detected = objects.existence[order[limit:]] * self.region.detection_probability
         weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
 
-    def _births(self, population: ObjectTable, births: list[Birth], detections: Sequence[Any]) -> tuple[Array, Array]:
+    def _births(self, tracked: TrackedStates, births: list[Birth], detections: Sequence[Any]) -> tuple[Array, Array]:
         """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
         if not births:
             return np.zeros(0), np.zeros(0)
         points = np.array([born.prior.mean[:2] for born in births])
         least = self.settings.least_undetected_share
-        share = undetected_share(self.region, population.trail, points) if least < 1.0 else np.ones(len(births))
+        share = undetected_share(self.region, tracked.trail, points) if least < 1.0 else np.ones(len(births))
         density = self.settings.birth_density * np.maximum(share, least)
         intensity, existence = birth(density, self._clutter, self.region.detection_probability)
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
@@ -168,32 +177,34 @@ def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
     )
 
 
-def _local(component: OpenComponent, robot: Array, near: Index) -> LocalMap:
+def _local(component: Component, robot: Array, near: Index) -> LocalMap:
     """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be."""
-    population, known = component.objects, component.local
-    ids = population.ids[near]
+    tracked, known = _tracked(component), component.local
+    ids = component.objects.ids[near]
     if known is not None and known.age < LARGEST_AGE and known.holds(ids):
         return known
-    if not component.settle:
-        around = np.argsort(_distances(population.states, robot), kind="stable")[:LOCAL_OBJECTS]
-        ids = population.ids[np.union1d(near, around)]
-    biases = len(population.bias)
+    if component.single_steps:
+        around = np.argsort(_distances(tracked.states, robot), kind="stable")[:LOCAL_OBJECTS]
+        ids = component.objects.ids[np.union1d(near, around)]
+    biases = len(tracked.bias)
     keys = [robot_key(component.keyframe), *[bias_key(component.keyframe)][:biases], *(object_key(int(n)) for n in ids)]
-    together = component.joint_covariance(keys) if len(ids) else population.motion_covariance.copy()
+    together = component.joint_covariance(keys) if len(ids) else tracked.motion_covariance.copy()
     return LocalMap(ids, together, num_biases=biases)
 
 
-def _predicted(population: ObjectTable, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
+def _predicted(component: Component, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
     """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects."""
-    mean = np.concatenate([robot[None], population.states[near]])
-    return PredictedBelief(mean[None], local.of(population.ids[near], len(robot))[None])
+    mean = np.concatenate([robot[None], _tracked(component).states[near]])
+    return PredictedBelief(mean[None], local.of(component.objects.ids[near], len(robot))[None])
 
 
-def _prediction(population: ObjectTable, reach: Index, near: Index, predicted: PredictedBelief) -> PredictedObjects:
+def _objects_in_reach(
+    tracked: TrackedStates, reach: Index, near: Index, predicted: PredictedBelief
+) -> PredictedObjects:
     """Objects in reach given the robot. Those whose covariance with it is not at hand count as moving along with it."""
     dimension = predicted.mean.shape[-1]
     robot, spread = predicted.mean[0, 0], predicted.covariance[0, :dimension, :dimension]
-    states = population.states[reach]
+    states = tracked.states[reach]
     gain = se2.adjoint(se2.between(states, broadcast_copy(robot, states.shape)))
     remainder = np.zeros((len(reach), dimension, dimension))
     known = np.searchsorted(reach, near)
@@ -209,18 +220,31 @@ def _prediction(population: ObjectTable, reach: Index, near: Index, predicted: P
     return PredictedObjects(robot, spread, states, gain, remainder)
 
 
-def _sigmas_away(population: ObjectTable, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
+def _sigmas_away(tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
     """(O,) standard deviations between a detection and where each object is predicted; of direction without a range."""
     sigma = float(position_sigmas(spread[None])[0])
     if detection.has_range:
         swing, noise = spread[2, 2] * detection.range_m**2, float(position_sigmas(born.noise[None])[0])
-        errors = np.sqrt(sigma**2 + swing + population.sigmas**2 + noise**2)
-        return np.asarray(_distances(population.states, born.prior.mean) / errors)
-    body = object_in_body(broadcast_copy(robot, population.states.shape), population.states) - detection.origin
+        errors = np.sqrt(sigma**2 + swing + tracked.sigmas**2 + noise**2)
+        return np.asarray(_distances(tracked.states, born.prior.mean) / errors)
+    body = object_in_body(broadcast_copy(robot, tracked.states.shape), tracked.states) - detection.origin
     distance, bearing = np.hypot(*body.T), np.arctan2(body[:, 1], body[:, 0])
-    across = (sigma**2 + population.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
+    across = (sigma**2 + tracked.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
     turn = np.abs(wrap_angle(bearing - detection.bearing_rad))
     return np.asarray(turn / np.sqrt(detection.covariance[1, 1] + spread[2, 2] + across))
+
+
+def _tracked(component: Component) -> TrackedStates:
+    """The states that an open world's components track."""
+    assert component.tracked is not None
+    return component.tracked
+
+
+def _control(component: Component, motion: Motion) -> Array:
+    """(d,) odometry without what it always gets wrong, as far as that is known."""
+    if motion.by_bias is None:
+        return motion.control
+    return component.space.retract(motion.control, motion.by_bias @ _tracked(component).bias)
 
 
 def _distances(states: Array, point: Array) -> Array:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.objects import ReportedObjects
 from semantic_slam.inference.open_world.merging import MergeCandidates, Merged, merge_copies
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import Components
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ReportedObjects
+from semantic_slam.inference.world.problem import Problem
 
 SURE = 0.5
 """Existence from which on a hypothesis that lacks an object is no copy."""

@@ -14,9 +14,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.planar_observation import camera_bearing
-from semantic_slam.inference.semantics.independent_views import DrawnFeatures, IndependentViews
-from semantic_slam.inference.semantics.interface import CarriedInput, SemanticEvidence, at_hand
-from semantic_slam.inference.states.object_table import ObjectTable
+from semantic_slam.inference.semantics.independent_views import ClassLikelihoods, DrawnFeatures
+from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
@@ -35,42 +35,51 @@ class _Seen:
     known: dict[tuple[int, int, int], tuple[float, ObjectViews]] = field(default_factory=dict)
 
 
-class ClassTables(IndependentViews):
+class ClassTables:
     """Evidence of views under tables over class and heading."""
 
     def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
-        super().__init__(model, correlated_views)
+        """``correlated_views``: so many views tell as much as one."""
+        self._model, self._likelihoods = model, ClassLikelihoods(model, correlated_views)
         angles: Array = STEP_RAD * np.arange(HEADINGS, dtype=np.float64)
         self._around = Viewpoints(angles, np.zeros(HEADINGS), np.ones(HEADINGS))
 
-    def carried(self, views: CarriedInput) -> SemanticEvidence:
-        """Log evidence of the views of each continuation, and the objects' records after it."""
-        count = len(views.parents)
-        total, records = np.zeros(count), [dict[int, ObjectViews]() for _ in range(count)]
-        for number, detection in enumerate(views.detections):
-            log_likelihood, drawn = self._likelihoods(
-                DrawnFeatures.of([detection]).take(np.zeros(HEADINGS, dtype=int)), self._around
-            )
-            seen = _Seen(log_likelihood.T, drawn)
-            bearing = camera_bearing(views.robot, views.objects[:, number], detection.sensor)
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
+        """Log evidence of the views of each candidate, and the objects' records after it."""
+        rows = given.candidates.assignments
+        assert rows.robot is not None and rows.object_states is not None
+        total, records = np.zeros(len(rows)), [dict[int, ObjectViews]() for _ in range(len(rows))]
+        for number, index in enumerate(given.used.tolist()):
+            sensor, seen = given.step.detections[index].sensor, self._seen(given, index)
+            bearing = camera_bearing(rows.robot, rows.object_states[:, number], sensor)
             camera = np.rint(bearing / STEP_RAD).astype(int) % HEADINGS
-            for row in range(count):
-                object_id = int(views.association[row, number])
-                added, records[row][object_id] = self._added(
-                    views, seen, int(views.parents[row]), object_id, int(camera[row]), bool(views.in_coverage[number])
-                )
+            for row in range(len(rows)):
+                place = int(rows.objects[row, number])
+                object_id = int(given.object_ids[place])
+                key = int(rows.parents[row]), place, int(camera[row])
+                added, records[row][object_id] = self._added(given, seen, key, bool(given.step.in_coverage[index]))
                 total[row] += added
-        return SemanticEvidence(total, np.full(count, np.nan), at_hand(records), [None] * count)
+        return SemanticEvidence.of(total, records)
+
+    def _seen(self, given: SemanticInput, index: int) -> _Seen:
+        """One detection from all around."""
+        drawn = DrawnFeatures.of([given.step.detections[index]]).take(np.zeros(HEADINGS, dtype=int))
+        log_likelihood, exact = self._likelihoods.of(drawn, self._around)
+        return _Seen(log_likelihood.T, exact)
 
     def _added(
-        self, views: CarriedInput, seen: _Seen, parent: int, object_id: int, camera: int, inside: bool
+        self, given: SemanticInput, seen: _Seen, key: tuple[int, int, int], inside: bool
     ) -> tuple[float, ObjectViews]:
-        """Log evidence of one view of one object from the ``camera``'s cell around it, and the record with it."""
-        key = (parent, object_id, camera)
+        """Log evidence of one view of one object from the camera's cell around it, and the record with it.
+
+        ``key``: parent, place of the object, and cell.
+        """
         if key not in seen.known:
-            before = views.components[parent].views.get(object_id)
-            table = before.recent[0] if before else _unseen(views.populations[parent], object_id, len(seen.drawn[0, 0]))
-            prior = views.log_class_prior[object_id]
+            parent, place, camera = key
+            component, object_id = given.parents[parent], int(given.object_ids[place])
+            before = component.views.get(object_id)
+            table = before.recent[0] if before else _unseen(component, object_id, len(seen.drawn[0, 0]))
+            prior = given.log_class_prior[place]
             azimuths = (camera - np.arange(HEADINGS)) % HEADINGS
             after = table + seen.log_likelihood[:, azimuths]
             by_class = _log_sum(after)
@@ -95,11 +104,10 @@ def _log_sum(values: Array) -> Array:
     return np.asarray(np.log(np.exp(values - peak).sum(axis=-1)) + peak[..., 0])
 
 
-def _unseen(population: ObjectTable, object_id: int, num_classes: int) -> Array:
+def _unseen(component: Component, object_id: int, num_classes: int) -> Array:
     """(C, HEADINGS) log prior over headings: what a map states, or nothing."""
-    row = int(np.searchsorted(population.ids, object_id))
-    log_heading = np.zeros(HEADINGS)
-    if row < len(population.ids) and population.ids[row] == object_id:
-        away = wrap_angle(STEP_RAD * np.arange(HEADINGS) - population.states[row, 2])
-        log_heading = -0.5 * away**2 / max(population.covariances[row, 2, 2], STEP_RAD**2)
+    log_heading, heading = np.zeros(HEADINGS), component.tracked_heading(object_id)
+    if heading is not None:
+        away = wrap_angle(STEP_RAD * np.arange(HEADINGS) - heading[0])
+        log_heading = -0.5 * away**2 / max(heading[1], STEP_RAD**2)
     return np.tile(log_heading - _log_sum(log_heading), (num_classes, 1))

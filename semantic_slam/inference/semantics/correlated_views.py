@@ -43,7 +43,7 @@ class TrackedViews:
     """One object in one continuation: all its views that still count, the newest last, along P tracks."""
 
     row: int
-    place: int  # of the object in the moment's list
+    place: int  # of the object in the given's list
     before: ObjectViews | None
     views: tuple[RecordedView, ...]  # V
     azimuth_rad: Array  # (P, V)
@@ -59,48 +59,47 @@ class CorrelatedViews:
         self._model, self._num_tracks, self._window, self._seed = model, num_tracks, window, seed
         self._thesis = average == "thesis"
 
-    def weigh(self, moment: SemanticInput) -> SemanticEvidence:
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Evidence and records of K continuations."""
-        rows = sample_rows(moment, self._num_tracks, self._seed)
+        rows = sample_rows(given, self._num_tracks, self._seed)
         log_weights = np.zeros(len(rows))
         views: list[dict[int, ObjectViews]] = [{} for _ in rows]
         by_track: list[dict[int, Array]] = [{} for _ in rows]
-        for number in range(len(moment.used)):
-            sights = self._sights(moment, rows, views, number)
+        for number in range(len(given.used)):
+            sights = self._sights(given, rows, views, number)
             for sight, evidence in self._evidence(sights):
-                prior = moment.log_class_prior[sight.place]
-                object_id = moment.object_ids[sight.place]
+                prior = given.log_class_prior[sight.place]
+                object_id = given.object_ids[sight.place]
                 record, tracks = self._record(sight, evidence, prior)
                 log_weights[sight.row] += _log_evidence(prior, record) - _log_evidence(prior, sight.before)
                 views[sight.row][object_id], by_track[sight.row][object_id] = record, tracks
         if self._thesis:
-            return SemanticEvidence(
-                log_weights, np.full(len(rows), float(self._num_tracks)), at_hand(views), [None] * len(rows)
-            )
-        return _with_corrections(moment, rows, log_weights, by_track, views)
+            effective = np.full(len(rows), float(self._num_tracks))
+            return replace(SemanticEvidence.of(log_weights, views), effective_sample_sizes=effective)
+        return _with_corrections(given, rows, log_weights, by_track, views)
 
     def _sights(
-        self, moment: SemanticInput, rows: list[SampledRow], views: list[dict[int, ObjectViews]], number: int
+        self, given: SemanticInput, rows: list[SampledRow], views: list[dict[int, ObjectViews]], number: int
     ) -> list[TrackedViews]:
-        stack, index = moment.stack, moment.used[number]
-        detection = moment.step.detections[index]
+        stack, index = given.stack, given.used[number]
+        detection = given.step.detections[index]
         variance = np.diag(detection.feature_covariance)
-        seen = RecordedView(moment.step.index, detection.sensor, detection.feature, variance)
+        seen = RecordedView(given.step.index, detection.sensor, detection.feature, variance)
         sights = []
         for row in np.flatnonzero(stack.active[:, number]):
             place = int(stack.rows.objects[row, number])
-            object_id = moment.object_ids[place]
-            parent = moment.parents[stack.rows.parents[row]]
+            object_id = given.object_ids[place]
+            parent = given.parents[stack.rows.parents[row]]
             before = views[row].get(object_id, parent.views.get(object_id))
             together = (*(before.recent if before else ()), seen)
             o = rows[row].states[:, 1 + stack.slots[row, number]]
-            azimuth = [self._azimuth(moment, rows[row], view, o) for view in together]
-            flag = bool(moment.step.in_coverage[index])
+            azimuth = [self._azimuth(given, rows[row], view, o) for view in together]
+            flag = bool(given.step.in_coverage[index])
             sights.append(TrackedViews(int(row), place, before, together, np.stack(azimuth, axis=1), detection, flag))
         return sights
 
-    def _azimuth(self, moment: SemanticInput, row: SampledRow, view: RecordedView, o: Array) -> Array:
-        now = view.keyframe == moment.step.index
+    def _azimuth(self, given: SemanticInput, row: SampledRow, view: RecordedView, o: Array) -> Array:
+        now = view.keyframe == given.step.index
         x = row.states[:, 0] if now else row.robot_at(view.keyframe)
         return viewpoints_in_plane(x, o, view.sensor).azimuth_rad
 
@@ -169,7 +168,7 @@ class CorrelatedViews:
 
 
 def _with_corrections(
-    moment: SemanticInput,
+    given: SemanticInput,
     rows: list[SampledRow],
     log_weights: Array,
     by_track: list[dict[int, Array]],
@@ -186,11 +185,13 @@ def _with_corrections(
         effective[row] = _effective_size(shares)
         shares = _flattened(together, LEAST_EFFECTIVE_SHARE * len(together))
         robot[row] = Correction.of_samples(sampled.deviations[:, 0], shares)
-        for number in np.flatnonzero(moment.stack.active[row]):
-            object_id = moment.object_ids[moment.stack.rows.objects[row, number]]
-            deviations = sampled.deviations[:, 1 + moment.stack.slots[row, number]]
+        for number in np.flatnonzero(given.stack.active[row]):
+            object_id = given.object_ids[given.stack.rows.objects[row, number]]
+            deviations = sampled.deviations[:, 1 + given.stack.slots[row, number]]
             views[row][object_id] = replace(views[row][object_id], correction=Correction.of_samples(deviations, shares))
-    return SemanticEvidence(log_weights, effective, at_hand(views), robot)
+    return SemanticEvidence(
+        log_weights=log_weights, effective_sample_sizes=effective, records=at_hand(views), robot=robot
+    )
 
 
 def _shares(log_weights: Array) -> Array:

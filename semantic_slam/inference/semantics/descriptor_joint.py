@@ -30,24 +30,24 @@ class PredictedDescriptors:
 
     @classmethod
     def of(
-        cls, component: Component, moment: SemanticInput, wanted: Sequence[int], observation: LatentObservation
+        cls, component: Component, given: SemanticInput, wanted: Sequence[int], observation: LatentObservation
     ) -> "PredictedDescriptors":
-        """Of the objects of ``moment``; those not among the places ``wanted`` keep their priors."""
-        count, length = len(moment.object_ids), observation.num_dimensions
+        """Of the objects of ``given``; those not among the places ``wanted`` keep their priors."""
+        count, length = len(given.object_ids), observation.num_dimensions
         size = component.space.dimension
-        priors = [observation.prior_of(n) for n in moment.object_ids]
+        priors = [observation.prior_of(n) for n in given.object_ids]
         mean = np.array([prior.mean[0] for prior in priors]).reshape(count, length)
         covariance = np.diag(np.array([prior.sigma[0] for prior in priors]).ravel() ** 2)
         cross = np.zeros((count * length, (1 + count) * size))
-        known = [p for p in wanted if component.smoother.has(descriptor_key(moment.object_ids[p]))]
+        known = [p for p in wanted if component.smoother.has(descriptor_key(given.object_ids[p]))]
         if known:
-            keys = [descriptor_key(moment.object_ids[p]) for p in known]
+            keys = [descriptor_key(given.object_ids[p]) for p in known]
             mean[known] = component.smoother.descriptors(keys)
-            poses = [robot_key(component.keyframe), *(object_key(moment.object_ids[p]) for p in known)]
+            poses = [robot_key(component.keyframe), *(object_key(given.object_ids[p]) for p in known)]
             joint = component.joint_covariance([*poses, *keys])
             split = len(poses) * size
             along = joint[split:, :split].copy()
-            along[:, :size] = along[:, :size] @ component.space.propagation(moment.step.motion.control).T
+            along[:, :size] = along[:, :size] @ component.space.propagation(given.step.motion.control).T
             rows, columns = blocks(known, length), blocks([0, *(1 + p for p in known)], size)
             covariance[rows[:, None], rows] = joint[split:, split:]
             cross[rows[:, None], columns] = along
@@ -60,15 +60,15 @@ def blocks(places: Sequence[int], size: int) -> Index:
 
 
 def descriptor_problem(
-    moment: SemanticInput, observation: LatentObservation, rows: Index, active: NDArray[np.bool_]
+    given: SemanticInput, observation: LatentObservation, rows: Index, active: NDArray[np.bool_]
 ) -> DescriptorProblem:
-    """The least-squares problems of some continuations of a moment, over their ``active`` (B, n) detections.
+    """The least-squares problems of some continuations of a given, over their ``active`` (B, n) detections.
 
     Raises LostComponentError.
     """
-    stack = moment.stack.select(rows)
-    y, hessian = moment.mode.y[rows], moment.mode.hessian[rows]
-    mean, cross, covariance = _gathered(moment, observation, rows)
+    stack = given.stack.select(rows)
+    y, hessian = given.mode.y[rows], given.mode.hessian[rows]
+    mean, cross, covariance = _gathered(given, observation, rows)
     batch, count, length = mean.shape
     spread = np.linalg.inv(np.swapaxes(np.linalg.cholesky(hessian), 1, 2))  # y = y* + spread u
     by_y = np.swapaxes(np.linalg.solve(stack.root, np.swapaxes(cross, 1, 2)), 1, 2)
@@ -84,7 +84,7 @@ def descriptor_problem(
     return DescriptorProblem(
         stack.space,
         observation,
-        DetectionFeatures.of([moment.step.detections[i] for i in moment.used]),
+        DetectionFeatures.of([given.step.detections[i] for i in given.used]),
         active,
         stack.slots,
         stack.mean,
@@ -107,9 +107,9 @@ def _root(covariance: Array, scale: Array) -> Array:
         return np.asarray(np.linalg.cholesky(positive * np.sqrt(scale[:, :, None] * scale[:, None])))
 
 
-def _gathered(moment: SemanticInput, observation: LatentObservation, rows: Index) -> tuple[Array, Array, Array]:
+def _gathered(given: SemanticInput, observation: LatentObservation, rows: Index) -> tuple[Array, Array, Array]:
     """(B, n, L) means, (B, n L, (1 + n) d) covariances with the tangent vectors and (B, n L, n L) among each other."""
-    stack = moment.stack
+    stack = given.stack
     length, size = observation.num_dimensions, stack.dimension
     batch, count = len(rows), stack.active.shape[1]
     mean = np.zeros((batch, count, length))
@@ -120,7 +120,7 @@ def _gathered(moment: SemanticInput, observation: LatentObservation, rows: Index
         own = np.flatnonzero(parents == parent)
         objects = stack.rows.objects[rows[own]]
         wanted = np.unique(objects[objects >= 0]).tolist()
-        found = PredictedDescriptors.of(moment.parents[parent], moment, wanted, observation)
+        found = PredictedDescriptors.of(given.parents[parent], given, wanted, observation)
         for row, places in zip(own, objects, strict=True):
             used = [i for i, place in enumerate(places) if place >= 0 and stack.slots[rows[row], i] == i]
             at = [int(places[i]) for i in used]

@@ -17,9 +17,9 @@ from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
-from semantic_slam.inference.semantics.interface import CarriedInput, SemanticEvidence, at_hand
+from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
-from semantic_slam.inference.states.object_table import ObjectTable
 from semantic_slam.inference.states.object_views import DescriptorRecord, HeadingRecord, ObjectViews
 from semantic_slam.latent.model import DescriptorBelief
 
@@ -118,38 +118,40 @@ class DescriptorTables:
         self._observation = observation
         self._unseen: dict[tuple[float, ...], HeadingMixture] = {}
 
-    def carried(self, views: CarriedInput) -> SemanticEvidence:
-        """Log evidence of the views of each continuation, and the objects' records after it."""
-        count = len(views.parents)
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
+        """Log evidence of the views of each candidate, and the objects' records after it."""
+        rows = given.candidates.assignments
+        assert rows.robot is not None and rows.object_states is not None
+        detections = [given.step.detections[i] for i in given.used]
         turned = [
-            self._turned(views, row, number, float(bearing))
-            for number, detection in enumerate(views.detections)
-            for row, bearing in enumerate(camera_bearing(views.robot, views.objects[:, number], detection.sensor))
+            self._turned(given, row, number, float(bearing))
+            for number, detection in enumerate(detections)
+            for row, bearing in enumerate(camera_bearing(rows.robot, rows.object_states[:, number], detection.sensor))
         ]
-        found = update_unoriented(self._observation, views.keyframe, views.detections, views.in_coverage, turned)
-        total, records = np.zeros(count), [dict[int, ObjectViews]() for _ in range(count)]
+        inside = given.step.in_coverage[given.used]
+        found = update_unoriented(self._observation, given.step.index, detections, inside, turned)
+        total, records = np.zeros(len(rows)), [dict[int, ObjectViews]() for _ in range(len(rows))]
         for view, (record, evidence) in zip(turned, found, strict=True):
             total[view.row] += evidence
             records[view.row][view.object_id] = record
-        return SemanticEvidence(total, np.full(count, np.nan), at_hand(records), [None] * count)
+        return SemanticEvidence.of(total, records)
 
-    def _turned(self, views: CarriedInput, row: int, number: int, bearing: float) -> UnorientedView:
-        parent, object_id = int(views.parents[row]), int(views.association[row, number])
-        before = views.components[parent].views.get(object_id)
-        detection = views.detections[number]
-        sigma = float(np.sqrt(views.robot_covariance[row, 2, 2] + detection.covariance[1, 1]))
+    def _turned(self, given: SemanticInput, row: int, number: int, bearing: float) -> UnorientedView:
+        rows = given.candidates.assignments
+        assert rows.robot_covariance is not None
+        parent, object_id = given.parents[rows.parents[row]], int(given.object_ids[rows.objects[row, number]])
+        before, detection = parent.views.get(object_id), given.step.detections[given.used[number]]
+        sigma = float(np.sqrt(rows.robot_covariance[row, 2, 2] + detection.covariance[1, 1]))
         if before is not None and before.headings is not None:
             start = before.headings.modes
         else:
-            start = self._before(views.populations[parent], object_id)
+            start = self._before(parent, object_id)
         return UnorientedView(row, object_id, number, before, start, bearing, sigma)
 
-    def _before(self, population: ObjectTable, object_id: int) -> HeadingMixture:
+    def _before(self, component: Component, object_id: int) -> HeadingMixture:
         """What a map states of the heading, or nothing."""
-        row = int(np.searchsorted(population.ids, object_id))
         prior = self._observation.prior_of(object_id)
-        mapped = row < len(population.ids) and population.ids[row] == object_id
-        heading, variance = (population.states[row, 2], population.covariances[row, 2, 2]) if mapped else (0.0, 100.0)
+        heading, variance = component.tracked_heading(object_id) or (0.0, 100.0)
         key = (float(heading), float(variance), *prior.mean[0].tolist())
         if key not in self._unseen:
             self._unseen[key] = HeadingMixture.about(prior, float(heading), float(np.sqrt(variance)))

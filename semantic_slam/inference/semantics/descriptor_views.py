@@ -38,50 +38,50 @@ class DescriptorViews:
         self._observation = observation
         self._unseen: dict[int, HeadingMixture] = {}
 
-    def weigh(self, moment: SemanticInput) -> SemanticEvidence:
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Evidence and records of K continuations; the views themselves enter by factors.
 
         Objects whose heading neither a map nor the graph knows have modes of their own until it is.
         """
-        count = len(moment.stack.mean)
+        count = len(given.stack.mean)
         log_weights = np.zeros(count)
         views: list[dict[int, ObjectViews]] = [{} for _ in range(count)]
-        turned = self._turned(moment)
-        active = moment.stack.active & ~turned
+        turned = self._turned(given)
+        active = given.stack.active & ~turned
         rows = np.flatnonzero(active.any(axis=1))
         if len(rows):
-            problem = descriptor_problem(moment, self._observation, rows, active[rows])
+            problem = descriptor_problem(given, self._observation, rows, active[rows])
             v, mode = best_mode(problem)
             log_weights[rows] = mode.log_evidence
-            self._record(moment, rows, problem, v, mode, views)
+            self._record(given, rows, problem, v, mode, views)
         if turned.any():
-            self._add_turned(moment, turned, log_weights, views)
-        return SemanticEvidence(log_weights, np.full(count, np.nan), at_hand(views), [None] * count)
+            self._add_turned(given, turned, log_weights, views)
+        return SemanticEvidence.of(log_weights, views)
 
-    def _turned(self, moment: SemanticInput) -> NDArray[np.bool_]:
+    def _turned(self, given: SemanticInput) -> NDArray[np.bool_]:
         """(K, n) whether the heading of a detection's object is unknown."""
-        stack = moment.stack
+        stack = given.stack
         sigmas = [stack.heading_sigma(number) for number in range(stack.active.shape[1])]
         broad = np.array(sigmas).reshape(-1, len(stack.active)).T > UNKNOWN_RAD
         return np.asarray(stack.active & broad)
 
     def _add_turned(
-        self, moment: SemanticInput, turned: NDArray[np.bool_], log_weights: Array, views: list[dict[int, ObjectViews]]
+        self, given: SemanticInput, turned: NDArray[np.bool_], log_weights: Array, views: list[dict[int, ObjectViews]]
     ) -> None:
-        stack = moment.stack
-        states, covariances = stack.marginals(moment.mode.y, moment.mode.hessian)
-        detections = [moment.step.detections[i] for i in moment.used]
+        stack = given.stack
+        states, covariances = stack.marginals(given.mode.y, given.mode.hessian)
+        detections = [given.step.detections[i] for i in given.used]
         seen = []
         for number in range(turned.shape[1]):
             bearing = camera_bearing(states[:, 0], stack.objects_of(states, number), detections[number].sensor)
             for row in np.flatnonzero(turned[:, number]):
-                object_id = moment.object_ids[stack.rows.objects[row, number]]
-                before = moment.parents[stack.rows.parents[row]].views.get(object_id)
+                object_id = given.object_ids[stack.rows.objects[row, number]]
+                before = given.parents[stack.rows.parents[row]].views.get(object_id)
                 sigma = float(np.sqrt(covariances[row, 0, 2, 2] + detections[number].covariance[1, 1]))
                 start = self._start(before, object_id)
                 seen.append(UnorientedView(int(row), object_id, number, before, start, float(bearing[row]), sigma))
-        inside = moment.step.in_coverage[moment.used]
-        found = update_unoriented(self._observation, moment.step.index, detections, inside, seen)
+        inside = given.step.in_coverage[given.used]
+        found = update_unoriented(self._observation, given.step.index, detections, inside, seen)
         for view, (record, evidence) in zip(seen, found, strict=True):
             log_weights[view.row] += evidence
             views[view.row][view.object_id] = record
@@ -95,7 +95,7 @@ class DescriptorViews:
 
     def _record(
         self,
-        moment: SemanticInput,
+        given: SemanticInput,
         rows: Index,
         problem: DescriptorProblem,
         v: Array,
@@ -107,25 +107,25 @@ class DescriptorViews:
         slots = problem.slots[batch, number]
         belief = DescriptorBelief(descriptors[batch, slots], np.sqrt(variances[batch, slots]))
         likelihood = self._observation.model.class_log_likelihood(belief)
-        places = moment.stack.rows.objects[rows[batch], number]
-        epistemic = epistemic_parts(self._observation.model, belief, moment.log_class_prior[places])
+        places = given.stack.rows.objects[rows[batch], number]
+        epistemic = epistemic_parts(self._observation.model, belief, given.log_class_prior[places])
         for at, (row, own) in enumerate(zip(batch, number, strict=True)):
-            object_id = moment.object_ids[places[at]]
+            object_id = given.object_ids[places[at]]
             records = views[rows[row]]
             before = records.get(object_id)
             entering = before.descriptor.entering if before is not None and before.descriptor is not None else ()
-            index = moment.used[own]
+            index = given.used[own]
             if before is None:
-                before = moment.parents[moment.stack.rows.parents[rows[row]]].views.get(object_id)
+                before = given.parents[given.stack.rows.parents[rows[row]]].views.get(object_id)
             records[object_id] = ObjectViews(
                 likelihood[at],
                 float(epistemic[at]),
-                bool(moment.step.in_coverage[index]) and (before is None or before.in_coverage),
+                bool(given.step.in_coverage[index]) and (before is None or before.in_coverage),
                 descriptor=DescriptorRecord(
                     belief.mean[at],
                     belief.sigma[at] ** 2,
                     float(directions[row, own]),
-                    (*entering, (moment.step.index, moment.step.detections[index])),
+                    (*entering, (given.step.index, given.step.detections[index])),
                 ),
             )
 

@@ -56,58 +56,14 @@ class DrawnFeatures:
         return DrawnFeatures(self.sensors[rows], self.features[rows], self.covariances[rows], self.offsets[rows])
 
 
-class IndependentViews:
-    """Class likelihoods at the modes, to tell the epistemic part and the coverage; no weight of its own."""
+class ClassLikelihoods:
+    """Densities of semantic measurements under every class of a viewpoint model."""
 
     def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
         """``correlated_views``: so many views tell as much as one, as in the factors."""
         self._model, self._power = model, 1.0 / correlated_views
 
-    def weigh(self, moment: SemanticInput) -> SemanticEvidence:
-        """Records alone: these measurements have factors."""
-        return SemanticEvidence.silent(
-            len(moment.stack.mean), lambda rows: self._records(moment.take(np.array(rows, dtype=int)))
-        )
-
-    def _records(self, moment: SemanticInput) -> list[dict[int, ObjectViews]]:
-        states, stack = moment.stack.states(moment.mode.y), moment.stack
-        views: list[dict[int, ObjectViews]] = [{} for _ in states]
-        rows, numbers = np.nonzero(stack.active)
-        same = stack.rows.objects[rows] == stack.rows.objects[rows, numbers][:, None]
-        earlier = (same & (np.arange(stack.active.shape[1]) < numbers[:, None])).sum(axis=1)
-        for times in range(earlier.max(initial=-1) + 1):  # an object may be seen twice
-            now = earlier == times
-            self._add(moment, rows[now], numbers[now], states, views)
-        return views
-
-    def _add(
-        self, moment: SemanticInput, rows: Index, numbers: Index, states: Array, views: list[dict[int, ObjectViews]]
-    ) -> None:
-        """The records of the objects of some detections (K,), which ``views`` may hold from earlier ones."""
-        stack, used = moment.stack, moment.used[numbers]
-        places = stack.rows.objects[rows, numbers]
-        object_ids = [moment.object_ids[place] for place in places]
-        parents = [moment.parents[parent] for parent in stack.rows.parents[rows]]
-        before = [
-            views[row].get(object_id, parent.views.get(object_id))
-            for row, object_id, parent in zip(rows.tolist(), object_ids, parents, strict=True)
-        ]
-        objects = states[rows, 1 + stack.slots[rows, numbers]]
-        drawn = DrawnFeatures.of([moment.step.detections[i] for i in moment.used])
-        viewpoints = viewpoints_in_plane(states[rows, 0], objects, drawn.sensors[numbers])
-        likelihoods, exact = self._likelihoods(drawn.take(numbers), viewpoints)
-        unseen = np.zeros(likelihoods.shape[1])
-        known = np.array([record.log_likelihood if record else unseen for record in before])
-        prior = moment.log_class_prior[places]
-        inside = self._model.in_coverage(np.argmax(prior + known + likelihoods, axis=1), viewpoints)
-        inside &= moment.step.in_coverage[used]
-        inside &= np.array([record is None or record.in_coverage for record in before], dtype=bool)
-        doubt = mutual_information(class_posterior((prior + known)[:, None], exact))
-        records = zip(known + likelihoods, doubt.tolist(), inside.tolist(), strict=True)
-        for row, object_id, record in zip(rows.tolist(), object_ids, records, strict=True):
-            views[row][object_id] = ObjectViews(*record)
-
-    def _likelihoods(self, drawn: DrawnFeatures, viewpoints: Viewpoints) -> tuple[Array, Array]:
+    def of(self, drawn: DrawnFeatures, viewpoints: Viewpoints) -> tuple[Array, Array]:
         """(K, C) of K measurements, each from its own viewpoint, and up to a constant (K, M, C) of draws of them."""
         count, num_classes = len(viewpoints.azimuth_rad), len(self._model.class_names)
         repeated = Viewpoints(*(np.repeat(value, num_classes) for value in vars(viewpoints).values()))
@@ -122,3 +78,55 @@ class IndependentViews:
         scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
         exact = (-0.5 * (moved**2).sum(axis=1) - scale[:, None]).reshape(count, num_classes, -1)
         return self._power * together.reshape(count, num_classes), self._power * np.swapaxes(exact, 1, 2)
+
+
+class IndependentViews:
+    """Class likelihoods at the modes, to tell the epistemic part and the coverage; no weight of its own."""
+
+    def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
+        """``correlated_views``: so many views tell as much as one, as in the factors."""
+        self._model, self._likelihoods = model, ClassLikelihoods(model, correlated_views)
+
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
+        """Records alone: these measurements have factors."""
+        return SemanticEvidence.silent(
+            len(given.stack.mean), lambda rows: self._records(given.take(np.array(rows, dtype=int)))
+        )
+
+    def _records(self, given: SemanticInput) -> list[dict[int, ObjectViews]]:
+        states, stack = given.stack.states(given.mode.y), given.stack
+        views: list[dict[int, ObjectViews]] = [{} for _ in states]
+        rows, numbers = np.nonzero(stack.active)
+        same = stack.rows.objects[rows] == stack.rows.objects[rows, numbers][:, None]
+        earlier = (same & (np.arange(stack.active.shape[1]) < numbers[:, None])).sum(axis=1)
+        for times in range(earlier.max(initial=-1) + 1):  # an object may be seen twice
+            now = earlier == times
+            self._add(given, rows[now], numbers[now], states, views)
+        return views
+
+    def _add(
+        self, given: SemanticInput, rows: Index, numbers: Index, states: Array, views: list[dict[int, ObjectViews]]
+    ) -> None:
+        """The records of the objects of some detections (K,), which ``views`` may hold from earlier ones."""
+        stack, used = given.stack, given.used[numbers]
+        places = stack.rows.objects[rows, numbers]
+        object_ids = [given.object_ids[place] for place in places]
+        parents = [given.parents[parent] for parent in stack.rows.parents[rows]]
+        before = [
+            views[row].get(object_id, parent.views.get(object_id))
+            for row, object_id, parent in zip(rows.tolist(), object_ids, parents, strict=True)
+        ]
+        objects = states[rows, 1 + stack.slots[rows, numbers]]
+        drawn = DrawnFeatures.of([given.step.detections[i] for i in given.used])
+        viewpoints = viewpoints_in_plane(states[rows, 0], objects, drawn.sensors[numbers])
+        likelihoods, exact = self._likelihoods.of(drawn.take(numbers), viewpoints)
+        unseen = np.zeros(likelihoods.shape[1])
+        known = np.array([record.log_likelihood if record else unseen for record in before])
+        prior = given.log_class_prior[places]
+        inside = self._model.in_coverage(np.argmax(prior + known + likelihoods, axis=1), viewpoints)
+        inside &= given.step.in_coverage[used]
+        inside &= np.array([record is None or record.in_coverage for record in before], dtype=bool)
+        doubt = mutual_information(class_posterior((prior + known)[:, None], exact))
+        records = zip(known + likelihoods, doubt.tolist(), inside.tolist(), strict=True)
+        for row, object_id, record in zip(rows.tolist(), object_ids, records, strict=True):
+            views[row][object_id] = ObjectViews(*record)

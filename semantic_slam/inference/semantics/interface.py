@@ -1,54 +1,69 @@
-"""What a run asks of its semantics besides factors: the record of each object's views, and evidence from tracks."""
+"""Semantics as a strategy: one input, the candidates at their modes; one result, their evidence and the records."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.object_table import ObjectTable
 from semantic_slam.inference.states.object_views import ObjectViews
 
 Records = Callable[[Sequence[int]], list[dict[int, ObjectViews]]]
-"""Of some continuations: object id -> record of its views, for the objects of this keyframe."""
+"""For some candidates: object id -> record of its views, for the objects of this keyframe."""
 
 
 def at_hand(views: list[dict[int, ObjectViews]]) -> Records:
-    """Of K continuations, made with their weights."""
+    """Records that were made with the weights of K candidates."""
     return lambda rows: [views[row] for row in rows]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SemanticInput:
-    """K continuations of some parents at their geometric modes."""
+    """K candidates of some parents at their modes."""
 
     step: Step
-    parents: Sequence[Component]
-    stack: KeyframeProblem
-    mode: Mode
-    used: NDArray[np.int_]  # (n,) detections that take part
-    object_ids: Sequence[int]  # O that ``stack.rows.objects`` refers to
-    log_class_prior: Array  # (O, C)
-    new: Sequence[dict[int, GaussianPrior]]  # for each parent, the objects that this keyframe introduces
+    parents: Sequence[Component]  # P
+    candidates: Candidates
+    used: Index  # (n,) detections that take part
+    log_class_prior: Array  # (O, C) of ``candidates.object_ids``
+    new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
 
-    def take(self, rows: NDArray[np.int_]) -> "SemanticInput":
-        """Some of the continuations."""
-        return replace(self, stack=self.stack.select(rows), mode=self.mode.take(rows))
+    @property
+    def stack(self) -> KeyframeProblem:
+        """The least-squares problems of the candidates, which have been solved."""
+        return self.candidates.solved()[0]
+
+    @property
+    def mode(self) -> Mode:
+        """The modes of those problems."""
+        return self.candidates.solved()[1]
+
+    @property
+    def object_ids(self) -> Index:
+        """(O,) that associations refer to."""
+        return self.candidates.object_ids
+
+    def take(self, rows: Index) -> "SemanticInput":
+        """Some of the candidates."""
+        problem, mode = self.candidates.solved()
+        assignments = self.candidates.assignments.take(rows)
+        some = replace(self.candidates, assignments=assignments, problem=problem.select(rows), mode=mode.take(rows))
+        return replace(self, candidates=some)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SemanticEvidence:
-    """What semantics say of K continuations.
+    """What semantics say of K candidates.
 
-    Records may be made when they are asked for, from the moment; that is before parents are used up.
+    Records may be made when they are asked for, from the input; that is before parents are consumed.
     """
 
     log_weights: Array  # (K,) evidence besides that of the factors
@@ -57,38 +72,33 @@ class SemanticEvidence:
     robot: list[Correction | None]  # K
 
     @classmethod
+    def of(cls, log_weights: Array, views: list[dict[int, ObjectViews]]) -> "SemanticEvidence":
+        """Evidence without samples and without corrections of the robot, with records at hand."""
+        count = len(log_weights)
+        return cls(
+            log_weights=log_weights,
+            effective_sample_sizes=np.full(count, np.nan),
+            records=at_hand(views),
+            robot=[None] * count,
+        )
+
+    @classmethod
     def silent(cls, count: int, records: Records | None = None) -> "SemanticEvidence":
         """Nothing besides the factors, and ``records`` if any."""
-        known = records or at_hand([{}] * count)
-        return cls(np.zeros(count), np.full(count, np.nan), known, [None] * count)
-
-
-@dataclass(frozen=True)
-class CarriedInput:
-    """K continuations at their modes; D detections."""
-
-    detections: Sequence[Any]  # D
-    in_coverage: NDArray[np.bool_]  # (D,)
-    components: Sequence[Component]  # P
-    populations: Sequence[ObjectTable]  # P
-    parents: NDArray[np.int_]  # (K,)
-    association: NDArray[np.int_]  # (K, D) object ids
-    robot: Array  # (K, 3)
-    objects: Array  # (K, D, 3)
-    log_class_prior: dict[int, Array]  # object id -> (C,)
-    keyframe: int
-    robot_covariance: Array  # (K, 3, 3)
+        found = cls.of(np.zeros(count), [{}] * count)
+        return found if records is None else replace(found, records=records)
 
 
 class Semantics(Protocol):
-    """Records the views of a keyframe."""
+    """Weighs and records the views of a keyframe."""
 
-    def weigh(self, moment: SemanticInput) -> SemanticEvidence:
-        """A pure function of the continuations."""
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
+        """A pure function of the candidates."""
 
 
-class CarriedSemantics(Protocol):
-    """Carries with each object what its views tell, class or descriptor and heading, instead of factors."""
+class NoSemantics:
+    """Of a run without class models."""
 
-    def carried(self, views: CarriedInput) -> SemanticEvidence:
-        """Log evidence of the views of each continuation, and the objects' records after it."""
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
+        """Nothing."""
+        return SemanticEvidence.silent(len(given.candidates.assignments))

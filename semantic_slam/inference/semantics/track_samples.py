@@ -114,28 +114,28 @@ class SampledRow:
         return self.space.retract(self.past.mean[place], tangent)
 
 
-def sample_rows(moment: SemanticInput, num_samples: int, seed: int) -> list[SampledRow]:
+def sample_rows(given: SemanticInput, num_samples: int, seed: int) -> list[SampledRow]:
     """Samples of every continuation. Raises LostComponentError."""
     parents = [
-        PredictedSamples.of(parent, moment.step.motion, moment.object_ids, new, num_samples, seed)
-        for parent, new in zip(moment.parents, moment.new, strict=True)
+        PredictedSamples.of(parent, given.step.motion, given.object_ids, new, num_samples, seed)
+        for parent, new in zip(given.parents, given.new, strict=True)
     ]
-    modes = moment.stack.states(moment.mode.y)
-    of_rows = moment.stack.rows.parents
-    return [_sampled_row(moment, parents[of_rows[row]], row, modes[row]) for row in range(len(modes))]
+    modes = given.stack.states(given.mode.y)
+    of_rows = given.stack.rows.parents
+    return [_sampled_row(given, parents[of_rows[row]], row, modes[row]) for row in range(len(modes))]
 
 
-def _sampled_row(moment: SemanticInput, predicted: PredictedSamples, row: int, mode: Array) -> SampledRow:
+def _sampled_row(given: SemanticInput, predicted: PredictedSamples, row: int, mode: Array) -> SampledRow:
     """The prior's whitened samples y become y* + H^(-1/2) y, where y* is the mode and H its Hessian."""
-    stack = moment.stack
+    stack = given.stack
     count, size = len(predicted.ahead), stack.dimension
-    own = stack.active[row] & (stack.slots[row] == np.arange(len(moment.used)))
+    own = stack.active[row] & (stack.slots[row] == np.arange(len(given.used)))
     blocks = np.concatenate([[0], np.where(own, 1 + stack.rows.objects[row], 0)])
     used = np.concatenate([[True], own])
     ahead = np.where(used[:, None], predicted.ahead[:, blocks], 0.0).reshape(count, -1)
     before = solve_triangular(stack.root[row], ahead.T, lower=True)  # (m, P)
-    curvature = np.linalg.cholesky(moment.mode.hessian[row])
-    after = moment.mode.y[row][:, None] + solve_triangular(curvature, before, lower=True, trans="T")
+    curvature = np.linalg.cholesky(given.mode.hessian[row])
+    after = given.mode.y[row][:, None] + solve_triangular(curvature, before, lower=True, trans="T")
     tangent = (stack.root[row] @ after).T.reshape(count, -1, size)
     states = stack.space.retract(stack.mean[row], tangent)
     columns = (blocks[:, None] * size + np.arange(size)).ravel()

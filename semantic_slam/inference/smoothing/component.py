@@ -1,69 +1,48 @@
 """One hypothesis's smoothed belief b[X_k] (Eq. 4.9): an iSAM2 that is forked when the hypothesis branches."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.models.step import AssociatedDetection, Motion
-from semantic_slam.inference.smoothing.batch_update import Extension
-from semantic_slam.inference.smoothing.errors import LostComponentError
-from semantic_slam.inference.smoothing.semantic_factors import SemanticFactor, SemanticFactorMaker
+from semantic_slam.inference.models.step import Motion
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.smoothing.local_map import LocalMap
+from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.smoothing.tracking import tracked_after
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.keys import descriptor_key, object_key, robot_key
+from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.inference.states.state_space import StateSpace
-
-if TYPE_CHECKING:
-    from semantic_slam.inference.evidence.window import Window
-    from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
-
-__all__ = ["AssociatedDetection", "Component", "ComponentUpdate", "LostComponentError", "Motion", "WeightedComponent"]
-__all__ += ["descriptor_key", "object_key", "robot_key"]
+from semantic_slam.inference.states.tracked_objects import HypothesisObjects, TrackedStates
 
 
-JUMP = 0.5
-"""Change of the robot's predicted state, metres or radians, from which on the whole graph is optimised at once."""
-TURN_RAD = 0.3
-"""Change of an object's heading from which on it is, too."""
-
-
-@dataclass(frozen=True)
-class ComponentUpdate:
-    """What a continuation is, besides its motion and detections."""
-
-    robot: Array  # (d,) mode of the robot, where the new factors are created
-    objects: Sequence[Array]  # one (d,) for each observed object, too
-    new_objects: dict[int, GaussianPrior]
-    views: dict[int, ObjectViews]  # new records of those objects
-    robot_correction: Correction | None
-    history: "Window | None"  # since the component was last Gaussian
-    smoothed: dict[int, Array]  # GTSAM key -> (d,) mode, where the whole history was looked at
-    corrections: dict[int, Correction]  # GTSAM key -> of the Gaussian at that mode
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Component:
-    """The smoother, the newest robot key and the classes enumerated so far; an only child may use its smoother up."""
+    """The smoother, the objects and what is known of them; an only child may consume its parent's smoother."""
 
     space: StateSpace
     model: ObservationModel
     smoother: Smoother
-    keyframe: int  # newest, -1 before the first
+    objects: HypothesisObjects
+    keyframe: int = -1  # newest, -1 before the first
     classes: dict[int, int] = field(default_factory=dict)  # object id -> enumerated class
-    object_ids: frozenset[int] = frozenset()
     views: dict[int, ObjectViews] = field(default_factory=dict)  # object id -> record of its semantic views
     robot_correction: Correction | None = None  # of the newest robot pose, by semantics that have no factor
-    history: "Window | None" = None  # None: the component is Gaussian
+    window: Window | None = None  # None: the component is Gaussian
     corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of a Gaussian that does not suffice
+    tracked: TrackedStates | None = None  # None: marginals are read from the smoother when they are asked for
+    single_steps: bool = False  # one update per keyframe instead of updates until they converge
+    local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
+    noise: int = 0  # which of the noises that odometry may have
+    noise_factor: float = 1.0  # of that one, on the covariance
 
     @classmethod
     def root(
@@ -73,6 +52,7 @@ class Component:
         robot: GaussianPrior,
         objects: dict[int, GaussianPrior],
         latent: LatentObservation | None = None,
+        existence: dict[int, float] | None = None,
     ) -> "Component":
         """The prior of Eq. 4.3; descriptors enter with the first view of their object."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -80,7 +60,14 @@ class Component:
             graph.add(space.prior_factor(key, prior.mean, prior.covariance))
             space.insert(values, key, prior.mean)
         smoother = Smoother.of(space, SemanticFactorMaker(space, model, latent), graph, values)
-        return cls(space, model, smoother, -1, object_ids=frozenset(objects))
+        ids, stated = sorted(objects), existence or {}
+        known = HypothesisObjects(ids=np.array(ids, dtype=int), existence=np.array([stated.get(n, 1.0) for n in ids]))
+        return cls(space=space, model=model, smoother=smoother, objects=known)
+
+    @property
+    def object_ids(self) -> frozenset[int]:
+        """Ids of its objects."""
+        return self.objects.id_set
 
     def newest_robot(self) -> Array:
         """(d,) estimate of the robot at the newest keyframe."""
@@ -94,14 +81,26 @@ class Component:
         """(n d, n d) marginal covariance, in the tangent spaces at the estimate. Raises LostComponentError."""
         return self.smoother.joint_covariance(keys)
 
-    def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
-        """(n, d) estimates and (n, d, d) covariances with what their Gaussians and their factors do not say."""
-        states, covariances = self.states(keys), self.smoother.joint_blocks(keys)
+    def robot_and_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
+        """(1 + n, d) states, the robot's first, and (1 + n, d, d) covariances of some of its objects.
+
+        With what their Gaussians and their factors do not say. Raises LostComponentError.
+        """
+        keys = [robot_key(self.keyframe), *(object_key(n) for n in object_ids)]
+        states, covariances = self._uncorrected(keys, object_ids)
         for key, correction in self._corrections():
             if key in keys:
                 row = keys.index(key)
                 states[row], covariances[row] = correction.applied(self.space, states[row], covariances[row])
         return states, covariances
+
+    def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:
+        """As they are tracked, or else read from the smoother."""
+        if self.tracked is None:
+            return self.states(keys), self.smoother.joint_blocks(keys)
+        rows = self.objects.rows(np.array(object_ids, dtype=int))
+        states = np.concatenate([self.tracked.robot[None], self.tracked.states[rows]])
+        return states, np.concatenate([self.tracked.robot_covariance[None], self.tracked.covariances[rows]])
 
     def _corrections(self) -> list[tuple[int, Correction]]:
         """By GTSAM keys, in the order in which they apply."""
@@ -109,150 +108,45 @@ class Component:
         every = [*self.corrections.items(), *semantic, (robot_key(self.keyframe), self.robot_correction)]
         return [(key, correction) for key, correction in every if correction is not None]
 
-    def extension(
-        self,
-        shared: "KeyframeFactors",
-        observed: Sequence[AssociatedDetection],
-        continued: ComponentUpdate,
-        predicted: Array,
-        moved: float,
-    ) -> Extension:
-        """What one continuation adds to the smoother (Eqs. 4.9-4.11).
+    def tracked_heading(self, object_id: int) -> tuple[float, float] | None:
+        """Mean [rad] and variance of an object's heading as it is tracked; None for an object that is new."""
+        if self.tracked is None or object_id not in self.object_ids:
+            return None
+        row = int(self.objects.rows(np.array(object_id)))
+        return float(self.tracked.states[row, 2]), float(self.tracked.covariances[row, 2, 2])
 
-        Its robot's mode is ``moved`` metres or radians from the state ``predicted`` by the motion alone.
+    def scaled(self, motion: Motion) -> Motion:
+        """Odometry with the noise that this hypothesis takes it to have."""
+        if self.noise_factor == 1.0:
+            return motion
+        return Motion(motion.control, self.noise_factor * motion.covariance, motion.by_bias)
+
+    def child(self, update: ComponentUpdate, smoother: Smoother, local: LocalMap | None, max_fresh: int) -> "Component":
+        """The component of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.
+
+        Where states are tracked, ``max_fresh`` objects at most get fresh marginals besides those observed.
         """
-        key = robot_key(self.keyframe + 1)
-        graph, values = self._new(shared, observed, continued.robot, continued.new_objects)
-        named = self._classed(observed)
-        start = {key: continued.robot} | continued.smoothed
-        start |= {object_key(item.object_id): o for item, o in zip(observed, continued.objects, strict=True)}
-        jumped = self._jumped(moved, continued)
-        if self.smoother.semantics.latent is None:
-            return Extension(graph, values, named, start, jumped)
-        entering = descriptor_views(continued.views)
-        start |= self.with_descriptors(graph, values, continued.views, entering, start)
-        calm = {key: predicted} | self.calm(continued.views)
-        return Extension(graph, values, [*named, *entering], start, jumped or self.turned(continued.views), calm)
-
-    def child(
-        self, observed: Sequence[AssociatedDetection], continued: ComponentUpdate, smoother: Smoother
-    ) -> "Component":
-        """The component of one continuation, whose ``smoother`` has its extension."""
-        assigned = {item.object_id: item.assigned_class for item in observed if item.assigned_class >= 0}
-        return Component(
-            self.space,
-            self.model,
-            smoother,
-            self.keyframe + 1,
-            self.classes | assigned,
-            self.object_ids | continued.new_objects.keys(),
-            self.views | continued.views,
-            continued.robot_correction,
-            continued.history,
-            continued.corrections,
+        objects, keyframe = self.objects.updated(update.existence), self.keyframe + 1
+        classes, views = self.classes | update.assigned_classes, self.views | update.views
+        if not update.existence.kept.all():
+            classes = {n: cls for n, cls in classes.items() if n in objects.id_set}
+            views = {n: own for n, own in views.items() if n in objects.id_set}
+        tracked = self.tracked
+        if tracked is not None:
+            tracked = tracked_after(smoother, keyframe, tracked, objects.ids, update, max_fresh)
+        return replace(
+            self,
+            smoother=smoother,
+            objects=objects,
+            keyframe=keyframe,
+            classes=classes,
+            views=views,
+            robot_correction=update.robot_correction,
+            window=update.window,
+            corrections=update.corrections,
+            tracked=tracked,
+            local=local,
         )
-
-    def with_descriptors(
-        self,
-        graph: gtsam.NonlinearFactorGraph,
-        values: gtsam.Values,
-        views: Mapping[int, ObjectViews],
-        entering: Sequence[SemanticFactor],
-        start: Mapping[int, Array],
-    ) -> dict[int, Array]:
-        """Add the variables E(n) that ``entering`` views need; states of all their variables that ``start`` lacks."""
-        states: dict[int, Array] = {}
-        for number, record in views.items():
-            key, guess = descriptor_key(number), record.descriptor
-            if guess is None or not guess.entering:
-                continue
-            states[key] = guess.mean
-            if guess.heading_rad is not None:
-                own = object_key(number)
-                states[own] = np.append(start[own][:-1], guess.heading_rad)
-            if not self.smoother.has(key):
-                prior = self.smoother.semantics.descriptor_prior(number)
-                graph.add(gtsam.PriorFactorVector(key, prior.mean[0], gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])))
-                values.insert(key, guess.mean)
-        lacking = sorted({key for item in entering for key in item.keys} - start.keys() - states.keys())
-        return states | dict(zip(lacking, self.states(lacking), strict=True))
-
-    def calm(self, views: Mapping[int, ObjectViews]) -> dict[int, Array]:
-        """Where descriptors and the objects that their views turn begin, if all else stays as it was."""
-        states: dict[int, Array] = {}
-        for number, record in views.items():
-            guess, own = record.descriptor, object_key(number)
-            if guess is None or not guess.entering:
-                continue
-            states[descriptor_key(number)] = guess.mean
-            if guess.heading_rad is not None and self.smoother.has(own):
-                states[own] = np.append(self.states([own])[0, :-1], guess.heading_rad)
-        return states
-
-    def turned(self, views: Mapping[int, ObjectViews]) -> bool:
-        """Whether views that enter now turn an object: linear factors do not tell true from so far away."""
-        return any(
-            record.descriptor is not None
-            and record.descriptor.heading_rad is not None
-            and len(record.descriptor.entering) > 0
-            and self._turn(number, record.descriptor.heading_rad) > TURN_RAD
-            for number, record in views.items()
-        )
-
-    def _turn(self, object_id: int, heading_rad: float) -> float:
-        """Between an object's estimated heading and another; infinite for a new object."""
-        key = object_key(object_id)
-        if not self.smoother.has(key):
-            return np.inf
-        return float(np.abs(wrap_angle(self.states([key])[0, -1] - heading_rad)))
-
-    def _new(
-        self,
-        shared: "KeyframeFactors",
-        observed: Sequence[AssociatedDetection],
-        robot: Array,
-        new_objects: Mapping[int, GaussianPrior],
-    ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """Odometry, priors of new objects and geometry; and values of the new keys, the robot's (d,) where it is."""
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        graph.add(shared.odometry)
-        self.space.insert(values, robot_key(self.keyframe + 1), robot)
-        for number, prior in new_objects.items():
-            graph.add(self.space.prior_factor(object_key(number), prior.mean, prior.covariance))
-            self.space.insert(values, object_key(number), prior.mean)
-        for item in observed:
-            graph.add(shared.geometry(item))
-        return graph, values
-
-    def _classed(self, observed: Sequence[AssociatedDetection]) -> list[SemanticFactor]:
-        """The semantic measurements of the next keyframe under a class."""
-        key = robot_key(self.keyframe + 1)
-        classed = [item for item in observed if item.assigned_class >= 0]
-        return [
-            SemanticFactor(key, object_key(item.object_id), item.detection, item.assigned_class) for item in classed
-        ]
-
-    def _jumped(self, moved: float, continued: ComponentUpdate) -> bool:
-        """Whether the continuation's mode is elsewhere than the estimate, or should be met exactly."""
-        if continued.history is not None or moved > JUMP:
-            return True
-        past = [key for key in continued.smoothed if self.smoother.has(key)]
-        if not past:
-            return False
-        modes = np.array([continued.smoothed[key] for key in past])
-        return bool(np.abs(self.space.local(self.states(past), modes)).max() > JUMP)
-
-
-def descriptor_views(views: Mapping[int, ObjectViews]) -> list[SemanticFactor]:
-    """The semantic measurements that enter the graph with new records of objects."""
-    return [
-        SemanticFactor(
-            robot_key(keyframe), object_key(number), detection, -1, descriptor_key(number), record.descriptor.is_bent
-        )
-        for number, record in views.items()
-        if record.descriptor is not None
-        for keyframe, detection in record.descriptor.entering
-    ]
 
 
 @dataclass(frozen=True)

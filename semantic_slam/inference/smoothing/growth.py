@@ -1,50 +1,94 @@
-"""Components grow together: the children of one keyframe, whose smoothers settle in the same rounds."""
+"""Components grow together: the children of one keyframe, whose smoothers converge in the same rounds."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from semantic_slam.inference.models.step import AssociatedDetection, Motion
+from semantic_slam.geometry.arrays import Flags
+from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.smoothing.batch_update import update_all
-from semantic_slam.inference.smoothing.component import Component, ComponentUpdate
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.extension import (
+    JUMP,
+    classed_measurements,
+    extension,
+    linearisation_start,
+    new_factors,
+)
 from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
 
 Outcome = Component | LostComponentError
 
 
-def grow_all(
+def grow(
     parents: Sequence[Component],
     motion: Motion,
-    observed: Sequence[Sequence[AssociatedDetection]],
-    continued: Sequence[ComponentUpdate],
+    updates: Sequence[ComponentUpdate],
     *,
     in_place: bool = False,
+    max_fresh: int = 0,
 ) -> list[Outcome]:
     """A child of each parent; an error stands for one that is indeterminate.
 
-    Parents stay as they were, unless an only child may use up its parent ``in_place``.
+    Parents stay as they were, unless an only child may consume its parent's smoother ``in_place``. Where states are
+    tracked, ``max_fresh`` objects at most get fresh marginals besides those observed.
     """
     if not parents:
         return []
-    rows = list(zip(parents, observed, continued, strict=True))
-    space = parents[0].space
-    predicted = space.compose(np.array([parent.newest_robot() for parent in parents]), motion.control)
-    moved = np.abs(space.local(predicted, np.array([what.robot for what in continued]))).max(axis=-1).tolist()
-    shared = KeyframeFactors(space, parents[0].model, parents[0].keyframe + 1, motion)
+    grown = _stepped if parents[0].single_steps else _converged
+    return grown(parents, _shared(parents, motion), updates, in_place, max_fresh)
+
+
+def _converged(
+    parents: Sequence[Component],
+    shared: dict[int, KeyframeFactors],
+    updates: Sequence[ComponentUpdate],
+    in_place: bool,
+    max_fresh: int,
+) -> list[Outcome]:
+    """All together, updated until they converge."""
+    moved = _moved(parents, updates)
     extensions = [
-        parent.extension(shared, seen, what, state, change)
-        for (parent, seen, what), state, change in zip(rows, predicted, moved, strict=True)
+        extension(parent, shared[parent.noise], update, moved=bool(far))
+        for parent, update, far in zip(parents, updates, moved, strict=True)
     ]
-    smoothers = update_all([parent.smoother for parent in parents], extensions, alone(parents) if in_place else ())
+    smoothers = update_all(
+        [parent.smoother for parent in parents], extensions, only_children(parents) if in_place else ()
+    )
     return [
-        own if isinstance(own, LostComponentError) else parent.child(seen, what, own)
-        for (parent, seen, what), own in zip(rows, smoothers, strict=True)
+        own if isinstance(own, LostComponentError) else _attempt(parent.child, update, own, None, max_fresh)
+        for parent, update, own in zip(parents, updates, smoothers, strict=True)
     ]
 
 
-def alone(parents: Sequence[object]) -> list[int]:
+def _stepped(
+    parents: Sequence[Component],
+    shared: dict[int, KeyframeFactors],
+    updates: Sequence[ComponentUpdate],
+    in_place: bool,
+    max_fresh: int,
+) -> list[Outcome]:
+    """One after another with one update each, the next keyframe going on; a last child may consume its parent's.
+
+    Descriptors stay with their records: they enter with a turn of their object, which one update cannot make.
+    """
+    last = {id(parent): place for place, parent in enumerate(parents)} if in_place else {}
+    moved = _moved(parents, updates)
+
+    def child(place: int, parent: Component, update: ComponentUpdate) -> Component:
+        graph, values = new_factors(parent, shared[parent.noise], update)
+        classed, start = classed_measurements(parent, update), linearisation_start(parent, update)
+        own, far = last.get(id(parent)) == place, bool(moved[place])
+        smoother = parent.smoother.stepped(graph, values, classed, start, in_place=own, again=far)
+        return parent.child(update, smoother, None if far else update.local, max_fresh)
+
+    return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, updates, strict=True))]
+
+
+def only_children(parents: Sequence[object]) -> list[int]:
     """Which of some parents have one child."""
     times = Counter(id(parent) for parent in parents)
     return [row for row, parent in enumerate(parents) if times[id(parent)] == 1]
@@ -55,3 +99,28 @@ def certain(outcome: Outcome) -> Component:
     if isinstance(outcome, LostComponentError):
         raise outcome
     return outcome
+
+
+def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> Flags:
+    """(K,) whether the robot's mode is elsewhere than odometry has it; where updates are not iterated, far elsewhere."""
+    space = parents[0].space
+    predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
+    limit = np.maximum(JUMP, space.far) if parents[0].single_steps else JUMP
+    return np.asarray((np.abs(space.local(predicted, modes)) > limit).any(axis=-1))
+
+
+def _shared(parents: Sequence[Component], motion: Motion) -> dict[int, KeyframeFactors]:
+    """The factors of the keyframe under each of the noises that odometry may have."""
+    by_noise = {parent.noise: parent for parent in parents}
+    return {
+        noise: KeyframeFactors(own.space, own.model, own.keyframe + 1, own.scaled(motion))
+        for noise, own in by_noise.items()
+    }
+
+
+def _attempt(make: Callable[..., Component], *arguments: object) -> Outcome:
+    """A component that is lost on the way stands for itself alone."""
+    try:
+        return make(*arguments)
+    except LostComponentError as fault:
+        return fault

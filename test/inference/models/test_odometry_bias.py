@@ -17,7 +17,7 @@ from semantic_slam.inference.models.odometry_bias import bias_prior, biased_fact
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap
 from semantic_slam.inference.states.keys import bias_key
-from semantic_slam.inference.states.object_table import ObjectTable
+from semantic_slam.inference.states.tracked_objects import ObjectTable
 
 PRIOR = {"estimate_bias": True, "sigma_bias_rad_per_m": 0.05, "sigma_bias_scale": 0.1}
 PRIOR_SIGMAS = np.array([0.05, 0.1])

@@ -13,10 +13,10 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import HypothesisManager
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.component import LostComponentError
 from semantic_slam.inference.smoothing.open_component import OpenComponent
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 NEAR_M = 0.3
 ROUND = 25

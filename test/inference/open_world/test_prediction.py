@@ -7,11 +7,11 @@ from worlds.open_room import make_room
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.association.gating import best_assignments, pair_densities
 from semantic_slam.inference.build import problem_of
-from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.prediction import Prediction, Predictor
 from semantic_slam.inference.smoothing.open_component import OpenComponent
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 AROUND = 24
 MOTION = Motion(np.zeros(3), 1e-4 * np.eye(3))

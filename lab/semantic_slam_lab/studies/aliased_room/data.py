@@ -68,7 +68,7 @@ def record_scene(number: int, max_keyframes: int | None = None) -> Recording:
     from semantic_slam.datasets.avd_drive import ImportSettings
     from semantic_slam.datasets.avd_import import import_avd
     from semantic_slam.evaluation.belief_bag import read_record
-    from semantic_slam.inference.map_prior import MapPrior
+    from semantic_slam.inference.world.map_prior import MapPrior
     from semantic_slam.pipeline.offline import run_bag
     from semantic_slam_lab.simulation.scene import SceneSettings, make_scene
 

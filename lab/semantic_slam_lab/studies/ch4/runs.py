@@ -16,13 +16,13 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.models.visibility import PlanarVisibility
-from semantic_slam.inference.objects import ObjectEntry
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.problem import Problem
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.problem import Problem
 from semantic_slam.viewpoint.parametric import ParametricModel
 from semantic_slam_lab.studies.ch4.simulation import Frame, Run, features
 

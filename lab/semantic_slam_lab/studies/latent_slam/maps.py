@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam_lab.simulation.goods import goods_class
 from semantic_slam_lab.studies.ch5.models import DEFAULT, trained
 

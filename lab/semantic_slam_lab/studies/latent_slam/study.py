@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration, to_dict
-from semantic_slam.inference.map_prior import MapPrior
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.studies.ch5.models import NUM_GOODS
 from semantic_slam_lab.studies.latent_slam.maps import unannotated, with_classes, with_instances
@@ -83,7 +83,7 @@ def evaluate_room(folder: Path, number: int, max_keyframes: int | None) -> RoomR
     """One room, from rendering to metrics."""
     from semantic_slam.datasets.avd_drive import ImportSettings
     from semantic_slam.datasets.avd_import import import_avd
-    from semantic_slam.inference.map_prior import read_map_prior
+    from semantic_slam.inference.world.map_prior import read_map_prior
     from semantic_slam_lab.simulation.layout import draw_layout
     from semantic_slam_lab.simulation.scene import SceneSettings, make_scene
 

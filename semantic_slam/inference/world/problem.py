@@ -1,6 +1,6 @@
 """What a run is about: models, priors and settings, built once from the run's configuration."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,11 +10,12 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.objects import ObjectEntry
-from semantic_slam.inference.semantics.interface import CarriedSemantics, Semantics
+from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.world.objects import ObjectEntry
 
 
 class KeyframeReader(Protocol):
@@ -41,10 +42,9 @@ class Problem:
     objects: tuple[ObjectEntry, ...]
     class_names: tuple[str, ...]
     seed: int
-    association: str  # enumerated | given | open
+    association: str  # name of the strategy in the registry
     distinct: bool
-    semantics: Semantics | None = None  # records of the objects' views; None without class models, or where carried
-    carried: CarriedSemantics | None = None  # open world: views that enter no graph before their heading is known
+    semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
@@ -61,4 +61,19 @@ class Problem:
     def root(self) -> Component:
         """The component before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
-        return Component.root(self.space, self.model, self.robot, priors, self.latent)
+        existence = {entry.object_id: entry.existence for entry in self.objects}
+        return Component.root(self.space, self.model, self.robot, priors, self.latent, existence)
+
+    def tracking_root(self, number: int) -> Component:
+        """One that tracks its states, under one of the noises of odometry, as the configuration wants it updated."""
+        plain, single_steps = self.root(), not self.open_world.settle
+        entries = sorted(self.objects, key=lambda entry: entry.object_id)
+        tracked = tracked_before(self.robot, [entry.prior for entry in entries], self.num_biases)
+        return replace(
+            plain,
+            smoother=plain.smoother.with_single_steps(self.num_biases) if single_steps else plain.smoother,
+            tracked=tracked,
+            single_steps=single_steps,
+            noise=number,
+            noise_factor=self.noise_factors[number],
+        )

@@ -1,0 +1,238 @@
+"""A keyframe in a world of known objects: every parent has the same ones, and their joint Gaussian is predicted whole."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.association.enumeration import (
+    EnumerationProblem,
+    enumerate_associations,
+    enumerate_classes,
+    fixed_association,
+)
+from semantic_slam.inference.association.map_gate import FEW_OBJECTS, MapGate, map_gate
+from semantic_slam.inference.association.strategy import Parents
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.candidates import Candidates
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
+from semantic_slam.inference.evidence.mode_splitting import UnsplitCandidates, split_modes
+from semantic_slam.inference.evidence.prior_samples import sample_evidence
+from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.inference.semantics.interface import SemanticInput
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.identity import generator, hypothesis_id
+from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.problem import Problem
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedKeyframe:
+    """The keyframe of P parents; n detections are used, each of an object that is known or that it introduces."""
+
+    problem: Problem
+    registry: ObjectRegistry
+    step: Step
+    parents: Parents
+    path: LineageStep | None  # the one continuation that is wanted
+    used: Index  # (n,)
+    known: Sequence[int]  # ids of the objects on the map that detections may be of
+    identities: Sequence[int] | None = None  # n ids, where they are given
+    new: Sequence[dict[int, GaussianPrior]] = field(default_factory=tuple)  # P: objects that this keyframe introduces
+
+    def associate(self) -> Candidates:
+        """Objects of a large map that no detection can be of are not looked at, unless the result says they must be."""
+        gate = self._map_gate()
+        while True:
+            near = self.known if gate is None else [self.known[i] for i in gate.columns()]
+            candidates = self._associated(near, gate)
+            if gate is None:
+                return candidates
+            best = self._best(candidates)
+            wider = gate.widened(best, self.problem.weights.gate)
+            if wider is None:
+                left_out = np.logaddexp(candidates.log_left_out, gate.log_left_out(best))
+                return replace(candidates, log_left_out=left_out)
+            gate = wider
+
+    def weigh(self, candidates: Candidates) -> Candidates:
+        """Classes, then modes, then evidence by the configured method; candidates of several modes are split."""
+        if self.problem.model.num_classes > 0 and len(self.used):
+            candidates = enumerate_classes(self._enumeration(candidates.object_ids, None), candidates)
+            assert candidates.problem is not None and candidates.start is not None
+            mode = find_modes(candidates.problem, candidates.start, tolerance=WEIGHING_TOLERANCE)
+            candidates = replace(candidates, mode=mode)
+        return self._with_evidence(candidates).at_modes()
+
+    def semantic_input(self, candidates: Candidates) -> SemanticInput:
+        """With the priors over classes that the map states."""
+        return SemanticInput(
+            step=self.step,
+            parents=self.parents.components,
+            candidates=candidates,
+            used=self.used,
+            log_class_prior=self._log_class_prior(candidates.object_ids),
+            new=self._new,
+        )
+
+    def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
+        """Nothing is missed or born by chance here: factors of one, and the objects that detections introduce."""
+        updates = [
+            ExistenceUpdate.starting(component.objects, list(new))
+            for component, new in zip(self.parents.components, self._new, strict=True)
+        ]
+        parents = candidates.assignments.parents
+        return np.zeros(len(parents)), [updates[parent] for parent in parents.tolist()]
+
+    def updates(
+        self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
+    ) -> list[ComponentUpdate]:
+        """One for each row, without what semantics say."""
+        some = candidates.assignments.take(np.array(rows, dtype=int))
+        parents = [self.parents.components[parent] for parent in some.parents]
+        robots = np.array([parent.newest_robot() for parent in parents])
+        predicted = self.problem.space.compose(robots, self.step.motion.control)
+        steps = replace(candidates, assignments=some).steps(self.used, len(self.step.names))
+        return [
+            self._update(some, row, steps[row], predicted[row], existence[number]) for row, number in enumerate(rows)
+        ]
+
+    def _update(
+        self,
+        own: Assignments,
+        row: int,
+        taken: LineageStep,
+        predicted: Array,
+        existence: ExistenceUpdate,
+    ) -> ComponentUpdate:
+        assert own.robot is not None and own.object_states is not None
+        mode = own.posterior_modes[row] if own.posterior_modes is not None else None
+        return ComponentUpdate(
+            observed=self.step.observed(taken.association, taken.class_assignment, self.used),
+            objects=own.object_states[row][own.objects[row] >= 0],
+            robot=own.robot[row],
+            predicted=predicted,
+            new_objects=self._new[own.parents[row]],
+            existence=existence,
+            window=own.windows[row] if own.windows is not None else None,
+            smoothed=mode.smoothed if mode is not None else {},
+            corrections=mode.corrections if mode is not None else {},
+        )
+
+    @property
+    def _new(self) -> Sequence[dict[int, GaussianPrior]]:
+        return self.new or [{}] * len(self.parents)
+
+    def _map_gate(self) -> MapGate | None:
+        """What of a large map is looked at; None: all of it."""
+        gate, prior = self.problem.weights.gate, {entry.object_id: entry.prior for entry in self.problem.objects}
+        everything = self.identities is not None or self.path is not None or len(self.known) <= FEW_OBJECTS
+        if everything or not len(self.used) or not np.isfinite(gate):
+            return None
+        objects = [(number, prior[number].covariance) for number in self.known]
+        detections = [self.step.detections[i] for i in self.used]
+        space, model = self.problem.space, self.problem.model
+        return map_gate(space, model, self.step, detections, self.parents.components, objects, gate)
+
+    def _associated(self, near: Sequence[int], gate: MapGate | None) -> Candidates:
+        object_ids = np.array([*near, *self._new[0]], dtype=int)
+        setting = self._enumeration(object_ids, gate)
+        predicted = predict(self.parents.components, self.step.motion, near, self._new)
+        if self.identities is None:
+            return enumerate_associations(setting, predicted)
+        places = object_ids.tolist()
+        return fixed_association(setting, predicted, np.array([places.index(n) for n in self.identities], dtype=int))
+
+    def _best(self, candidates: Candidates) -> Array:
+        """(P,) geometric evidence of the best association of each parent."""
+        rows, best = candidates.assignments, np.full(len(self.parents), -np.inf)
+        assert rows.log_evidence is not None
+        np.maximum.at(best, rows.parents, rows.log_evidence)
+        return best
+
+    def _enumeration(self, object_ids: Index, gate: MapGate | None) -> EnumerationProblem:
+        known = [[own.classes.get(n, -1) for n in object_ids.tolist()] for own in self.parents.components]
+        return EnumerationProblem(
+            space=self.problem.space,
+            model=self.problem.model,
+            detections=[self.step.detections[i] for i in self.used],
+            object_ids=object_ids,
+            known_classes=np.array(known, dtype=int).reshape(len(self.parents), len(object_ids)),
+            log_class_prior=self._log_class_prior(object_ids),
+            distinct=self.problem.distinct,
+            gate=self.problem.weights.gate if self.path is None else np.inf,
+            max_candidates=self.problem.weights.max_candidates,
+            path=self._path(object_ids.tolist()),
+            admitted=gate.admitted[:, :, gate.columns()] if gate is not None else None,
+        )
+
+    def _path(self, object_ids: list[int]) -> tuple[Index, Index] | None:
+        """(n,) objects and (n,) classes of the continuation that is wanted."""
+        if self.path is None:
+            return None
+        objects = [object_ids.index(self.path.association[i]) for i in self.used]
+        return np.array(objects, dtype=int), np.array([self.path.class_assignment[i] for i in self.used], dtype=int)
+
+    def _log_class_prior(self, object_ids: Index) -> Array:
+        """(O, C)."""
+        return self.registry.log_class_prior_of(object_ids.tolist())
+
+    def _with_evidence(self, candidates: Candidates) -> Candidates:
+        """By importance samples with mode splitting, by Laplace's approximation, or by samples from the prior."""
+        weights, (problem, mode) = self.problem.weights, candidates.solved()
+        if weights.method == "importance":
+            unsplit = UnsplitCandidates(
+                step=self.step,
+                parents=self.parents.components,
+                log_parent_weights=self.parents.log_weights,
+                candidates=candidates,
+                used=self.used,
+                new=self._new,
+            )
+            return split_modes(unsplit, weights, self.path.mode if self.path is not None else None)
+        if weights.method == "laplace":
+            log_evidence = mode.log_evidence + problem.log_visibility(mode.y, soft=True)
+            return candidates.gaining(
+                log_evidence=log_evidence, effective_sample_sizes=np.full(len(log_evidence), np.nan)
+            )
+        log_evidence, effective = sample_evidence(problem, weights.num_samples, self._generators(candidates))
+        return candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
+
+    def _generators(self, candidates: Candidates) -> list[np.random.Generator]:
+        """One for each candidate, keyed by its identity."""
+        rows, stamp = candidates.assignments, self.step.stamp_ns
+        steps = candidates.steps(self.used, len(self.step.names))
+        ids = [
+            hypothesis_id(self.parents.ids[p], stamp, own.association, own.class_assignment, own.mode)
+            for p, own in zip(rows.parents, steps, strict=True)
+        ]
+        return [generator(self.problem.seed, "weights", stamp, key) for key in ids]
+
+
+def predict(
+    components: Sequence[Component], motion: Motion, known: Sequence[int], new: Sequence[dict[int, GaussianPrior]]
+) -> PredictedBelief:
+    """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent of one keyframe, the new objects after the known ones."""
+    space = components[0].space
+    keys = [robot_key(components[0].keyframe), *(object_key(n) for n in known)]
+    mean = np.array([component.states(keys) for component in components])
+    covariance = np.array([component.joint_covariance(keys) for component in components])
+    dimension, transition = space.dimension, space.propagation(motion.control)
+    mean[:, 0] = space.compose(mean[:, 0], motion.control)
+    covariance[:, :dimension] = transition @ covariance[:, :dimension]
+    covariance[:, :, :dimension] = covariance[:, :, :dimension] @ transition.T
+    covariance[:, :dimension, :dimension] += motion.covariance
+    if not any(new):
+        return PredictedBelief(mean, covariance)
+    added = [list(priors.values()) for priors in new]
+    mean = np.concatenate([mean, [[prior.mean for prior in priors] for priors in added]], axis=1)
+    pairs = zip(covariance, added, strict=True)
+    return PredictedBelief(mean, np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs]))

@@ -1,0 +1,64 @@
+"""The candidates of a keyframe: one table from enumeration to weights, which gains columns as the work goes on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
+
+AT_MODES = ("log_evidence", "robot", "robot_covariance", "object_states", "object_covariances", "bend")
+"""Columns that follow from the mode of a candidate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assignments:
+    """K candidates over n detections, each of one parent; a column that is not known yet is None.
+
+    States and covariances are those of robot and objects at the candidate's mode, in the tangent spaces there.
+    """
+
+    parents: Index  # (K,)
+    objects: Index  # (K, n) position among the keyframe's objects, -1 clutter
+    classes: Index | None = None  # (K, n) class of each object, -1 where classes are not enumerated
+    numbers: Index | None = None  # (K,) mode of the candidate, 0: it is one Gaussian
+    log_class_prior: Array | None = None  # (K,) of the classes first enumerated here
+    log_evidence: Array | None = None  # (K,) log psi (Eq. 4.18) of geometry and factors, without that prior
+    effective_sample_sizes: Array | None = None  # (K,) NaN where nothing was sampled
+    robot: Array | None = None  # (K, d)
+    robot_covariance: Array | None = None  # (K, d, d)
+    object_states: Array | None = None  # (K, n, d) of each detection's object
+    object_covariances: Array | None = None  # (K, n, d, d)
+    bend: Array | None = None  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most
+    posterior_modes: NDArray[np.object_] | None = None  # (K,) what the whole window had to say, None where not asked
+    windows: NDArray[np.object_] | None = None  # (K,) since the candidate was last Gaussian, None: it is
+
+    def __len__(self) -> int:
+        return len(self.parents)
+
+    def take(self, selection: Any) -> "Assignments":
+        """The rows of a selection, any number of times."""
+        return Assignments(**{name: None if own is None else own[selection] for name, own in vars(self).items()})
+
+    @classmethod
+    def joined(cls, parts: Sequence["Assignments"]) -> "Assignments":
+        """One after another, with the columns that the first has."""
+        known = [name for name, own in vars(parts[0]).items() if own is not None]
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in known})
+
+    def with_rows(self, rows: Index, others: "Assignments") -> "Assignments":
+        """With the states and the evidence of ``others`` in some rows."""
+        columns = {name: getattr(self, name).copy() for name in AT_MODES}
+        for name, column in columns.items():
+            column[rows] = getattr(others, name)
+        return self.gaining(**columns)
+
+    def gaining(self, **columns: Any) -> "Assignments":
+        """With more columns, or others."""
+        return replace(self, **columns)
+
+    def object_ids(self, ids: Index) -> Index:
+        """(K, n) ids, -1 clutter, where ``ids`` (O,) are those of the keyframe's objects."""
+        return np.append(ids, -1)[self.objects]

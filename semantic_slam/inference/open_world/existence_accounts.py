@@ -1,0 +1,86 @@
+"""What a keyframe says of the existence of objects: detected, missed, or born."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.open_world.detection_probability import Occluders, detection_probabilities
+from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, missed
+from semantic_slam.inference.open_world.prediction import Prediction, sensor_region
+from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+
+LEAST_DETECTION_SHARE = 0.02
+"""Of the detection probability, for objects that were detected although they seem to lie outside the region."""
+
+
+def least_detected(settings: OpenWorldConfiguration) -> float:
+    """The detection probability of an object that was detected is not below this."""
+    return LEAST_DETECTION_SHARE * settings.detection_probability
+
+
+class ExistenceAccounts:
+    """Log factors and existence updates of the candidates of one keyframe; ``born`` (D,) ids that it would start."""
+
+    def __init__(
+        self, settings: OpenWorldConfiguration, step: Step, predictions: Sequence[Prediction], born: Index
+    ) -> None:
+        self._settings, self._step, self._predictions, self._born = settings, step, predictions, born
+        self._region = sensor_region(settings)
+
+    def of(self, assignments: Assignments, object_ids: Index) -> tuple[Array, list[ExistenceUpdate]]:
+        """(K,) log factors of births, detections and misses, and the updates; ``object_ids`` (K, D) as associated."""
+        expected = self._settings.clutter_per_frame
+        expected += self._region.detection_probability * self._settings.birth_density * self._region.area_m2
+        factors = np.full(len(assignments), -expected)
+        updates: dict[int, ExistenceUpdate] = {}
+        for parent, prediction in enumerate(self._predictions):
+            rows = np.flatnonzero(assignments.parents == parent)
+            detected = self._detected(prediction, assignments.take(rows))
+            log_missed, after = missed(prediction.existence, detected)
+            for at, row in enumerate(rows.tolist()):
+                own = at if len(detected) > 1 else 0
+                if_missed = detected[own], log_missed[own], after[own].copy()
+                added, updates[row] = self._account(prediction, object_ids[row], *if_missed)
+                factors[row] += added
+        return factors, [updates[row] for row in range(len(assignments))]
+
+    def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
+        """(K, O) detection probabilities at the modes; (1, O) at the prediction where that tells as much."""
+        if not prediction.is_lost and self._region.occluder_radius_m <= 0.0:
+            return prediction.detected[None]
+        assert rows.robot is not None and rows.robot_covariance is not None
+        ranges = np.array([detection.range_m for detection in self._step.detections], dtype=np.float64)
+        bearings = np.array([detection.bearing_rad for detection in self._step.detections], dtype=np.float64)
+        occluders = Occluders(ranges, bearings, self._step.free_range_scan)
+        detected = np.zeros((len(rows), len(prediction.detected)))
+        detected[:, prediction.in_reach] = detection_probabilities(
+            self._region, prediction.objects, rows.robot, rows.robot_covariance, occluders
+        )
+        return detected
+
+    def _account(
+        self, prediction: Prediction, association: Index, detected: Array, log_missed: Array, after: Array
+    ) -> tuple[float, ExistenceUpdate]:
+        """Log factor and update of one candidate.
+
+        For the parent's objects: (O,) probabilities of being ``detected``, log factors of not being, and existence
+        ``after`` that, which is used up.
+        """
+        is_new = association >= self._born[0] if len(self._born) else np.zeros(0, dtype=bool)
+        observed = prediction.component.objects.rows(association[~is_new])
+        least = np.maximum(detected[observed], least_detected(self._settings))
+        found = np.log(np.maximum(prediction.existence[observed] * least, LEAST_PROBABILITY))
+        total = float(log_missed.sum() + (found - log_missed[observed]).sum())
+        after[observed] = 1.0
+        new = np.flatnonzero(is_new)
+        total += sum(prediction.births[n].log_area - prediction.births[n].log_stand_in for n in new)
+        total += float(prediction.log_intensity[new].sum())
+        kept = after >= self._settings.least_existence
+        update = ExistenceUpdate(
+            existence=after, kept=kept, new_ids=association[new], new_existence=prediction.birth_existence[new]
+        )
+        return total, update

@@ -1,0 +1,115 @@
+"""Association without a fixed map: objects come and go, and a detection may be a false alarm."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Index
+from semantic_slam.inference.association.gating import (
+    PairDensities,
+    RankedAssignments,
+    best_assignments,
+    pair_densities,
+)
+from semantic_slam.inference.association.strategy import Parents
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.existence_accounts import least_detected
+from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
+from semantic_slam.inference.open_world.prediction import Prediction, Predictor
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
+from semantic_slam.inference.world.problem import Problem
+
+
+class OpenAssociation:
+    """The k best joint assignments of every parent to objects that it knows, or to new ones."""
+
+    needs_map, wants_identities, counts_misses, merges_copies = False, False, True, True
+
+    def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
+        self.problem, self.registry, self.settings = problem, registry, problem.open_world
+        self.predictor = Predictor(problem.model, problem.open_world)
+
+    @staticmethod
+    def check(configuration: Configuration) -> None:
+        """Raises InputError for parameters that mean nothing, or something else, in an open world."""
+        if not configuration.distinct_assignment:
+            raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
+        if configuration.semantic_model.kind == "gp_correlated":
+            raise InputError(
+                "association: open has no gp_correlated class models; set semantic_model.kind: gp_independent"
+            )
+        if configuration.weights.method == "sampled":
+            raise InputError("association: open has no prior samples; set weights.method: importance or laplace")
+        if configuration.visibility.max_range_m > 0.0 or configuration.visibility.field_of_view_rad > 0.0:
+            raise InputError(
+                "association: open has a region instead of visibility.*; set open_world.max_range_m and its angle"
+            )
+        if configuration.open_world.min_range_m >= configuration.open_world.max_range_m:
+            raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
+
+    @staticmethod
+    def introduce(registry: ObjectRegistry, step: Step) -> None:
+        """Ids for the objects that the detections may start."""
+        registry.reserve(step.index, len(step.names))
+
+    @staticmethod
+    def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
+        """The objects that some hypothesis holds."""
+        return registry.alive(alive)
+
+    def root(self, number: int) -> Component:
+        """The prior of Eq. 4.3 with what existence the map states, under one of the noises of odometry."""
+        return self.problem.tracking_root(number)
+
+    def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
+        """Each parent on its own."""
+        detections = step.detections
+        predictions = [self.predictor.predict(component, step.motion, detections) for component in parents.components]
+        pairs = [
+            pair_densities(self.problem.model, detections, own.predicted.mean[0], own.predicted.covariance[0])
+            for own in predictions
+        ]
+        if path is not None:
+            columns = self._columns(step, predictions[0], path)
+            ranked = [RankedAssignments(columns, np.zeros(1), -np.inf)]
+        else:
+            ranked = [self.ranked(*own) for own in zip(predictions, pairs, strict=True)]
+        return OpenKeyframe(
+            problem=self.problem,
+            registry=self.registry,
+            step=step,
+            parents=parents,
+            path=path,
+            predictions=predictions,
+            pairs=pairs,
+            ranked=ranked,
+        )
+
+    def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:
+        """The joint assignments of one parent that are weighed."""
+        r, detected = prediction.existence[prediction.near], prediction.detected[prediction.near]
+        with np.errstate(divide="ignore"):
+            log_ratio = np.log(r * np.maximum(detected, least_detected(self.settings))) - missed(r, detected)[0]
+        log_new = prediction.log_intensity + np.array([birth.log_area for birth in prediction.births])
+        return best_assignments(
+            pairs.log_density + log_ratio,
+            pairs.distance < self.settings.gate_sigma,
+            log_new,
+            self.problem.weights.max_candidates,
+            self.problem.weights.gate,
+            prediction.log_beyond,
+        )
+
+    def _columns(self, step: Step, prediction: Prediction, path: LineageStep) -> Index:
+        """(1, D) columns of a lineage's association."""
+        born = self.registry.first_new_id(step.index) + np.arange(len(step.detections))
+        place = {n: column for column, n in enumerate([*prediction.near_ids.tolist(), *born.tolist()])}
+        if not place.keys() >= set(path.association):
+            raise LostComponentError("a lineage names an object that its hypothesis does not know")
+        return np.array([place[n] for n in path.association], dtype=int).reshape(1, -1)

@@ -1,0 +1,212 @@
+"""A keyframe where the number of objects is unknown: a Poisson multi-Bernoulli mixture over SLAM hypotheses.
+
+A detection is of an object that its hypothesis knows, or of none: then a new object starts, whose existence weighs
+objects not detected so far against false alarms. Objects that should have been detected and were not lose existence,
+and their hypothesis weight, by the same probabilities.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.association.enumeration import EnumerationProblem, enumerate_classes
+from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
+from semantic_slam.inference.association.strategy import Parents
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.candidates import Candidates
+from semantic_slam.inference.evidence.keyframe_problem import search_start
+from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
+from semantic_slam.inference.models.step import AssociatedDetection, Step
+from semantic_slam.inference.open_world.existence_accounts import ExistenceAccounts
+from semantic_slam.inference.open_world.keyframe_problems import open_keyframe_problem
+from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.semantics.interface import SemanticInput
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.problem import Problem
+
+UNLIKELY = 10.0
+"""Nats behind the best of its parent from which on a candidate is weighed by the linearisation whatever it bends."""
+LARGEST_BEND = 0.3
+"""Sigmas of second order in a measurement from which on its assignment is weighed at its own mode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenKeyframe:
+    """The keyframe of P parents, each of which has objects of its own; all D detections are used."""
+
+    problem: Problem
+    registry: ObjectRegistry
+    step: Step
+    parents: Parents
+    path: LineageStep | None  # the one continuation that is wanted
+    predictions: list[Prediction]  # P
+    pairs: list[PairDensities]  # P
+    ranked: list[RankedAssignments]  # P
+
+    @cached_property
+    def used(self) -> Index:
+        """(D,) every detection: of an object, or of a new one that may be a false alarm."""
+        return np.arange(len(self.step.detections))
+
+    @cached_property
+    def born(self) -> Index:
+        """(D,) ids of the objects that the detections would start: a function of the keyframes so far."""
+        return self.registry.first_new_id(self.step.index) + self.used
+
+    @cached_property
+    def object_ids(self) -> Index:
+        """(O,) ids of the objects near some parent's detections, ascending, and then of those that may be born."""
+        known = np.unique(np.concatenate([prediction.near_ids for prediction in self.predictions]))
+        return np.concatenate([known, self.born]).astype(int)
+
+    def associate(self) -> Candidates:
+        """The best joint assignments of each parent."""
+        counts = [len(item.columns) for item in self.ranked]
+        ids = [
+            np.concatenate([prediction.near_ids, self.born])[item.columns]
+            for prediction, item in zip(self.predictions, self.ranked, strict=True)
+        ]
+        rows = Assignments(
+            parents=np.repeat(np.arange(len(self.parents)), counts),
+            objects=np.searchsorted(self.object_ids, np.concatenate(ids).astype(int).reshape(sum(counts), -1)),
+            log_evidence=np.concatenate([item.log_scores for item in self.ranked]),
+            log_class_prior=np.zeros(sum(counts)),
+            effective_sample_sizes=np.full(sum(counts), np.nan),
+        )
+        left_out = np.array([item.log_left_out for item in self.ranked])
+        return Candidates(assignments=rows, object_ids=self.object_ids, log_left_out=left_out)
+
+    def weigh(self, candidates: Candidates) -> Candidates:
+        """Assignments times classes at their modes, or assignments alone by one linearisation where that is enough."""
+        has_classes = self.problem.model.num_classes > 0 and len(self.used) > 0
+        weighed = self._with_classes(candidates) if has_classes else self._by_linearisation(candidates)
+        if self.step.index > 0:
+            return weighed
+        noises = np.array([component.noise for component in self.parents.components])
+        return weighed.gaining(numbers=noises[weighed.assignments.parents])  # under which noise a lineage begins
+
+    def semantic_input(self, candidates: Candidates) -> SemanticInput:
+        """What no map knows may be of any class."""
+        return SemanticInput(
+            step=self.step,
+            parents=self.parents.components,
+            candidates=candidates,
+            used=self.used,
+            log_class_prior=self.registry.log_class_prior_of(self.object_ids.tolist()),
+            new=self._births,
+        )
+
+    def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
+        """Births, detections and misses."""
+        accounts = ExistenceAccounts(self.problem.open_world, self.step, self.predictions, self.born)
+        return accounts.of(candidates.assignments, candidates.assignments.object_ids(self.object_ids))
+
+    def updates(
+        self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
+    ) -> list[ComponentUpdate]:
+        """One for each row, with a local map where updates are not iterated."""
+        some = candidates.assignments.take(np.array(rows, dtype=int))
+        steps = replace(candidates, assignments=some).steps(self.used, len(self.used))
+        return [self._update(some, row, steps[row], existence[number]) for row, number in enumerate(rows)]
+
+    def _update(self, own: Assignments, row: int, taken: LineageStep, existence: ExistenceUpdate) -> ComponentUpdate:
+        assert own.robot is not None and own.object_states is not None
+        parent = int(own.parents[row])
+        prediction, births = self.predictions[parent], self._births[parent]
+        triples = zip(self.step.detections, taken.association, taken.class_assignment, strict=True)
+        modes = dict(zip(taken.association, own.object_states[row], strict=True))
+        local = None
+        if self.parents.components[parent].single_steps:
+            local = prediction.local_after(self.pairs[parent], taken.association, births)
+        return ComponentUpdate(
+            observed=[AssociatedDetection(*triple) for triple in triples],
+            objects=list(own.object_states[row]),
+            robot=own.robot[row],
+            predicted=prediction.predicted.mean[0, 0],
+            new_objects={int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in existence.new_ids},
+            existence=existence,
+            local=local,
+        )
+
+    @cached_property
+    def _births(self) -> list[dict[int, GaussianPrior]]:
+        """Priors of the objects that the detections would start, for each parent."""
+        born = self.born.tolist()
+        return [{n: own.prior for n, own in zip(born, each.births, strict=True)} for each in self.predictions]
+
+    def _by_linearisation(self, candidates: Candidates) -> Candidates:
+        """By one linearisation at the prediction, and by a search of their own for those that bend."""
+        rows, scores = candidates.assignments, candidates.assignments.log_evidence
+        assert scores is not None
+        parts: list[Assignments] = []
+        bent: list[int] = []
+        for parent, (own, ranked) in enumerate(zip(self._linearised, self.ranked, strict=True)):
+            numbers = np.flatnonzero(rows.parents == parent)
+            part = own.evaluate(rows.take(numbers), ranked.columns)
+            likely = scores[numbers] >= scores[numbers].max() - UNLIKELY
+            assert part.bend is not None
+            bent += numbers[(part.bend > LARGEST_BEND) & likely].tolist()
+            parts.append(part)
+        found = Assignments.joined(parts)
+        if bent and len(self.used):
+            found = found.with_rows(np.array(bent), self._searched(found.take(np.array(bent))))
+        return replace(candidates, assignments=found)
+
+    @property
+    def _linearised(self) -> list[LinearisedEvidence]:
+        turns = np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in self.step.detections])
+        return [
+            LinearisedEvidence(
+                self.problem.space, own.predicted.mean[0], own.predicted.covariance[0], pairs, own.births, turns
+            )
+            for own, pairs in zip(self.predictions, self.pairs, strict=True)
+        ]
+
+    def _searched(self, rows: Assignments) -> Assignments:
+        """Some candidates at modes of their own."""
+        problem = open_keyframe_problem(self.problem, self.step, self.predictions, self.object_ids, rows)
+        mode = find_modes(problem, search_start(problem), tolerance=WEIGHING_TOLERANCE)
+        found = Candidates(
+            assignments=rows, object_ids=self.object_ids, log_left_out=np.zeros(0), problem=problem, mode=mode
+        )
+        return found.at_modes().assignments.gaining(log_evidence=mode.log_evidence, bend=np.zeros(len(rows)))
+
+    def _with_classes(self, candidates: Candidates) -> Candidates:
+        """Assignments times the classes of the objects that they observe first."""
+        rows = candidates.assignments
+        problem = open_keyframe_problem(self.problem, self.step, self.predictions, self.object_ids, rows)
+        mode = find_modes(problem, search_start(problem))
+        found = enumerate_classes(self._enumeration(), replace(candidates, problem=problem, mode=mode))
+        assert found.problem is not None and found.start is not None
+        mode = find_modes(found.problem, found.start)
+        nothing = np.full(len(mode.y), np.nan)
+        classed = replace(found, mode=mode).gaining(log_evidence=mode.log_evidence, effective_sample_sizes=nothing)
+        return classed.at_modes()
+
+    def _enumeration(self) -> EnumerationProblem:
+        object_ids = self.object_ids.tolist()
+        known = [[component.classes.get(n, -1) for n in object_ids] for component in self.parents.components]
+        chosen = None
+        if self.path is not None:
+            objects = np.array([object_ids.index(n) for n in self.path.association], dtype=int)
+            chosen = (objects, np.array(self.path.class_assignment, dtype=int))
+        return EnumerationProblem(
+            space=self.problem.space,
+            model=self.problem.model,
+            detections=self.step.detections,
+            object_ids=self.object_ids,
+            known_classes=np.array(known, dtype=int).reshape(len(self.parents), len(object_ids)),
+            log_class_prior=self.registry.log_class_prior_of(object_ids),
+            distinct=True,
+            gate=self.problem.weights.gate if self.path is None else np.inf,
+            max_candidates=self.problem.weights.max_candidates,
+            path=chosen,
+        )

@@ -1,0 +1,78 @@
+"""Where robot and objects are after an update, kept with the hypothesis where reading every marginal costs too much."""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.smoothing.local_map import LocalMap
+from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
+from semantic_slam.inference.states.tracked_objects import TrackedStates
+
+
+def tracked_before(robot: GaussianPrior, objects: list[GaussianPrior], num_biases: int) -> TrackedStates:
+    """Before any keyframe: the priors of the robot and of a map's objects, ascending by id."""
+    size = len(robot.mean)
+    covariances = np.array([prior.covariance for prior in objects]).reshape(-1, size, size)
+    return TrackedStates(
+        states=np.array([prior.mean for prior in objects]).reshape(-1, size),
+        covariances=covariances,
+        sigmas=position_sigmas(covariances),
+        robot=robot.mean,
+        robot_covariance=robot.covariance,
+        trail=np.zeros((0, size)),
+        bias=np.zeros(num_biases),
+        bias_covariance=_with_unit_bias(robot.covariance, num_biases),
+    )
+
+
+def tracked_after(
+    smoother: Smoother, keyframe: int, before: TrackedStates, ids: Index, update: ComponentUpdate, max_fresh: int
+) -> TrackedStates:
+    """After one keyframe, over the objects ``ids`` (O,). Raises LostComponentError.
+
+    ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
+    """
+    size, existence = smoother.space.dimension, update.existence
+    new = len(existence.new_ids)
+    states = smoother.states([*(object_key(int(n)) for n in ids), robot_key(keyframe)])
+    covariances = np.concatenate([before.covariances[existence.kept], np.zeros((new, size, size))])
+    sigmas = np.concatenate([before.sigmas[existence.kept], np.zeros(new)])
+    fresh = np.arange(len(ids))
+    if len(ids) > max_fresh:
+        fresh = np.unique(np.searchsorted(ids, update.object_ids)).astype(int)
+    together, covariances[fresh] = _joint(smoother, keyframe, before, update.local, ids[fresh])
+    sigmas[fresh] = position_sigmas(covariances[fresh])
+    return TrackedStates(
+        states=states[:-1],
+        covariances=covariances,
+        sigmas=sigmas,
+        robot=states[-1],
+        robot_covariance=together[:size, :size],
+        trail=np.concatenate([before.trail, states[-1:]]),
+        bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
+        bias_covariance=together if len(before.bias) else None,
+    )
+
+
+def _joint(
+    smoother: Smoother, keyframe: int, before: TrackedStates, local: LocalMap | None, object_ids: Index
+) -> tuple[Array, Array]:
+    """(d + p, d + p) of robot and biases, and (n, d, d) of objects: from the local map where that holds them."""
+    size, biases = smoother.space.dimension, len(before.bias)
+    if local is not None and local.holds(object_ids):
+        return local.covariance[: size + biases, : size + biases], local.single(object_ids, size)
+    robot = [robot_key(keyframe), *[bias_key(keyframe)][:biases]]
+    return smoother.joint_covariance(robot), smoother.covariances([object_key(n) for n in object_ids.tolist()])
+
+
+def _with_unit_bias(robot: Array, num_biases: int) -> Array | None:
+    """Covariance of the robot and biases that nothing is known of yet."""
+    if not num_biases:
+        return None
+    size = len(robot)
+    together = np.eye(size + num_biases)
+    together[:size, :size] = robot
+    return together

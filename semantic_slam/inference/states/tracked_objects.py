@@ -1,0 +1,80 @@
+"""The objects of one hypothesis: how surely each exists and, where objects come and go, where each is by now."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+
+
+@dataclass(frozen=True, kw_only=True)
+class HypothesisObjects:
+    """O objects, ascending by id; in a world of known objects their existence is what the map states."""
+
+    ids: Index  # (O,)
+    existence: Array  # (O,)
+
+    @cached_property
+    def id_set(self) -> frozenset[int]:
+        """Ids, to ask whether one is among them."""
+        return frozenset(self.ids.tolist())
+
+    def rows(self, object_ids: Index) -> Index:
+        """Where (n,) objects stand; all of them must be there."""
+        return np.asarray(np.searchsorted(self.ids, object_ids))
+
+    def updated(self, update: "ExistenceUpdate") -> "HypothesisObjects":
+        """After one keyframe; the table itself where nothing comes, goes or changes."""
+        if update.changes_nothing:
+            return self
+        return HypothesisObjects(
+            ids=np.concatenate([self.ids[update.kept], update.new_ids]),
+            existence=np.concatenate([update.existence[update.kept], update.new_existence]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedStates:
+    """Where robot and O objects were after the newest update; d dimensions of a state, T keyframes so far.
+
+    Kept where objects come and go, because reading every marginal anew costs more than everything else.
+    """
+
+    states: Array  # (O, d)
+    covariances: Array  # (O, d, d) when the object was last near: later updates only narrow it
+    sigmas: Array  # (O,) largest standard deviation of a position then, metres
+    robot: Array  # (d,)
+    robot_covariance: Array  # (d, d)
+    trail: Array  # (T, d) robot at each keyframe, as estimated then
+    bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry
+    bias_covariance: Array | None = None  # (d + p, d + p) of robot and bias; None: p is 0
+
+    @property
+    def motion_covariance(self) -> Array:
+        """(d + p, d + p) of the newest robot and what odometry always gets wrong."""
+        return self.robot_covariance if self.bias_covariance is None else self.bias_covariance
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExistenceUpdate:
+    """What one continuation makes of the existence of its parent's O objects, and of those that it starts."""
+
+    existence: Array  # (O,) after this keyframe
+    kept: Flags  # (O,)
+    new_ids: Index  # (n,) ascending, above all of the parent's
+    new_existence: Array  # (n,)
+    changes_nothing: bool = False
+
+    @classmethod
+    def starting(cls, objects: HypothesisObjects, new_ids: list[int]) -> "ExistenceUpdate":
+        """In a world where objects surely exist: nothing goes, and ``new_ids`` come."""
+        count = len(objects.ids)
+        new = np.array(sorted(new_ids), dtype=int)
+        return cls(
+            existence=objects.existence,
+            kept=np.ones(count, dtype=bool),
+            new_ids=new,
+            new_existence=np.ones(len(new)),
+            changes_nothing=not len(new),
+        )

@@ -1,0 +1,109 @@
+"""Which objects a run has come to know, and which of them are reported.
+
+The registry is a function of the map prior and of the keyframes so far, so that managers and backends that have seen
+the same keyframes agree on it.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.gaussian import GaussianPrior
+
+
+@dataclass(frozen=True)
+class ObjectEntry:
+    """An object known from the start."""
+
+    object_id: int
+    name: str
+    prior: GaussianPrior
+    class_prior: Array  # (C,) probabilities
+    existence: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportedObjects:
+    """O objects in the order in which a belief states them; C classes."""
+
+    ids: tuple[int, ...]  # O
+    names: tuple[str, ...]  # O
+    class_prior: Array  # (O, C) probabilities
+
+    @cached_property
+    def row_of(self) -> dict[int, int]:
+        """Object id -> row."""
+        return {n: row for row, n in enumerate(self.ids)}
+
+    @cached_property
+    def log_class_prior(self) -> Array:
+        """(O, C) natural logs, read-only."""
+        with np.errstate(divide="ignore"):
+            logs = np.log(self.class_prior)
+        logs.setflags(write=False)
+        return logs
+
+    def rows(self, object_ids: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Rows of an array of object ids; -1 stays -1, and stands for what is not reported."""
+        rows = [self.row_of.get(n, -1) for n in object_ids.ravel().tolist()]
+        return np.array(rows, dtype=np.int32).reshape(object_ids.shape)
+
+
+class ObjectRegistry:
+    """Ids, names and class priors of the objects, map prior first, then those that detections introduced."""
+
+    def __init__(self, entries: Sequence[ObjectEntry], num_classes: int):
+        self._uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
+        self._known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
+        self._by_name = {entry.name: entry.object_id for entry in entries}
+        self._by_name |= {str(entry.object_id): entry.object_id for entry in entries}
+        self._first_new = [max(self._known, default=-1) + 1]  # by keyframe
+        self._alive: frozenset[int] = frozenset()
+        self._reported = self._all = self._listed(tuple(self._known))
+
+    @property
+    def known(self) -> ReportedObjects:
+        """All objects with an identity: those of the map, and those that detections named."""
+        return self._all
+
+    def alive(self, object_ids: Collection[int]) -> ReportedObjects:
+        """The objects that some hypothesis of an open world holds, ascending by id; what no map knows has a number."""
+        alive = frozenset(object_ids)
+        if alive != self._alive:
+            self._alive, self._reported = alive, self._listed(tuple(sorted(alive)))
+        return self._reported if alive else self._listed(())
+
+    def identify(self, name: str) -> int:
+        """Object id of an identity given with a detection; a new identity becomes a new object, "" is no object."""
+        if not name:
+            return -1
+        if name not in self._by_name:
+            number = max(self._known, default=-1) + 1
+            self._known[number] = name, self._uniform
+            self._by_name[name] = number
+            self._all = self._listed(tuple(self._known))
+        return self._by_name[name]
+
+    def reserve(self, index: int, num_detections: int) -> None:
+        """Reserve ids for the objects that the detections of keyframe ``index`` may start; keyframes come in order."""
+        if index == len(self._first_new) - 1:
+            self._first_new.append(self._first_new[-1] + num_detections)
+
+    def first_new_id(self, index: int) -> int:
+        """Id of the object that the first detection of keyframe ``index`` would start; the next ones follow."""
+        return self._first_new[index]
+
+    def log_class_prior_of(self, object_ids: Sequence[int]) -> Array:
+        """(n, C) natural logs; what no map knows may be of any class."""
+        known = [self._known[n][1] if n in self._known else self._uniform for n in object_ids]
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._uniform))))
+
+    def _listed(self, ids: tuple[int, ...]) -> ReportedObjects:
+        rows = [self._known.get(n, (str(n), self._uniform)) for n in ids]
+        prior = np.array([prior for _, prior in rows]).reshape(len(ids), len(self._uniform))
+        return ReportedObjects(ids=ids, names=tuple(name for name, _ in rows), class_prior=prior)

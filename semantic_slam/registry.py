@@ -1,0 +1,76 @@
+"""Registries: what a configuration may name, in this package or in a foreign one that announces it by an entry point.
+
+An entry is written ``module:attribute`` and imported when it is asked for. A foreign package adds one in its metadata,
+for example ``[project.entry-points."semantic_slam.associations"]`` with ``nearest = "my_package.nearest:Nearest"``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from semantic_slam.errors import InputError
+
+
+@dataclass(frozen=True)
+class Registry:
+    """Names of one kind of part, and where each is to be found."""
+
+    what: str  # as an error calls it
+    group: str  # of entry points of foreign packages
+    own: tuple[tuple[str, str], ...]  # name, module:attribute
+
+    def names(self) -> tuple[str, ...]:
+        """Every name that may be used, those of this package first."""
+        return (*dict(self.own), *(name for name in _foreign(self.group) if name not in dict(self.own)))
+
+    def load(self, name: str) -> Any:
+        """The part of that name. Raises InputError when there is none, or when it cannot be imported."""
+        own = dict(self.own)
+        found = EntryPoint(name, own[name], self.group) if name in own else _foreign(self.group).get(name)
+        if found is None:
+            raise InputError(f"{self.what} '{name}' is not known; choose one of {', '.join(self.names())}")
+        if name in own:
+            return found.load()
+        try:
+            return found.load()
+        except Exception as fault:  # whatever a foreign package stumbles over while it is imported
+            raise InputError(
+                f"{self.what} '{name}': {found.value} does not load ({fault!r}); mend the package that announces it"
+            ) from fault
+
+
+@cache
+def _foreign(group: str) -> Mapping[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=group)}
+
+
+def _table(**own: str) -> tuple[tuple[str, str], ...]:
+    return tuple(own.items())
+
+
+ASSOCIATIONS = Registry(
+    "association",
+    "semantic_slam.associations",
+    _table(
+        enumerated="semantic_slam.inference.association.enumerated:EnumeratedAssociation",
+        given="semantic_slam.inference.association.given:GivenAssociation",
+        open="semantic_slam.inference.open_world.open_association:OpenAssociation",
+    ),
+)
+"""Values of ``association``: classes as inference/association/strategy.py describes them."""
+
+SEMANTICS = Registry(
+    "semantics",
+    "semantic_slam.semantics",
+    _table(
+        none="semantic_slam.inference.semantics.interface:NoSemantics",
+        independent_views="semantic_slam.inference.semantics.independent_views:IndependentViews",
+        correlated_views="semantic_slam.inference.semantics.correlated_views:CorrelatedViews",
+        class_tables="semantic_slam.inference.semantics.class_tables:ClassTables",
+        descriptor_views="semantic_slam.inference.semantics.descriptor_views:DescriptorViews",
+        descriptor_tables="semantic_slam.inference.semantics.descriptor_tables:DescriptorTables",
+    ),
+)
+"""How views weigh and are recorded: classes as inference/semantics/interface.py describes them."""
