@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.build import problem_of
-from semantic_slam.inference.class_marginals import class_marginals
+from semantic_slam.inference.class_marginals import add_class_marginals
 from semantic_slam.inference.component_marginals import ComponentMarginals, aligned_marginals, component_marginals
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.expander import Continuations, Expander
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.open_world.open_expander import OpenExpander
 from semantic_slam.inference.problem import Problem
@@ -173,22 +174,22 @@ class Backend:
         detections = len(step.names)
         none, parents = np.zeros(0), np.zeros(0, dtype=np.uint64)
         return Candidates(
-            self.run_id,
-            step.index,
-            self.backend_id,
-            parents,
-            parents,
-            _rows([], detections),
-            _rows([], detections),
-            np.zeros(0, dtype=np.uint16),
-            none,
-            none,
-            np.zeros((0, 7)),
-            np.zeros((0, 6, 6)),
-            np.zeros((0, detections, 7)),
-            np.zeros((0, detections, 6, 6)),
-            parents,
-            none,
+            run_id=self.run_id,
+            keyframe=step.index,
+            backend_id=self.backend_id,
+            ids=parents,
+            parent_ids=parents,
+            associations=_rows([], detections),
+            class_assignments=_rows([], detections),
+            modes=np.zeros(0, dtype=np.uint16),
+            log_weights=none,
+            effective_sample_sizes=none,
+            poses=np.zeros((0, 7)),
+            pose_covariances=np.zeros((0, 6, 6)),
+            object_poses=np.zeros((0, detections, 7)),
+            object_covariances=np.zeros((0, detections, 6, 6)),
+            expanded_parent_ids=parents,
+            log_mass_not_enumerated=none,
         )
 
     def _report(self, keyframe: int, lost: dict[int, str]) -> Components:
@@ -203,8 +204,17 @@ class Backend:
                 del self.held[number]
         components = [self.held[number].component for number in found]
         poses, covariances, existence = self._in_map(list(found.values()), len(registry.ids))
-        classes = class_marginals(components, registry)
         descriptors = [descriptor_marginals(component, registry) for component in components]
+        objects = without_views(
+            len(components),
+            registry.class_prior(),
+            object_poses=poses[:, 1:],
+            object_covariances=covariances[:, 1:],
+            existence=existence,
+            descriptors=_stacked([known.mean for known in descriptors], len(registry.ids)),
+            descriptor_covariances=_stacked([known.variance for known in descriptors], len(registry.ids)),
+        )
+        add_class_marginals(objects, components, registry)
         return Components(
             run_id=self.run_id,
             keyframe=keyframe,
@@ -213,17 +223,9 @@ class Backend:
             poses=poses[:, 0],
             pose_covariances=covariances[:, 0],
             object_ids=np.array(registry.ids, dtype=np.uint32),
-            object_poses=poses[:, 1:],
-            object_covariances=covariances[:, 1:],
-            class_probabilities=classes.probabilities,
-            mutual_information=classes.mutual_information,
-            in_coverage=classes.in_coverage,
-            forgotten_views=classes.forgotten_views,
-            existence=existence,
+            objects=objects,
             lost_ids=np.array(list(lost), dtype=np.uint64),
             lost_reasons=tuple(lost.values()),
-            descriptors=_stacked([known.mean for known in descriptors], len(registry.ids)),
-            descriptor_variances=_stacked([known.variance for known in descriptors], len(registry.ids)),
         )
 
     def _present(self) -> ObjectRegistry:

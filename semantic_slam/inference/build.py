@@ -75,7 +75,15 @@ def make_run_configuration(
     names = model.class_names if model is not None else ()
     run_id = digest(settings, prior, json.dumps(pose), json.dumps(covariance.tolist()), *names)
     return RunConfiguration(
-        run_id, stamp_ns, settings, prior, np.array(pose), covariance, tuple(names), source, revision
+        run_id=run_id,
+        stamp_ns=stamp_ns,
+        configuration=settings,
+        map_prior=prior,
+        initial_pose=np.array(pose),
+        initial_covariance=covariance,
+        class_names=tuple(names),
+        source=source,
+        revision=revision,
     )
 
 

@@ -4,7 +4,7 @@ The printed algorithm normalises inside the loop over components, which loses ea
 here w psi is collected over all parents and normalised once.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.marginals import Mixture, state_belief
+from semantic_slam.inference.object_table import ObjectTable, stack_rows, table_row
 from semantic_slam.inference.objects import ObjectRegistry
 from semantic_slam.inference.open_world.rounds import OpenRounds, TimeBudget
 from semantic_slam.inference.ownership import assign_owners
@@ -24,6 +25,9 @@ from semantic_slam.inference.protocol import LOST, BackendPool, Candidates, Comm
 from semantic_slam.inference.pruning import Pruned, prune
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep
+
+WINDOW = 10
+"""Keyframes of ``discarded_mass_window``: what was discarded longer ago has shown, or it never will."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,7 @@ class HypothesisManager:
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         self.lost: Counter[str] = Counter()  # hypotheses that backends had to give up, by reason
         self.log_kept_mass = 0.0  # log prod_k (1 - d_k)
+        self.log_kept_lately: deque[float] = deque(maxlen=WINDOW)  # log (1 - d_k)
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
     def process(self, keyframe: Any) -> HybridBelief:
@@ -75,9 +80,15 @@ class HypothesisManager:
         discarded = max(0.0, float(-np.expm1(self.log_kept_mass)))
         self.budget.end(len(self.live))
         registry = self.open_rounds.roster if self.open_rounds else self.registry
-        belief = state_belief(step, mixture, registry, self.problem.class_names, len(merged.ids), discarded)
-        num_merged = self.open_rounds.num_merged if self.open_rounds else 0
-        return replace(belief, num_merged=num_merged, reproducible=not self.budget.is_on)
+        first_new = self.registry.first_new_id(step.index) if self.open_rounds else None
+        belief = state_belief(step, mixture, registry, self.problem.class_names, len(merged.ids), discarded, first_new)
+        return replace(
+            belief,
+            num_merged=self.open_rounds.num_merged if self.open_rounds else 0,
+            reproducible=not self.budget.is_on,
+            log_evidence=pruned.log_mass,
+            discarded_mass_window=max(0.0, float(-np.expm1(sum(self.log_kept_lately)))),
+        )
 
     def _without_copies(self, merged: "_Merged") -> "_Merged":
         if self.open_rounds is None:
@@ -168,7 +179,9 @@ class HypothesisManager:
         """Keep the children whose components could be updated; the rest is discarded mass."""
         kept = {n: child for n, child in children.items() if n in components}
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
-        self.log_kept_mass += float(np.log1p(-discarded)) + min(log_total, 0.0)
+        log_kept = float(np.log1p(-discarded)) + min(log_total, 0.0)
+        self.log_kept_mass += log_kept
+        self.log_kept_lately.append(log_kept)
         self.live = {
             n: Hypothesis(child.owner, child.log_weight - log_total, child.parent_id, child.lineage)
             for n, child in kept.items()
@@ -178,8 +191,8 @@ class HypothesisManager:
             for n, child in kept.items():
                 oldest = max(0, len(child.lineage) - self.problem.open_world.merge_keyframes)
                 first_new = self.registry.first_new_id(oldest)
-                row = components[n]
-                self.open_rounds.remember(n, child.lineage, row.object_poses, row.existence, first_new)
+                objects = components[n].objects
+                self.open_rounds.remember(n, child.lineage, objects.object_poses, objects.existence, first_new)
 
     def _mixture(self, components: dict[int, "_Row"]) -> Mixture:
         rows = [components[n] for n in self.live]
@@ -188,17 +201,9 @@ class HypothesisManager:
             parent_ids=[live.parent_id for live in self.live.values()],
             log_weights=np.array([live.log_weight for live in self.live.values()]),
             lineages=[live.lineage for live in self.live.values()],
-            poses=np.array([row.pose for row in rows]),
-            pose_covariances=np.array([row.covariance for row in rows]),
-            object_poses=np.array([row.object_poses for row in rows]),
-            object_covariances=np.array([row.object_covariances for row in rows]),
-            class_probabilities=np.array([row.class_probabilities for row in rows]),
-            mutual_information=np.array([row.mutual_information for row in rows]),
-            in_coverage=np.array([row.in_coverage for row in rows]),
-            forgotten_views=np.array([row.forgotten_views for row in rows]),
-            existence=np.array([row.existence for row in rows]),
-            descriptors=np.array([row.descriptors for row in rows]),
-            descriptor_variances=np.array([row.descriptor_variances for row in rows]),
+            poses=np.array([own.pose for own in rows]),
+            pose_covariances=np.array([own.covariance for own in rows]),
+            objects=stack_rows([own.objects for own in rows]),
         )
 
 
@@ -233,15 +238,7 @@ class _Merged:
 class _Row:
     pose: Array
     covariance: Array
-    object_poses: Array
-    object_covariances: Array
-    class_probabilities: Array
-    mutual_information: Array
-    in_coverage: NDArray[np.bool_]
-    forgotten_views: NDArray[np.uint32]
-    existence: Array
-    descriptors: Array
-    descriptor_variances: Array
+    objects: ObjectTable
 
 
 def _merged(answers: list[Candidates]) -> _Merged:
@@ -270,19 +267,7 @@ def _settled(answers: list[Components]) -> set[int]:
 
 def _by_id(answers: list[Components]) -> dict[int, _Row]:
     return {
-        int(number): _Row(
-            answer.poses[i],
-            answer.pose_covariances[i],
-            answer.object_poses[i],
-            answer.object_covariances[i],
-            answer.class_probabilities[i],
-            answer.mutual_information[i],
-            answer.in_coverage[i],
-            answer.forgotten_views[i],
-            answer.existence[i],
-            answer.descriptors[i],
-            answer.descriptor_variances[i],
-        )
+        int(number): _Row(answer.poses[i], answer.pose_covariances[i], table_row(answer.objects, i))
         for answer in answers
         for i, number in enumerate(answer.ids)
     }

@@ -196,14 +196,14 @@ def test_a_component_is_rebuilt_from_its_lineage(drive) -> None:
         other.expand(frame)
         other.committed = frame.index
     commit = Commit(
-        world.run.run_id,
-        len(world.keyframes) - 1,
-        np.array([number], np.uint64),
-        np.array([live.parent_id], np.uint64),
-        live.lineage[-1:],
-        np.zeros(1),
-        np.ones(1, np.uint32),
-        (live.lineage[:-1],),
+        run_id=world.run.run_id,
+        keyframe=len(world.keyframes) - 1,
+        ids=np.array([number], np.uint64),
+        parent_ids=np.array([live.parent_id], np.uint64),
+        steps=live.lineage[-1:],
+        log_weights=np.zeros(1),
+        owners=np.ones(1, np.uint32),
+        lineages=(live.lineage[:-1],),
     )
     answer = other.commit(commit)
     assert answer is not None and list(answer.ids) == [number]

@@ -46,7 +46,15 @@ class Outcome:
 def run(data: dict, *, semantics: bool = True, method: str = "importance") -> Outcome:
     """Run a ``ch4_lg`` or ``ch4_se2`` fixture with pruning off."""
     problem, steps = _problem(data, semantics, method)
-    run = RunConfiguration("fixture", 0, "", "", np.zeros(7), np.zeros((6, 6)), problem.class_names)
+    run = RunConfiguration(
+        run_id="fixture",
+        stamp_ns=0,
+        configuration="",
+        map_prior="",
+        initial_pose=np.zeros(7),
+        initial_covariance=np.zeros((6, 6)),
+        class_names=problem.class_names,
+    )
     manager = HypothesisManager(run, InProcessPool(1, problem), problem)
     for step in steps:
         belief = manager.process(step)

@@ -58,7 +58,15 @@ def make_world(
         seen = _visible(x)
         measurements = _measurements(k, x, seen, random, configuration)
         odometry = (pose_vector_from_planar(STEP), covariance_from_planar(np.diag(SIGMA_STEP**2)))
-        keyframes.append(Keyframe(k, (k + 1) * 10**9, *odometry, measurements))
+        keyframes.append(
+            Keyframe(
+                index=k,
+                stamp_ns=(k + 1) * 10**9,
+                odometry=odometry[0],
+                odometry_covariance=odometry[1],
+                measurements=measurements,
+            )
+        )
         truth.append(x)
         associations.append(tuple(int(n) for n in seen))
     return World(run, keyframes, np.array(truth), associations)

@@ -86,7 +86,15 @@ class Drive:
     def manager(self) -> HypothesisManager:
         """Before the first keyframe."""
         pose, covariance = pose_vector_from_planar(self.problem.robot.mean), covariance_from_planar(np.eye(3))
-        run = RunConfiguration("bench", 0, "", "", pose, covariance, self.problem.class_names)
+        run = RunConfiguration(
+            run_id="bench",
+            stamp_ns=0,
+            configuration="",
+            map_prior="",
+            initial_pose=pose,
+            initial_covariance=covariance,
+            class_names=self.problem.class_names,
+        )
         return HypothesisManager(run, InProcessPool(1, self.problem), self.problem)
 
 

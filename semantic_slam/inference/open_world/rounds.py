@@ -5,13 +5,13 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.object_table import over
 from semantic_slam.inference.objects import ReportedObjects
 from semantic_slam.inference.open_world.merging import MergeCandidates, Merged, merge_copies
 from semantic_slam.inference.problem import Problem
@@ -106,7 +106,12 @@ class OpenRounds:
         if all(np.array_equal(ids, answer.object_ids) for answer in answers):
             return answers
         priors = self.roster.class_prior()
-        return [_over(answer, ids, priors) for answer in answers]
+        return [
+            replace(
+                answer, object_ids=ids, objects=over(answer.objects, np.searchsorted(ids, answer.object_ids), priors)
+            )
+            for answer in answers
+        ]
 
     def remember(
         self, number: int, lineage: Sequence[LineageStep], object_poses: Array, existence: Array, first_new: int
@@ -165,32 +170,6 @@ class TimeBudget:
             taken = (time.perf_counter() - self._begun_s) / num_hypotheses
             known = self._per_hypothesis_s
             self._per_hypothesis_s = taken if known == 0.0 else 0.8 * known + 0.2 * taken
-
-
-def _over(answer: Components, ids: NDArray[np.uint32], class_prior: Array) -> Components:
-    """One backend's answer over ``ids`` (O,); NaN, and the prior over classes, where it holds no such object."""
-    places = np.searchsorted(ids, answer.object_ids)
-    shape = (len(answer.ids), len(ids))
-
-    def spread(values: NDArray[Any], fill: Array | float) -> NDArray[Any]:
-        full = np.empty((*shape, *values.shape[2:]), dtype=values.dtype)
-        full[...] = fill
-        full[:, places] = values
-        return full
-
-    return replace(
-        answer,
-        object_ids=ids,
-        object_poses=spread(answer.object_poses, np.nan),
-        object_covariances=spread(answer.object_covariances, np.nan),
-        class_probabilities=spread(answer.class_probabilities, class_prior),
-        mutual_information=spread(answer.mutual_information, np.nan),
-        in_coverage=spread(answer.in_coverage, True),
-        forgotten_views=spread(answer.forgotten_views, 0),
-        existence=spread(answer.existence, np.nan),
-        descriptors=spread(answer.descriptors, np.nan),
-        descriptor_variances=spread(answer.descriptor_variances, np.nan),
-    )
 
 
 def _all_near(points: list[Array], others: dict[int, Array], limit_m: float) -> bool:

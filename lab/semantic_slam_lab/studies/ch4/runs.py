@@ -83,7 +83,15 @@ def follow(run: Run, method: Method, seed: int) -> Followed:
     """The beliefs of all keyframes of ``run``; ``seed`` is that of the engine's own draws."""
     problem = problem_of(run, method, seed)
     model = problem.model.model if isinstance(problem.model, PlanarObservation) else None
-    blank = RunConfiguration("chapter_4", 0, "", "", np.zeros(7), np.zeros((6, 6)), problem.class_names)
+    blank = RunConfiguration(
+        run_id="chapter_4",
+        stamp_ns=0,
+        configuration="",
+        map_prior="",
+        initial_pose=np.zeros(7),
+        initial_covariance=np.zeros((6, 6)),
+        class_names=problem.class_names,
+    )
     manager = HypothesisManager(blank, InProcessPool(1, problem), problem)
     moments: list[Moment] = []
     for k, frame in enumerate(run.frames):
