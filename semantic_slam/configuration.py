@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from semantic_slam.errors import InputError
+from semantic_slam.registry import ASSOCIATIONS
 
 
 def parameter(default: Any, text: str, **limits: Any) -> Any:
@@ -236,7 +237,7 @@ class Configuration:
     association: str = parameter(
         "enumerated",
         "data association: enumerated over a known map, given with the detections' ids, or open: objects come and go",
-        choices=("enumerated", "given", "open"),
+        choices=ASSOCIATIONS.names,
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")
     semantic_model: SemanticModelConfiguration = field(default_factory=SemanticModelConfiguration)
@@ -304,6 +305,12 @@ def _value(item: Any, value: Any, origin: str, prefix: str) -> Any:
     return checked(item, default, value, origin, name)
 
 
+def choices_of(item: Any) -> tuple[str, ...]:
+    """Values that a field admits by name, some of which foreign packages may add; () where it admits any."""
+    choices = item.metadata.get("choices", ())
+    return tuple(choices() if callable(choices) else choices)
+
+
 def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
     """``value`` in the type of the field ``item`` and inside its limits; raises InputError."""
     try:
@@ -313,8 +320,9 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
             f"{origin}: parameter '{name}' has a wrong type ({value!r}); an example is {default!r}"
         ) from None
     limits = item.metadata
-    if "choices" in limits and result not in limits["choices"]:
-        raise InputError(f"{origin}: parameter '{name}' is {result!r}; choose one of {', '.join(limits['choices'])}")
+    choices = choices_of(item)
+    if choices and result not in choices:
+        raise InputError(f"{origin}: parameter '{name}' is {result!r}; choose one of {', '.join(choices)}")
     if "lengths" in limits and len(result) not in limits["lengths"]:
         raise InputError(
             f"{origin}: parameter '{name}' has {len(result)} numbers;"

@@ -90,7 +90,14 @@ class Drive:
         boxes, ids = self._usable_boxes(name)
         none = ("",) * len(ids)
         labels = (LABEL,) * len(ids)
-        seen = Detections(stamp, CAMERA_FRAME, boxes * self._scale, labels, np.ones(len(ids)), none)
+        seen = Detections(
+            stamp_ns=stamp,
+            frame_id=CAMERA_FRAME,
+            boxes=boxes * self._scale,
+            labels=labels,
+            scores=np.ones(len(ids)),
+            track_ids=none,
+        )
         self._put(topics.DETECTIONS, seen, stamp)
         self._put(topics.GROUND_TRUTH_ASSOCIATIONS, GroundTruthAssociations(stamp, tuple(map(str, ids))), stamp)
         self.detections += len(ids)

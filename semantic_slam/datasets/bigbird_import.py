@@ -125,7 +125,13 @@ def write_view(writer: BagWriter, view: TurntableView, camera: CameraModel, T_ma
     path = view.folder / f"{view.stem}.jpg"
     writer.write(topics.IMAGE_COMPRESSED, compressed_image(path, 1.0, stamp_ns, CAMERA_FRAME, cv2.INTER_AREA), stamp_ns)
     box = view.box.reshape(1, 4)
-    writer.write(topics.DETECTIONS, Detections(stamp_ns, CAMERA_FRAME, box, (LABEL,), np.ones(1), ("",)), stamp_ns)
+    writer.write(
+        topics.DETECTIONS,
+        Detections(
+            stamp_ns=stamp_ns, frame_id=CAMERA_FRAME, boxes=box, labels=(LABEL,), scores=np.ones(1), track_ids=("",)
+        ),
+        stamp_ns,
+    )
     writer.write(topics.GROUND_TRUTH_ASSOCIATIONS, GroundTruthAssociations(stamp_ns, (OBJECT_ID,)), stamp_ns)
 
 

@@ -1,7 +1,7 @@
 """A detector's labels as the labels of our classifier, by a YAML file of ``detector label: our label``."""
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +26,8 @@ class LabelMap:
         if self.mapping is None:
             return detections
         kept = [index for index, label in enumerate(detections.labels) if self._wanted(label)]
-        rows = np.array(kept, dtype=np.intp)
-        return Detections(
-            stamp_ns=detections.stamp_ns,
-            frame_id=detections.frame_id,
-            boxes=detections.boxes[rows],
-            labels=tuple(str(self.mapping[detections.labels[index]]) for index in kept),
-            scores=detections.scores[rows],
-            track_ids=tuple(detections.track_ids[index] for index in kept),
-        )
+        renamed = tuple(str(self.mapping[detections.labels[index]]) for index in kept)
+        return replace(detections.take(np.array(kept, dtype=np.intp)), labels=renamed)
 
     def _wanted(self, label: str) -> bool:
         assert self.mapping is not None

@@ -8,19 +8,23 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.build import problem_of
-from semantic_slam.inference.class_marginals import class_marginals
+from semantic_slam.inference.class_marginals import add_class_marginals
 from semantic_slam.inference.component_marginals import ComponentMarginals, aligned_marginals, component_marginals
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
-from semantic_slam.inference.smoothing.component import Component, LostComponentError, WeightedComponent
+from semantic_slam.inference.smoothing.component import Component, WeightedComponent
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, certain
 from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.registry import ASSOCIATIONS
 
 
 class Backend:
@@ -136,67 +140,81 @@ class Backend:
         return component
 
     def _candidates(self, step: Step, found: Expansion, parents: list[int]) -> Candidates:
-        reader = self.problem.reader
-        count, detections, dimension = len(found.ids), len(step.names), self.problem.space.dimension
-        states = np.full((count, detections, dimension), np.nan)
-        covariances = np.full((count, detections, dimension, dimension), np.nan)
-        states[:, found.used], covariances[:, found.used] = found.objects, found.object_covariances
+        reader, rows = self.problem.reader, found.assignments
+        states, covariances = self._of_all_detections(step, found)
         weights = np.array([self.held[n].log_weight for n in parents])
         return Candidates(
             run_id=self.run_id,
             keyframe=step.index,
             backend_id=self.backend_id,
             ids=np.array(found.ids, dtype=np.uint64),
-            parent_ids=np.array(parents, dtype=np.uint64)[found.parents],
-            associations=_rows([s.association for s in found.steps], detections),
-            class_assignments=_rows([s.class_assignment for s in found.steps], detections),
+            parent_ids=np.array(parents, dtype=np.uint64)[rows.parents],
+            associations=_rows([s.association for s in found.steps], len(step.names)),
+            class_assignments=_rows([s.class_assignment for s in found.steps], len(step.names)),
             modes=np.array([s.mode for s in found.steps], dtype=np.uint16),
-            log_weights=weights[found.parents] + found.log_psi,
+            log_weights=weights[rows.parents] + found.log_psi,
             effective_sample_sizes=found.effective_sample_sizes,
-            poses=reader.poses(found.robot),
-            pose_covariances=reader.covariances(found.robot, found.robot_covariance),
+            poses=reader.poses(rows.column("robot")),
+            pose_covariances=reader.covariances(rows.column("robot"), rows.column("robot_covariance")),
             object_poses=reader.poses(states),
             object_covariances=reader.covariances(states, covariances),
             expanded_parent_ids=np.array(parents, dtype=np.uint64),
             log_mass_not_enumerated=weights + found.log_left_out,
         )
 
+    def _of_all_detections(self, step: Step, found: Expansion) -> tuple[Array, Array]:
+        """(K, D, d) states and (K, D, d, d) covariances of the detections' objects, NaN for detections not used."""
+        shape = (len(found.ids), len(step.names), self.problem.space.dimension)
+        states, covariances = np.full(shape, np.nan), np.full((*shape, shape[-1]), np.nan)
+        states[:, found.used] = found.assignments.column("object_states")
+        covariances[:, found.used] = found.assignments.column("object_covariances")
+        return states, covariances
+
     def _no_candidates(self, step: Step) -> Candidates:
         detections = len(step.names)
         none, parents = np.zeros(0), np.zeros(0, dtype=np.uint64)
         return Candidates(
-            self.run_id,
-            step.index,
-            self.backend_id,
-            parents,
-            parents,
-            _rows([], detections),
-            _rows([], detections),
-            np.zeros(0, dtype=np.uint16),
-            none,
-            none,
-            np.zeros((0, 7)),
-            np.zeros((0, 6, 6)),
-            np.zeros((0, detections, 7)),
-            np.zeros((0, detections, 6, 6)),
-            parents,
-            none,
+            run_id=self.run_id,
+            keyframe=step.index,
+            backend_id=self.backend_id,
+            ids=parents,
+            parent_ids=parents,
+            associations=_rows([], detections),
+            class_assignments=_rows([], detections),
+            modes=np.zeros(0, dtype=np.uint16),
+            log_weights=none,
+            effective_sample_sizes=none,
+            poses=np.zeros((0, 7)),
+            pose_covariances=np.zeros((0, 6, 6)),
+            object_poses=np.zeros((0, detections, 7)),
+            object_covariances=np.zeros((0, detections, 6, 6)),
+            expanded_parent_ids=parents,
+            log_mass_not_enumerated=none,
         )
 
     def _report(self, keyframe: int, lost: dict[int, str]) -> Components:
         """``lost``: why hypotheses could not be grown, to which those are added whose moments are not to be had."""
         found: dict[int, ComponentMarginals] = {}
-        registry = self._present()
+        reported = self._present()
         for number in sorted(self.held):
             try:
-                found[number] = component_marginals(self.held[number].component, registry)
+                found[number] = component_marginals(self.held[number].component, reported)
             except LostComponentError as fault:
                 lost[number] = str(fault)
                 del self.held[number]
         components = [self.held[number].component for number in found]
-        poses, covariances, existence = self._in_map(list(found.values()), len(registry.ids))
-        classes = class_marginals(components, registry)
-        descriptors = [descriptor_marginals(component, registry) for component in components]
+        poses, covariances, existence = self._in_map(list(found.values()), len(reported.ids))
+        descriptors = [descriptor_marginals(component, reported) for component in components]
+        objects = without_views(
+            len(components),
+            reported.class_prior,
+            object_poses=poses[:, 1:],
+            object_covariances=covariances[:, 1:],
+            existence=existence,
+            descriptors=_stacked([known.mean for known in descriptors], len(reported.ids)),
+            descriptor_covariances=_stacked([known.variance for known in descriptors], len(reported.ids)),
+        )
+        add_class_marginals(objects, components, reported)
         return Components(
             run_id=self.run_id,
             keyframe=keyframe,
@@ -204,18 +222,10 @@ class Backend:
             ids=np.array(list(found), dtype=np.uint64),
             poses=poses[:, 0],
             pose_covariances=covariances[:, 0],
-            object_ids=np.array(registry.ids, dtype=np.uint32),
-            object_poses=poses[:, 1:],
-            object_covariances=covariances[:, 1:],
-            class_probabilities=classes.probabilities,
-            mutual_information=classes.mutual_information,
-            in_coverage=classes.in_coverage,
-            forgotten_views=classes.forgotten_views,
-            existence=existence,
+            object_ids=np.array(reported.ids, dtype=np.uint32),
+            objects=objects,
             lost_ids=np.array(list(lost), dtype=np.uint64),
             lost_reasons=tuple(lost.values()),
-            descriptors=_stacked([known.mean for known in descriptors], len(registry.ids)),
-            descriptor_variances=_stacked([known.variance for known in descriptors], len(registry.ids)),
         )
 
     def _present(self) -> ReportedObjects:

@@ -1,16 +1,22 @@
 """The hybrid belief as it leaves the engine: Eq. 4.4 after one keyframe."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
+from semantic_slam.inference.object_table import OPTIONAL, QUANTITIES, ObjectTable
 
 
-@dataclass(frozen=True)
-class HybridBelief:
-    """H hypotheses, D detections, O objects, C classes, L descriptor dimensions. Field by field HybridBelief.msg."""
+@dataclass(frozen=True, kw_only=True)
+class HybridBelief(ObjectTable):
+    """H hypotheses, D detections, O objects, C classes, L descriptor dimensions. Field by field HybridBelief.msg.
+
+    The fields of :class:`ObjectTable` are marginals over the hypotheses, (O, ...). Where the configured model does not
+    fill a field it is NaN, or empty where its length is its own.
+    """
 
     stamp_ns: int
     keyframe: int
@@ -28,18 +34,31 @@ class HybridBelief:
     object_ids: NDArray[np.uint32]  # (O,)
     object_names: tuple[str, ...]  # (O,)
     hypothesis_class_probabilities: Array  # (H, O, C)
-    existence: Array  # (O,)
-    class_probabilities: Array  # (O, C)
-    object_poses: Array  # (O, 7)
-    object_covariances: Array  # (O, 6, 6)
-    mutual_information: Array  # (O,) nats
-    in_coverage: NDArray[np.bool_]  # (O,)
-    forgotten_views: NDArray[np.uint32]  # (O,)
-    descriptors: Array  # (O, L)
-    descriptor_covariances: Array  # (O, L)
     association_entropy: float  # nats
     component_entropy: float  # nats
     discarded_mass: float
     dropped: int
     num_merged: int = 0  # near copies that gave their weight to a heavier hypothesis in this keyframe
     reproducible: bool = True  # no clock had a say
+    log_evidence: float = np.nan  # nats, log P(Z_k | Z_1:k-1) under the hypotheses kept
+    innovation_nees: float = np.nan  # of this keyframe's detections under the belief before, per degree of freedom
+    unexplained: float = np.nan  # posterior of the reference model that explains nothing
+    discarded_mass_window: float = np.nan  # discarded_mass over the last keyframes alone
+    association_probabilities: Array = field(
+        default_factory=left_out
+    )  # (D, O + 1) marginal; the last column: clutter, or a new object
+    outlier_probability: Array = field(default_factory=left_out)  # (D,)
+    noise_names: tuple[str, ...] = ()  # (N,) what was inferred of the noise, as the configuration names it
+    noise_values: Array = field(default_factory=left_out)  # (N,)
+    noise_sigmas: Array = field(default_factory=left_out)  # (N,)
+    state_space: str = "planar"  # or "spatial"
+
+    def __post_init__(self) -> None:
+        detections, objects, noises = len(self.detection_ids), len(self.object_ids), len(self.noise_names)
+        shapes: dict[str, tuple[int, ...]] = {name: (objects, *_fixed(name)) for name in OPTIONAL}
+        shapes |= {"association_probabilities": (detections, objects + 1), "outlier_probability": (detections,)}
+        fill_left_out(self, shapes | {"noise_values": (noises,), "noise_sigmas": (noises,)})
+
+
+def _fixed(name: str) -> tuple[int, ...]:
+    return tuple(size for size in QUANTITIES[name].shape if isinstance(size, int))

@@ -10,6 +10,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
@@ -17,12 +18,7 @@ from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.semantics.class_tables import ClassTables
-from semantic_slam.inference.semantics.correlated_views import CorrelatedViews
-from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables
-from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
-from semantic_slam.inference.semantics.independent_views import IndependentViews
-from semantic_slam.inference.semantics.interface import CarriedSemantics, Semantics
+from semantic_slam.inference.semantics.interface import Semantics
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.inference.states.planar_poses import PlanarPoses
@@ -31,6 +27,7 @@ from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
+from semantic_slam.registry import ASSOCIATIONS, SEMANTICS
 from semantic_slam.viewpoint.correlated import CorrelatedModel
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.load import load_model
@@ -56,13 +53,14 @@ def make_run_configuration(
 
     Raises InputError when detections have to be associated with a map that has no objects.
     """
-    if configuration.association == "enumerated" and not (map_prior and map_prior.objects):
+    association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
+    if association.needs_map and not (map_prior and map_prior.objects):
         raise InputError(
-            "association is 'enumerated' but there is no map prior; give --map-prior objects.json,"
+            f"association is '{configuration.association}' but there is no map prior; give --map-prior objects.json,"
             " or set association: open to map as you go, or given for detections that carry ids"
         )
-    _check_open_world(configuration)
-    _check_odometry(configuration)
+    association.check(configuration)
+    _check_odometry(configuration, association)
     latent = load_latent_model(configuration.semantic_model)
     if latent is not None:  # so that backends, reports and queries know the space of the descriptors
         noted = replace(configuration.semantic_model, space=latent.space)
@@ -75,29 +73,20 @@ def make_run_configuration(
     names = model.class_names if model is not None else ()
     run_id = digest(settings, prior, json.dumps(pose), json.dumps(covariance.tolist()), *names)
     return RunConfiguration(
-        run_id, stamp_ns, settings, prior, np.array(pose), covariance, tuple(names), source, revision
+        run_id=run_id,
+        stamp_ns=stamp_ns,
+        configuration=settings,
+        map_prior=prior,
+        initial_pose=np.array(pose),
+        initial_covariance=covariance,
+        class_names=tuple(names),
+        source=source,
+        revision=revision,
     )
 
 
-def _check_open_world(configuration: Configuration) -> None:
-    if configuration.association != "open":
-        return
-    if not configuration.distinct_assignment:
-        raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
-    if configuration.semantic_model.kind == "gp_correlated":
-        raise InputError("association: open has no gp_correlated class models; set semantic_model.kind: gp_independent")
-    if configuration.weights.method == "sampled":
-        raise InputError("association: open has no prior samples; set weights.method: importance or laplace")
-    if configuration.visibility.max_range_m > 0.0 or configuration.visibility.field_of_view_rad > 0.0:
-        raise InputError(
-            "association: open has a region instead of visibility.*; set open_world.max_range_m and its angle"
-        )
-    if configuration.open_world.min_range_m >= configuration.open_world.max_range_m:
-        raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
-
-
-def _check_odometry(configuration: Configuration) -> None:
-    factors, is_open = configuration.odometry.noise_factors, configuration.association == "open"
+def _check_odometry(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    factors, is_open = configuration.odometry.noise_factors, association.tracks_objects
     if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not is_open):
         raise InputError("odometry.noise_factors must be positive, and other than [1.0] only with association: open")
     single_steps = is_open and not configuration.open_world.settle
@@ -143,7 +132,6 @@ def problem_of(run: RunConfiguration) -> Problem:
         seed=configuration.seed,
         association=configuration.association,
         semantics=_semantics(configuration, model, latent),
-        carried=_carried_semantics(configuration, model, latent),
         latent=latent,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
@@ -182,35 +170,30 @@ def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
 
 def _semantics(
     configuration: Configuration, model: ViewpointModel | None, latent: LatentObservation | None
-) -> Semantics | None:
-    settings = configuration.semantic_model
+) -> Semantics:
+    """The strategy that suits the class models, and whether headings are known before views enter."""
+    settings, tempering = configuration.semantic_model, _correlated_views(configuration.semantic_model)
+    carries_views = ASSOCIATIONS.load(configuration.association).carries_views
     if latent is not None:
-        return DescriptorViews(latent) if configuration.association != "open" else None
+        return _make("descriptor_tables" if carries_views else "descriptor_views", latent)
     if isinstance(model, GaussianProcessModel) and settings.kind == "gp_correlated":
         correlated = CorrelatedModel(model, settings.sigma_view)
-        return CorrelatedViews(
-            correlated, settings.num_tracks, settings.window, settings.track_average, configuration.seed
-        )
-    if model is None or not _in_graph(configuration):
-        return None
-    return IndependentViews(model, _correlated_views(settings))
+        averaging = settings.num_tracks, settings.window, settings.track_average, configuration.seed
+        return _make("correlated_views", correlated, *averaging)
+    if model is None:
+        return _make("none")
+    return _make("independent_views" if _in_graph(configuration) else "class_tables", model, tempering)
 
 
-def _carried_semantics(
-    configuration: Configuration, model: ViewpointModel | None, latent: LatentObservation | None
-) -> CarriedSemantics | None:
-    if configuration.association != "open":
-        return None
-    if latent is not None:
-        return DescriptorTables(latent)
-    if model is None or _in_graph(configuration):
-        return None
-    return ClassTables(model, _correlated_views(configuration.semantic_model))
+def _make(name: str, *arguments: object) -> Semantics:
+    semantics: Semantics = SEMANTICS.load(name)(*arguments)
+    return semantics
 
 
 def _in_graph(configuration: Configuration) -> bool:
     """Whether semantic measurements enter by factors, under classes that hypotheses enumerate."""
-    carried = configuration.association == "open" and configuration.open_world.classes == "carried"
+    association = ASSOCIATIONS.load(configuration.association)
+    carried = association.carries_views and configuration.open_world.classes == "carried"
     return configuration.semantic_model.kind != "gp_correlated" and not carried
 
 

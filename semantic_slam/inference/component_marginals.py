@@ -7,12 +7,10 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.smoothing.open_component import OpenComponent
-from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.objects import ReportedObjects
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ComponentMarginals:
     """Robot and n objects of one hypothesis; d dimensions of a state."""
 
@@ -22,14 +20,15 @@ class ComponentMarginals:
     existence: Array  # (n,)
 
 
-def component_marginals(component: Component, registry: ObjectRegistry) -> ComponentMarginals:
+def component_marginals(component: Component, reported: ReportedObjects) -> ComponentMarginals:
     """With what Gaussians and factors do not say. Raises LostComponentError."""
-    if isinstance(component, OpenComponent):
-        present = np.searchsorted(registry.ids, component.objects.ids)
-        return ComponentMarginals(present, *component.robot_and_objects(), component.objects.existence)
-    present = np.array([row for row, n in enumerate(registry.ids) if n in component.object_ids], dtype=int)
-    keys = [robot_key(component.keyframe), *(object_key(registry.ids[row]) for row in present)]
-    return ComponentMarginals(present, *component.corrected(keys), registry.existence()[present])
+    present = [row for row, n in enumerate(reported.ids) if n in component.object_ids]
+    ids = [reported.ids[row] for row in present]
+    states, covariances = component.robot_and_objects(ids)
+    existence = component.objects.existence[component.objects.rows(np.array(ids, dtype=int))]
+    return ComponentMarginals(
+        present=np.array(present, dtype=int), states=states, covariances=covariances, existence=existence
+    )
 
 
 def aligned_marginals(

@@ -1,288 +1,118 @@
-"""The manager: normalises over all candidates, prunes, commits the survivors and states the belief (Alg. 4.1).
+"""Algorithm 4.1: the hybrid belief over poses, classes and data association, one keyframe after the other.
 
-The printed algorithm normalises inside the loop over components, which loses each parent's weight and evidence;
-here w psi is collected over all parents and normalised once.
+The printed algorithm normalises inside the loop over components, which loses each parent's weight and evidence; here
+w psi is collected over all parents and normalised once.
 """
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.errors import SemanticSlamError
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.marginals import Mixture, state_belief
-from semantic_slam.inference.open_world.rounds import OpenRounds, TimeBudget
-from semantic_slam.inference.ownership import assign_owners
-from semantic_slam.inference.protocol import LOST, BackendPool, Candidates, Commit, Components, RunConfiguration
-from semantic_slam.inference.pruning import Pruned, prune
-from semantic_slam.inference.states.identity import ROOT_ID
-from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.object_table import stack_rows
+from semantic_slam.inference.open_world.copies import Copies, Distinct
+from semantic_slam.inference.open_world.time_budget import TimeBudget
+from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
+from semantic_slam.inference.pruning import prune
+from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
+from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.registry import ASSOCIATIONS
 
 
-@dataclass(frozen=True)
-class Hypothesis:
-    """A hypothesis as the manager knows it."""
-
-    owner: int
-    log_weight: float
-    parent_id: int
-    lineage: tuple[LineageStep, ...]
-
-
-class HypothesisManager:
+class Engine:
     """Drives the backends of ``pool`` through the two rounds of each keyframe.
 
-    ``problem`` replaces the planar problem that the run announces.
+    ``problem`` replaces the problem that the run announces.
     """
 
     def __init__(self, run: RunConfiguration, pool: BackendPool, problem: Problem | None = None):
-        self.problem, self.pool, self.run_id = problem or problem_of(run), pool, run.run_id
+        self.problem, self.pool = problem or problem_of(run), pool
         pool.start(run)
+        self.association: type[AssociationStrategy] = ASSOCIATIONS.load(self.problem.association)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
-        self.live = {
-            ROOT_ID + number: Hypothesis(pool.backend_ids[0], log_weight, ROOT_ID + number, ())
-            for number, log_weight in enumerate(self.problem.log_root_weights)
-        }
-        self.open_rounds = OpenRounds(self.problem) if self.problem.association == "open" else None
+        self.hypotheses = Hypotheses(self.problem.log_root_weights, pool.backend_ids[0])
+        self.rounds = Rounds(pool, run.run_id, self.hypotheses)
+        self.copies = Copies(self.problem) if self.association.merges_copies else Distinct()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
-        self.lost: Counter[str] = Counter()  # hypotheses that backends had to give up, by reason
-        self.log_kept_mass = 0.0  # log prod_k (1 - d_k)
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
+
+    @property
+    def live(self) -> dict[int, Hypothesis]:
+        """Hypothesis id -> hypothesis, heaviest first."""
+        return self.hypotheses.live
+
+    @property
+    def lost(self) -> Counter[str]:
+        """Hypotheses that backends had to give up, by reason."""
+        return self.rounds.lost
 
     def process(self, keyframe: Any) -> HybridBelief:
         """One keyframe; raises SemanticSlamError when no hypothesis survives it."""
         self.budget.begin()
-        step = self.problem.reader.step(keyframe)
-        self.registry.introduce(step.index, len(step.names))
-        if self.problem.association == "given":
-            for name in step.names:
-                self.registry.identify(name)
-        answers = self._expand(keyframe, step.index)
-        merged = self._without_copies(_merged(answers))
-        pruned = prune(merged.log_weights, merged.ids, merged.log_missing, self.budget.limits())
+        step = self._prepare(keyframe)
+        candidates = self.rounds.expand(keyframe, step.index)  # propagate, associate, weigh: Eqs. 4.11, 4.18
+        candidates = self.copies.merged(candidates)
+        pruned = prune(candidates.log_weights, candidates.ids, candidates.log_missing, self.budget.limits())
+        children = self.hypotheses.children(candidates, pruned, self.pool.backend_ids)
+        children, answers = self.rounds.commit(step.index, children)  # update the components: Eqs. 4.9, 4.10
+        reported = self._reported(answers)
+        components = held_components(answers, reported)
+        self.hypotheses.accept(children, components, pruned.discarded)
+        self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
         self.log_evidence += pruned.log_mass
-        children = self._children(merged, pruned)
-        children, components = self._update(step.index, children)
-        self._accept(children, components, pruned.discarded)
-        mixture = self._mixture(components)
-        discarded = max(0.0, float(-np.expm1(self.log_kept_mass)))
-        self.budget.end(len(self.live))
-        registry = self.open_rounds.roster if self.open_rounds else self.registry
-        belief = state_belief(step, mixture, registry, self.problem.class_names, len(merged.ids), discarded)
-        num_merged = self.open_rounds.num_merged if self.open_rounds else 0
-        return replace(belief, num_merged=num_merged, reproducible=not self.budget.is_on)
+        self.budget.end(len(self.hypotheses))
+        belief = self._belief(step, components, reported, len(candidates.ids))  # marginals: Eqs. 4.4-4.8
+        return replace(belief, log_evidence=pruned.log_mass)
 
-    def _without_copies(self, merged: "_Merged") -> "_Merged":
-        if self.open_rounds is None:
-            return merged
-        found = self.open_rounds.merge(
-            merged.ids,
-            merged.parent_ids,
-            merged.log_weights,
-            merged.poses,
-            merged.object_poses,
-            merged.associations,
-            merged.classes,
+    def _prepare(self, keyframe: Any) -> Step:
+        """The keyframe as the engine sees it, its objects noted."""
+        step = self.problem.reader.step(keyframe)
+        self.association.introduce(self.registry, step)
+        return step
+
+    def _reported(self, answers: list[Components]) -> ReportedObjects:
+        """The objects of the belief."""
+        alive = {n for answer in answers for n in answer.object_ids.tolist()}
+        return self.association.reported(self.registry, alive)
+
+    def _belief(
+        self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects, num_candidates: int
+    ) -> HybridBelief:
+        """The weighted hypotheses, and their marginals."""
+        first_new = self.registry.first_new_id(step.index) if self.association.merges_copies else None
+        discarded = self.hypotheses.discarded
+        belief = state_belief(
+            step,
+            self._mixture(components),
+            reported,
+            self.problem.class_names,
+            num_candidates,
+            discarded.total,
+            first_new,
         )
-        return merged.take(found.kept, found.log_weights)
-
-    def _expand(self, keyframe: Any, index: int) -> list[Candidates]:
-        """Round one; hypotheses whose backend did not answer are rebuilt elsewhere from their lineage."""
-        answers = self.pool.expand(keyframe)
-        missing = set(self.live) - {int(n) for answer in answers for n in answer.expanded_parent_ids}
-        if not missing:
-            return answers
-        if index == 0 or not self.pool.backend_ids:
-            raise SemanticSlamError("no backend holds the first hypothesis; start the backends and run again")
-        self._reassign(index - 1)
-        answers = self.pool.expand(keyframe)
-        if set(self.live) - {int(n) for answer in answers for n in answer.expanded_parent_ids}:
-            raise SemanticSlamError("backends lost hypotheses twice in a row; see their logs")
-        return answers
-
-    def _reassign(self, index: int) -> None:
-        self.live = self._redistributed(self.live)
-        self.pool.commit(self._commit(index, self.live, always_lineage=True))
-
-    def _redistributed(self, hypotheses: dict[int, Hypothesis]) -> dict[int, Hypothesis]:
-        """The same hypotheses, owned by backends that are still there."""
-        length = max((len(live.lineage) for live in hypotheses.values()), default=0)
-        owners = assign_owners([live.owner for live in hypotheses.values()], self.pool.backend_ids, length)
-        return {
-            n: Hypothesis(owner, live.log_weight, live.parent_id, live.lineage)
-            for (n, live), owner in zip(hypotheses.items(), owners, strict=True)
-        }
-
-    def _update(self, index: int, children: dict[int, Hypothesis]) -> tuple[dict[int, Hypothesis], dict[int, "_Row"]]:
-        """Round two; children of a backend that did not answer are rebuilt elsewhere from their lineage."""
-        answers = self.pool.commit(self._commit(index, children))
-        if set(children) - _settled(answers) and self.pool.backend_ids:
-            children = self._redistributed(children)
-            answers = self.pool.commit(self._commit(index, children, always_lineage=True))
-        lost = Counter(reason for answer in answers for reason in answer.lost_reasons)
-        lost += Counter({"no backend answered": len(set(children) - _settled(answers))})
-        self.lost.update({f"{LOST}: {reason}": count for reason, count in lost.items()})
-        components = _by_id(self.open_rounds.aligned(answers) if self.open_rounds else answers)
-        if not components:
-            reasons = "; ".join(f"{count} x {reason}" for reason, count in lost.most_common(3))
-            raise SemanticSlamError(f"every hypothesis was lost ({reasons}); check noise parameters and backends")
-        return children, components
-
-    def _children(self, merged: "_Merged", pruned: Pruned) -> dict[int, Hypothesis]:
-        parents = [self.live[int(merged.parent_ids[row])] for row in pruned.kept]
-        length = 1 + max((len(parent.lineage) for parent in parents), default=0)
-        owners = assign_owners([parent.owner for parent in parents], self.pool.backend_ids, length)
-        children: dict[int, Hypothesis] = {}
-        for row, owner, parent, log_weight in zip(pruned.kept, owners, parents, pruned.log_weights, strict=True):
-            step = LineageStep(
-                tuple(merged.associations[row].tolist()), tuple(merged.classes[row].tolist()), int(merged.modes[row])
-            )
-            parent_id = int(merged.parent_ids[row])
-            children[int(merged.ids[row])] = Hypothesis(owner, float(log_weight), parent_id, (*parent.lineage, step))
-        return children
-
-    def _commit(self, index: int, children: dict[int, Hypothesis], *, always_lineage: bool = False) -> Commit:
-        holds = {n: live.owner for n, live in self.live.items()}
-        moved = [always_lineage or holds.get(child.parent_id) != child.owner for child in children.values()]
-        return Commit(
-            run_id=self.run_id,
-            keyframe=index,
-            ids=np.array(list(children), dtype=np.uint64),
-            parent_ids=np.array([child.parent_id for child in children.values()], dtype=np.uint64),
-            steps=tuple(child.lineage[-1] for child in children.values()),
-            log_weights=np.array([child.log_weight for child in children.values()]),
-            owners=np.array([child.owner for child in children.values()], dtype=np.uint32),
-            lineages=tuple(
-                child.lineage[:-1] if move else () for child, move in zip(children.values(), moved, strict=True)
-            ),
+        return replace(
+            belief,
+            num_merged=self.copies.num_merged,
+            reproducible=not self.budget.is_on,
+            discarded_mass_window=discarded.window,
         )
 
-    def _accept(self, children: dict[int, Hypothesis], components: dict[int, "_Row"], discarded: float) -> None:
-        """Keep the children whose components could be updated; the rest is discarded mass."""
-        kept = {n: child for n, child in children.items() if n in components}
-        log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
-        self.log_kept_mass += float(np.log1p(-discarded)) + min(log_total, 0.0)
-        self.live = {
-            n: Hypothesis(child.owner, child.log_weight - log_total, child.parent_id, child.lineage)
-            for n, child in kept.items()
-        }
-        if self.open_rounds:
-            self.open_rounds.forget()
-            for n, child in kept.items():
-                oldest = max(0, len(child.lineage) - self.problem.open_world.merge_keyframes)
-                first_new = self.registry.first_new_id(oldest)
-                row = components[n]
-                self.open_rounds.remember(n, child.lineage, row.object_poses, row.existence, first_new)
-
-    def _mixture(self, components: dict[int, "_Row"]) -> Mixture:
+    def _mixture(self, components: dict[int, HeldComponent]) -> Mixture:
         rows = [components[n] for n in self.live]
         return Mixture(
             ids=list(self.live),
             parent_ids=[live.parent_id for live in self.live.values()],
             log_weights=np.array([live.log_weight for live in self.live.values()]),
             lineages=[live.lineage for live in self.live.values()],
-            poses=np.array([row.pose for row in rows]),
-            pose_covariances=np.array([row.covariance for row in rows]),
-            object_poses=np.array([row.object_poses for row in rows]),
-            object_covariances=np.array([row.object_covariances for row in rows]),
-            class_probabilities=np.array([row.class_probabilities for row in rows]),
-            mutual_information=np.array([row.mutual_information for row in rows]),
-            in_coverage=np.array([row.in_coverage for row in rows]),
-            forgotten_views=np.array([row.forgotten_views for row in rows]),
-            existence=np.array([row.existence for row in rows]),
-            descriptors=np.array([row.descriptors for row in rows]),
-            descriptor_variances=np.array([row.descriptor_variances for row in rows]),
+            poses=np.array([own.pose for own in rows]),
+            pose_covariances=np.array([own.covariance for own in rows]),
+            objects=stack_rows([own.objects for own in rows]),
         )
-
-
-@dataclass(frozen=True)
-class _Merged:
-    ids: NDArray[np.uint64]
-    parent_ids: NDArray[np.uint64]
-    associations: NDArray[np.int32]
-    classes: NDArray[np.int32]
-    modes: NDArray[np.uint16]
-    log_weights: Array
-    poses: Array
-    object_poses: Array
-    log_missing: Array
-
-    def take(self, rows: NDArray[np.int_], log_weights: Array) -> "_Merged":
-        """Some of the candidates, with other weights."""
-        return replace(
-            self,
-            ids=self.ids[rows],
-            parent_ids=self.parent_ids[rows],
-            associations=self.associations[rows],
-            classes=self.classes[rows],
-            modes=self.modes[rows],
-            log_weights=log_weights,
-            poses=self.poses[rows],
-            object_poses=self.object_poses[rows],
-        )
-
-
-@dataclass(frozen=True)
-class _Row:
-    pose: Array
-    covariance: Array
-    object_poses: Array
-    object_covariances: Array
-    class_probabilities: Array
-    mutual_information: Array
-    in_coverage: NDArray[np.bool_]
-    forgotten_views: NDArray[np.uint32]
-    existence: Array
-    descriptors: Array
-    descriptor_variances: Array
-
-
-def _merged(answers: list[Candidates]) -> _Merged:
-    """Candidates of all backends in the order of their ids, whoever answered; the same hypothesis counts once."""
-    filled = [answer for answer in answers if len(answer.ids)] or answers[:1]  # no row, no width: D is unknown there
-    ids, order = np.unique(np.concatenate([answer.ids for answer in filled]), return_index=True)
-    parents = np.concatenate([answer.expanded_parent_ids for answer in answers])
-    missing = np.concatenate([answer.log_mass_not_enumerated for answer in answers])
-    return _Merged(
-        ids,
-        np.concatenate([answer.parent_ids for answer in filled])[order],
-        np.concatenate([answer.associations for answer in filled])[order],
-        np.concatenate([answer.class_assignments for answer in filled])[order],
-        np.concatenate([answer.modes for answer in filled])[order],
-        np.concatenate([answer.log_weights for answer in filled])[order],
-        np.concatenate([answer.poses for answer in filled])[order],
-        np.concatenate([answer.object_poses for answer in filled])[order],
-        missing[np.unique(parents, return_index=True)[1]],
-    )
-
-
-def _settled(answers: list[Components]) -> set[int]:
-    """Ids of hypotheses that are held, or given up."""
-    return {int(n) for answer in answers for n in (*answer.ids, *answer.lost_ids)}
-
-
-def _by_id(answers: list[Components]) -> dict[int, _Row]:
-    return {
-        int(number): _Row(
-            answer.poses[i],
-            answer.pose_covariances[i],
-            answer.object_poses[i],
-            answer.object_covariances[i],
-            answer.class_probabilities[i],
-            answer.mutual_information[i],
-            answer.in_coverage[i],
-            answer.forgotten_views[i],
-            answer.existence[i],
-            answer.descriptors[i],
-            answer.descriptor_variances[i],
-        )
-        for answer in answers
-        for i, number in enumerate(answer.ids)
-    }

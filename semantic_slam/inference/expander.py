@@ -102,13 +102,11 @@ class Expander:
 
 def _log_psi(rows: Assignments, semantics: SemanticEvidence, factors: Array) -> Array:
     """(K,) Eq. 4.18: geometry and semantic factors, classes, views without factors, births and misses."""
-    assert rows.log_evidence is not None and rows.log_class_prior is not None
-    return rows.log_evidence + rows.log_class_prior + semantics.log_weights + factors
+    return rows.column("log_evidence") + rows.column("log_class_prior") + semantics.log_weights + factors
 
 
 def _effective_sample_sizes(rows: Assignments, semantics: SemanticEvidence) -> Array:
-    assert rows.effective_sample_sizes is not None
-    return np.asarray(np.fmin(rows.effective_sample_sizes, semantics.effective_sample_sizes))
+    return np.asarray(np.fmin(rows.column("effective_sample_sizes"), semantics.effective_sample_sizes))
 
 
 def _best_of_parents(parents: Index, scores: Array, count: int) -> Array:

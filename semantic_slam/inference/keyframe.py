@@ -14,7 +14,7 @@ class OdometrySample:
     pose: Array  # (7,) T_odom_body: x y z qx qy qz qw
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Keyframe:
     """Input of one step of the hybrid belief."""
 

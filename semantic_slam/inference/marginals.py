@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.moments import matched_moments_of_many
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.object_table import ObjectTable, marginals
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.objects import ReportedObjects
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mixture:
     """H hypotheses with their components; O objects."""
 
@@ -25,15 +25,7 @@ class Mixture:
     lineages: list[tuple[LineageStep, ...]]
     poses: Array  # (H, 7)
     pose_covariances: Array  # (H, 6, 6)
-    object_poses: Array  # (H, O, 7)
-    object_covariances: Array  # (H, O, 6, 6)
-    class_probabilities: Array  # (H, O, C)
-    mutual_information: Array  # (H, O)
-    in_coverage: NDArray[np.bool_]  # (H, O)
-    forgotten_views: NDArray[np.uint32]  # (H, O)
-    existence: Array  # (H, O) NaN where a hypothesis has no such object
-    descriptors: Array  # (H, O, L) NaN there, too
-    descriptor_variances: Array  # (H, O, L)
+    objects: ObjectTable  # (H, O, ...)
 
     def association_histories(self) -> list[tuple[tuple[int, ...], ...]]:
         """beta of every hypothesis since they were last one; before that they agree."""
@@ -47,37 +39,31 @@ class Mixture:
         return np.array([lineage[-1].association for lineage in self.lineages], dtype=np.int64)
 
 
-def epistemic_part(weights: Array, by_hypothesis: Array) -> Array:
-    """(O,) average of (H, O) mutual information over the hypotheses that have seen the object, NaN where none has."""
-    seen = weights[:, None] * np.isfinite(by_hypothesis)
-    total = seen.sum(axis=0)
-    summed = (seen * np.nan_to_num(by_hypothesis)).sum(axis=0)
-    return np.where(total > 0.0, summed / np.where(total > 0.0, total, 1.0), np.nan)
+def association_probabilities(weights: Array, columns: NDArray[np.int32], num_objects: int) -> Array:
+    """(D, O + 1) weight of the hypotheses that associate each detection with each object, from (H, D) ``columns``.
 
-
-def matched_descriptors(weights: Array, means: Array, variances: Array) -> tuple[Array, Array]:
-    """(O, L) means and variances of the mixture of (H,) Gaussians; NaN where a hypothesis has no such object."""
-    if not means.shape[-1]:
-        return means[0], variances[0]
-    share = weights[:, None, None] * np.isfinite(means)
-    share /= np.maximum(share.sum(axis=0), 1e-300)
-    known, spread = np.nan_to_num(means), np.nan_to_num(variances)
-    mean = (share * known).sum(axis=0)
-    return mean, np.asarray((share * (spread + (known - mean) ** 2)).sum(axis=0))
+    The last column is that of -1: clutter or a new object.
+    """
+    num_detections = columns.shape[1]
+    found = np.zeros((num_detections, num_objects + 1))
+    np.add.at(found, (np.arange(num_detections), columns), weights[:, None])
+    return found
 
 
 def state_belief(
     step: Step,
     mixture: Mixture,
-    registry: ObjectRegistry,
+    reported: ReportedObjects,
     class_names: Sequence[str],
     num_candidates: int,
     discarded_mass: float,
+    first_new_id: int | None = None,
 ) -> HybridBelief:
-    """The belief after one keyframe."""
+    """The belief after one keyframe, whose detections started the objects from ``first_new_id`` on; None: none."""
     weights = np.exp(mixture.log_weights)
-    poses, covariances = matched_moments_of_many(weights, mixture.object_poses, mixture.object_covariances)
-    descriptors, variances = matched_descriptors(weights, mixture.descriptors, mixture.descriptor_variances)
+    object_ids = mixture.associations()
+    associations = reported.rows(object_ids)
+    known = associations if first_new_id is None else np.where(object_ids < first_new_id, associations, -1)
     return HybridBelief(
         stamp_ns=step.stamp_ns,
         keyframe=step.index,
@@ -91,21 +77,15 @@ def state_belief(
         poses=mixture.poses,
         pose_covariances=mixture.pose_covariances,
         detection_ids=step.detection_ids,
-        associations=registry.indices(mixture.associations()),
-        object_ids=np.array(registry.ids, dtype=np.uint32),
-        object_names=tuple(registry.names),
-        hypothesis_class_probabilities=mixture.class_probabilities,
-        existence=np.minimum(weights @ np.nan_to_num(mixture.existence), 1.0),
-        class_probabilities=np.einsum("h,hoc->oc", weights, mixture.class_probabilities),
-        object_poses=poses,
-        object_covariances=covariances,
-        mutual_information=epistemic_part(weights, mixture.mutual_information),
-        in_coverage=weights @ mixture.in_coverage >= 0.5,
-        forgotten_views=mixture.forgotten_views[int(np.argmax(weights))],
-        descriptors=descriptors,
-        descriptor_covariances=variances,
+        associations=associations,
+        object_ids=np.array(reported.ids, dtype=np.uint32),
+        object_names=tuple(reported.names),
+        hypothesis_class_probabilities=mixture.objects.class_probabilities,
         association_entropy=association_entropy(weights, mixture.association_histories()),
         component_entropy=component_entropy(weights),
         discarded_mass=discarded_mass,
         dropped=step.dropped,
+        association_probabilities=association_probabilities(weights, known, len(reported.ids)),
+        state_space="planar",
+        **marginals(weights, mixture.objects),
     )

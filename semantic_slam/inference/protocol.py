@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.states.lineage import LineageStep
 
 LOST = "hypothesis lost"
 """How reasons begin for which a hypothesis was given up, where they are counted with what else was dropped."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunConfiguration:
     """All that determines a run besides its keyframes."""
 
@@ -34,7 +35,7 @@ class RunConfiguration:
     revision: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Candidates:
     """K candidates of one backend, grown from P parents; D detections."""
 
@@ -56,7 +57,7 @@ class Candidates:
     log_mass_not_enumerated: Array  # (P,)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Commit:
     """S survivors and their owners. ``lineages`` holds () for a survivor whose parent its owner holds."""
 
@@ -70,9 +71,9 @@ class Commit:
     lineages: tuple[tuple[LineageStep, ...], ...]  # (S,) steps of keyframes 0 .. keyframe - 1, or ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Components:
-    """S smoothed components that a backend now holds; O objects, C classes, L descriptor dimensions."""
+    """S smoothed components that a backend now holds; O objects."""
 
     run_id: str
     keyframe: int
@@ -81,17 +82,9 @@ class Components:
     poses: Array  # (S, 7)
     pose_covariances: Array  # (S, 6, 6)
     object_ids: NDArray[np.uint32]  # (O,)
-    object_poses: Array  # (S, O, 7)
-    object_covariances: Array  # (S, O, 6, 6)
-    class_probabilities: Array  # (S, O, C) one-hot where classes are enumerated
-    mutual_information: Array  # (S, O) nats, NaN for objects not seen
-    in_coverage: NDArray[np.bool_]  # (S, O) every view lay inside the class models' coverage
-    forgotten_views: NDArray[np.uint32]  # (S, O) views that a new one is no longer correlated with
-    existence: Array  # (S, O) NaN where the component has no such object
+    objects: ObjectTable  # (S, O, ...) what each component knows of them
     lost_ids: NDArray[np.uint64]  # (X,)
     lost_reasons: tuple[str, ...]  # (X,)
-    descriptors: Array  # (S, O, L) of a learned latent space, what is known before the first view until then
-    descriptor_variances: Array  # (S, O, L)
 
 
 class BackendPool(Protocol):

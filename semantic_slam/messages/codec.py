@@ -5,7 +5,7 @@ InputError that names the field, a wrong one of ours a ValueError.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from semantic_slam.errors import InputError
@@ -13,6 +13,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.messages import belief, ground_truth, measurements, rounds, standard
+from semantic_slam.messages.layout import Layout
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -25,26 +26,45 @@ class Codec:
     type_name: str
     to_message: Callable[..., Any]
     from_message: Callable[[Any], Any]
+    layout: Layout = field(default_factory=dict)  # shapes of the message's arrays
 
 
 CODECS: dict[type, Codec] = {
     Detections: Codec(
-        measurements.DETECTIONS_TYPE, measurements.detections_to_message, measurements.detections_from_message
+        measurements.DETECTIONS_TYPE,
+        measurements.detections_to_message,
+        measurements.detections_from_message,
+        measurements.DETECTIONS_LAYOUT,
     ),
     SemanticMeasurements: Codec(
-        measurements.MEASUREMENTS_TYPE, measurements.measurements_to_message, measurements.measurements_from_message
+        measurements.MEASUREMENTS_TYPE,
+        measurements.measurements_to_message,
+        measurements.measurements_from_message,
+        measurements.MEASUREMENTS_LAYOUT,
     ),
-    HybridBelief: Codec(belief.BELIEF_TYPE, belief.belief_to_message, belief.belief_from_message),
-    RunConfiguration: Codec(rounds.RUN_TYPE, rounds.run_to_message, rounds.run_from_message),
-    Keyframe: Codec(rounds.KEYFRAME_TYPE, rounds.keyframe_to_message, rounds.keyframe_from_message),
-    Candidates: Codec(rounds.CANDIDATES_TYPE, rounds.candidates_to_message, rounds.candidates_from_message),
-    Commit: Codec(rounds.COMMIT_TYPE, rounds.commit_to_message, rounds.commit_from_message),
-    Components: Codec(rounds.COMPONENTS_TYPE, rounds.components_to_message, rounds.components_from_message),
+    HybridBelief: Codec(belief.BELIEF_TYPE, belief.belief_to_message, belief.belief_from_message, belief.BELIEF_LAYOUT),
+    RunConfiguration: Codec(rounds.RUN_TYPE, rounds.run_to_message, rounds.run_from_message, rounds.RUN_LAYOUT),
+    Keyframe: Codec(
+        rounds.KEYFRAME_TYPE, rounds.keyframe_to_message, rounds.keyframe_from_message, rounds.KEYFRAME_LAYOUT
+    ),
+    Candidates: Codec(
+        rounds.CANDIDATES_TYPE, rounds.candidates_to_message, rounds.candidates_from_message, rounds.CANDIDATES_LAYOUT
+    ),
+    Commit: Codec(rounds.COMMIT_TYPE, rounds.commit_to_message, rounds.commit_from_message, rounds.COMMIT_LAYOUT),
+    Components: Codec(
+        rounds.COMPONENTS_TYPE, rounds.components_to_message, rounds.components_from_message, rounds.COMPONENTS_LAYOUT
+    ),
     ground_truth.GroundTruthObjects: Codec(
-        ground_truth.OBJECTS_TYPE, ground_truth.objects_to_message, ground_truth.objects_from_message
+        ground_truth.OBJECTS_TYPE,
+        ground_truth.objects_to_message,
+        ground_truth.objects_from_message,
+        ground_truth.OBJECTS_LAYOUT,
     ),
     ground_truth.GroundTruthAssociations: Codec(
-        ground_truth.ASSOCIATIONS_TYPE, ground_truth.associations_to_message, ground_truth.associations_from_message
+        ground_truth.ASSOCIATIONS_TYPE,
+        ground_truth.associations_to_message,
+        ground_truth.associations_from_message,
+        ground_truth.ASSOCIATIONS_LAYOUT,
     ),
     ground_truth.ReplayProgress: Codec(
         ground_truth.PROGRESS_TYPE, ground_truth.progress_to_message, ground_truth.progress_from_message

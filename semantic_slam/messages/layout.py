@@ -1,21 +1,44 @@
-"""Flat, row-major arrays of a message against shaped arrays of a dataclass.
+"""Fields of a message against fields of a dataclass: flat, row-major arrays against shaped ones, and plain values.
 
 A layout names the shape of every array field, e.g. ``{"poses": ("H", 7)}``. Dimensions become known in the order of
-the layout: the first field that has a new letter fixes it, the later ones are checked against it.
+the layout: the first field that has a new letter fixes it, the later ones are checked against it. A letter may stand
+with ``+1``. An array that :class:`MayBeEmpty` has no values where it was not given: on the wire, and when it is
+unpacked; the dataclass that takes it decides what it means by that, which is NaN for ours.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 
 from semantic_slam.errors import InputError
-from semantic_slam.messages.typestore import typestore
+from semantic_slam.messages.typestore import message_class, typestore
 
-Layout = Mapping[str, tuple[str | int, ...]]
+Shape = tuple[str | int, ...]
+Layout = Mapping[str, Shape]
 """Message field -> shape; letters are dimensions, numbers are fixed sizes."""
+
+
+class MayBeEmpty(tuple[str | int, ...]):
+    """Shape of an array of floats that need not be given."""
+
+
+def filled(type_name: str, layout: Layout, values: Mapping[str, Any], **fields: Any) -> Any:
+    """Message from shaped arrays, tuples of strings and plain values; ``fields`` are messages within it."""
+    return message_class(type_name)(**fields, **plain_values(type_name, values), **pack(type_name, layout, values))
+
+
+def contents(type_name: str, layout: Layout, message: Any, sizes: Mapping[str, int] | None = None) -> dict[str, Any]:
+    """Shaped arrays, tuples of strings and plain values of a message; ``sizes`` as in :func:`unpack`."""
+    return plain_values(type_name, vars(message)) | unpack(type_name, layout, message, sizes)
+
+
+def plain_values(type_name: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of the message's plain fields, each of its type."""
+    return {name: kind(values[name]) for name, kind in plain_types(type_name).items()}
 
 
 def pack(type_name: str, layout: Layout, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -33,24 +56,30 @@ def unpack(type_name: str, layout: Layout, message: Any, sizes: Mapping[str, int
     return {name: _unpacked(type_name, name, shape, getattr(message, name), known) for name, shape in layout.items()}
 
 
-def _packed(type_name: str, name: str, shape: tuple[str | int, ...], value: Any, sizes: dict[str, int]) -> Any:
+def _packed(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[str, int]) -> Any:
     kind = element_types(type_name)[name]
     array = np.empty(len(value)) if kind == "string" else np.asarray(value)
-    expected = tuple(
-        sizes.setdefault(key, actual) if isinstance(key, str) else key
-        for key, actual in zip(shape, array.shape, strict=False)
-    )
+    if isinstance(shape, MayBeEmpty) and _says_nothing(array, shape, sizes):
+        return np.zeros(0, dtype=kind)
+    expected = tuple(_size(key, sizes, actual) for key, actual in zip(shape, array.shape, strict=False))
     if array.shape != expected or array.ndim != len(shape):
         raise ValueError(f"{type_name}.{name}: shape {array.shape}, expected {_text(shape, sizes)}")
     return [str(item) for item in value] if kind == "string" else array.ravel().astype(kind, copy=False)
 
 
-def _unpacked(type_name: str, name: str, shape: tuple[str | int, ...], value: Any, sizes: dict[str, int]) -> Any:
-    unknown = [key for key in shape if isinstance(key, str) and key not in sizes]
+def _says_nothing(array: Any, shape: Shape, sizes: dict[str, int]) -> bool:
+    """Whether an array has no values, or NaN alone where its size is known without it."""
+    return not array.size or (_is_known(shape, sizes) and bool(np.isnan(array).all()))
+
+
+def _unpacked(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[str, int]) -> Any:
+    unknown = [key for key in shape if not _is_known((key,), sizes)]
     if unknown:
-        rest = math.prod(sizes[key] if isinstance(key, str) else key for key in shape if key not in unknown)
-        sizes[unknown[0]] = len(value) // rest if rest else 0
-    expected = tuple(sizes[key] if isinstance(key, str) else key for key in shape)
+        rest = math.prod(_size(key, sizes) for key in shape if key not in unknown)
+        sizes[str(unknown[0])] = len(value) // rest if rest else 0
+    expected = tuple(_size(key, sizes) for key in shape)
+    if isinstance(shape, MayBeEmpty) and not len(value):
+        return np.zeros(0)
     if math.prod(expected) != len(value):
         raise InputError(
             f"{type_name}.{name}: {len(value)} values, expected shape {_text(shape, sizes)};"
@@ -61,8 +90,25 @@ def _unpacked(type_name: str, name: str, shape: tuple[str | int, ...], value: An
     return np.array(value).reshape(expected)
 
 
-def _text(shape: tuple[str | int, ...], sizes: Mapping[str, int]) -> str:
-    return "(" + " x ".join(f"{key}={sizes.get(key, '?')}" if isinstance(key, str) else str(key) for key in shape) + ")"
+def _size(key: str | int, sizes: dict[str, int], actual: int = 0) -> int:
+    """A dimension's size; ``actual`` becomes that of a new letter."""
+    if isinstance(key, int):
+        return key
+    if key.endswith("+1"):
+        return sizes[key.removesuffix("+1")] + 1
+    return sizes.setdefault(key, actual)
+
+
+def _is_known(shape: Shape, sizes: dict[str, int]) -> bool:
+    return all(isinstance(key, int) or key.removesuffix("+1") in sizes for key in shape)
+
+
+def _text(shape: Shape, sizes: dict[str, int]) -> str:
+    return "(" + " x ".join(_text_of(key, sizes) for key in shape) + ")"
+
+
+def _text_of(key: str | int, sizes: dict[str, int]) -> str:
+    return f"{key}={_size(key, sizes) if _is_known((key,), sizes) else '?'}" if isinstance(key, str) else str(key)
 
 
 @cache
@@ -73,3 +119,19 @@ def element_types(type_name: str) -> dict[str, str]:
         if isinstance(detail, tuple) and isinstance(detail[0], tuple):
             arrays[name] = str(detail[0][1][0] if isinstance(detail[0][1], tuple) else detail[0][1])
     return arrays
+
+
+@cache
+def plain_types(type_name: str) -> dict[str, Callable[[Any], Any]]:
+    """Python type of every field of a message that is a number, a truth value or a text."""
+    return {
+        name: _python_type(detail[0])
+        for name, (node, detail) in typestore().fielddefs[type_name][1]
+        if node == Nodetype.BASE
+    }
+
+
+def _python_type(name: str) -> Callable[[Any], Any]:
+    if name in ("bool", "string"):
+        return {"bool": bool, "string": str}[name]
+    return float if name.startswith("float") else int

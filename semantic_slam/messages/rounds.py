@@ -7,10 +7,12 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, columns
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.messages.layout import Layout, pack, unpack
+from semantic_slam.messages.layout import Layout, MayBeEmpty, contents, filled, unpack
 from semantic_slam.messages.measurements import measurements_from_message, measurements_to_message
+from semantic_slam.messages.objects import object_layout
 from semantic_slam.messages.standard import (
     covariance_matrix,
     covariance_pose_message,
@@ -18,13 +20,16 @@ from semantic_slam.messages.standard import (
     header_stamp_ns,
     pose_vector,
 )
-from semantic_slam.messages.typestore import message_class
 
 RUN_TYPE = "semantic_slam_msgs/msg/RunConfiguration"
 KEYFRAME_TYPE = "semantic_slam_msgs/msg/Keyframe"
 CANDIDATES_TYPE = "semantic_slam_msgs/msg/Candidates"
 COMMIT_TYPE = "semantic_slam_msgs/msg/Commit"
 COMPONENTS_TYPE = "semantic_slam_msgs/msg/Components"
+
+RUN_LAYOUT: Layout = {"class_names": ("C",)}
+
+KEYFRAME_LAYOUT: Layout = {"odometry_slopes": MayBeEmpty((3, 2))}
 
 CANDIDATES_LAYOUT: Layout = {
     "ids": ("K",),
@@ -63,53 +68,39 @@ COMPONENTS_LAYOUT: Layout = {
     "poses": ("S", 7),
     "pose_covariances": ("S", 6, 6),
     "object_ids": ("O",),
-    "object_poses": ("S", "O", 7),
-    "object_covariances": ("S", "O", 6, 6),
-    "class_probabilities": ("S", "O", "C"),
-    "mutual_information": ("S", "O"),
-    "in_coverage": ("S", "O"),
-    "forgotten_views": ("S", "O"),
-    "existence": ("S", "O"),
+    **object_layout("S", "O"),
     "lost_ids": ("X",),
     "lost_reasons": ("X",),
-    "descriptors": ("S", "O", "L"),
-    "descriptor_variances": ("S", "O", "L"),
 }
 
 
 def run_to_message(value: RunConfiguration) -> Any:
-    return message_class(RUN_TYPE)(
+    return filled(
+        RUN_TYPE,
+        RUN_LAYOUT,
+        vars(value),
         header=header_message(value.stamp_ns, "map"),
-        run_id=value.run_id,
-        configuration=value.configuration,
-        map_prior=value.map_prior,
         initial_pose=covariance_pose_message(value.initial_pose, value.initial_covariance),
-        class_names=list(value.class_names),
-        source=value.source,
-        revision=value.revision,
     )
 
 
 def run_from_message(message: Any) -> RunConfiguration:
     return RunConfiguration(
-        run_id=message.run_id,
         stamp_ns=header_stamp_ns(message),
-        configuration=message.configuration,
-        map_prior=message.map_prior,
         initial_pose=pose_vector(message.initial_pose.pose),
         initial_covariance=covariance_matrix(message.initial_pose),
-        class_names=tuple(message.class_names),
-        source=message.source,
-        revision=message.revision,
+        **contents(RUN_TYPE, RUN_LAYOUT, message),
     )
 
 
 def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
     """Keyframe of the run ``run_id``."""
-    return message_class(KEYFRAME_TYPE)(
+    slopes = np.zeros(0) if value.odometry_slopes is None else value.odometry_slopes
+    return filled(
+        KEYFRAME_TYPE,
+        KEYFRAME_LAYOUT,
+        {"run_id": run_id, "keyframe": value.index, "odometry_slopes": slopes},
         header=header_message(value.stamp_ns, "map"),
-        run_id=run_id,
-        keyframe=int(value.index),
         odometry=covariance_pose_message(value.odometry, value.odometry_covariance),
         measurements=measurements_to_message(value.measurements),
     )
@@ -117,49 +108,33 @@ def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
 
 def keyframe_from_message(message: Any) -> Keyframe:
     """The keyframe without the id of its run, which is ``message.run_id``."""
+    slopes = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)["odometry_slopes"]
     return Keyframe(
         index=int(message.keyframe),
         stamp_ns=header_stamp_ns(message),
         odometry=pose_vector(message.odometry.pose),
         odometry_covariance=covariance_matrix(message.odometry),
         measurements=measurements_from_message(message.measurements),
+        odometry_slopes=slopes if slopes.size else None,
     )
 
 
 def candidates_to_message(value: Candidates) -> Any:
-    return message_class(CANDIDATES_TYPE)(
-        run_id=value.run_id,
-        keyframe=int(value.keyframe),
-        backend_id=int(value.backend_id),
-        **pack(CANDIDATES_TYPE, CANDIDATES_LAYOUT, vars(value)),
-    )
+    return filled(CANDIDATES_TYPE, CANDIDATES_LAYOUT, vars(value))
 
 
 def candidates_from_message(message: Any) -> Candidates:
-    return Candidates(
-        run_id=message.run_id,
-        keyframe=int(message.keyframe),
-        backend_id=int(message.backend_id),
-        **unpack(CANDIDATES_TYPE, CANDIDATES_LAYOUT, message),
-    )
+    return Candidates(**contents(CANDIDATES_TYPE, CANDIDATES_LAYOUT, message))
 
 
 def components_to_message(value: Components) -> Any:
-    return message_class(COMPONENTS_TYPE)(
-        run_id=value.run_id,
-        keyframe=int(value.keyframe),
-        backend_id=int(value.backend_id),
-        **pack(COMPONENTS_TYPE, COMPONENTS_LAYOUT, vars(value)),
-    )
+    return filled(COMPONENTS_TYPE, COMPONENTS_LAYOUT, vars(value) | columns(value.objects))
 
 
 def components_from_message(message: Any) -> Components:
-    return Components(
-        run_id=message.run_id,
-        keyframe=int(message.keyframe),
-        backend_id=int(message.backend_id),
-        **unpack(COMPONENTS_TYPE, COMPONENTS_LAYOUT, message),
-    )
+    values = contents(COMPONENTS_TYPE, COMPONENTS_LAYOUT, message)
+    objects = ObjectTable(**{name: values.pop(name) for name in QUANTITIES})
+    return Components(objects=objects, **values)
 
 
 def commit_to_message(value: Commit) -> Any:
@@ -177,16 +152,14 @@ def commit_to_message(value: Commit) -> Any:
         "lineage_associations": list(chain.from_iterable(step.association for step in lineage)),
         "lineage_class_assignments": list(chain.from_iterable(step.class_assignment for step in lineage)),
     }
-    return message_class(COMMIT_TYPE)(
-        run_id=value.run_id, keyframe=int(value.keyframe), **pack(COMMIT_TYPE, COMMIT_LAYOUT, arrays)
-    )
+    return filled(COMMIT_TYPE, COMMIT_LAYOUT, arrays)
 
 
 def commit_from_message(message: Any) -> Commit:
-    arrays = unpack(COMMIT_TYPE, COMMIT_LAYOUT, message)
+    arrays = contents(COMMIT_TYPE, COMMIT_LAYOUT, message)
     return Commit(
-        run_id=message.run_id,
-        keyframe=int(message.keyframe),
+        run_id=arrays["run_id"],
+        keyframe=arrays["keyframe"],
         ids=arrays["ids"],
         parent_ids=arrays["parent_ids"],
         steps=tuple(

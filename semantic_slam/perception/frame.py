@@ -1,9 +1,13 @@
 """What a camera delivers at one instant: image, depth, intrinsics and a detector's boxes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
+from semantic_slam.geometry.row_selection import with_rows
 
 
 @dataclass(frozen=True)
@@ -20,19 +24,44 @@ class CameraModel:
     frame_id: str = "camera_optical_frame"  # optical frame: z forward, x right, y down (REP-103)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Detections:
-    """A detector's boxes in one image; D rows each."""
+    """What a detector found at one instant; D rows each, C classes, E components of an embedding.
+
+    Arrays of floats from ``class_scores`` on may be left out, and are NaN then (embeddings: without components).
+    """
 
     stamp_ns: int  # of the image
-    frame_id: str  # the camera's optical frame
-    boxes: NDArray[np.float64]  # (D, 4) x_min y_min x_max y_max, pixels
+    frame_id: str  # the camera's optical frame; of places without a picture the body's
+    boxes: Array  # (D, 4) x_min y_min x_max y_max, pixels; NaN: no box
     labels: tuple[str, ...]  # "" when the detector gives none
-    scores: NDArray[np.float64]  # (D,) 0..1
+    scores: Array  # (D,) 0..1
     track_ids: tuple[str, ...]  # "" when unknown
+    class_names: tuple[str, ...] = ()  # (C,) of class_scores
+    class_scores: Array = field(default_factory=left_out)  # (D, C) 0..1, NaN where not reported
+    embeddings: Array = field(default_factory=left_out)  # (D, E) appearance, in the detector's own units
+    positions: Array = field(default_factory=left_out)  # (D, 3) x y z in the body frame, metres
+    position_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) of them
+    ranges_m: Array = field(default_factory=left_out)  # (D,) from the body's origin
+    bearings_rad: Array = field(default_factory=left_out)  # (D,) in the body frame, counter-clockwise from x
+    elevations_rad: Array = field(
+        default_factory=left_out
+    )  # (D,) how far the line of sight points down in the body frame
+    place_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) of range, bearing, elevation
+
+    def __post_init__(self) -> None:
+        rows = len(self)
+        shapes: dict[str, tuple[int, ...]] = {name: (rows,) for name in ("ranges_m", "bearings_rad", "elevations_rad")}
+        shapes |= {name: (rows, 3, 3) for name in ("position_covariances", "place_covariances")}
+        shapes |= {"positions": (rows, 3), "class_scores": (rows, len(self.class_names)), "embeddings": (rows, 0)}
+        fill_left_out(self, shapes)
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def take(self, rows: Index) -> "Detections":
+        """Some of the detections."""
+        return with_rows(self, rows, whole=("stamp_ns", "frame_id", "class_names"))
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,28 @@
 """The semantic measurements of one frame: what perception hands to inference."""
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
+from semantic_slam.geometry.row_selection import with_rows
+
+OF_THE_FRAME = frozenset(
+    {"stamp_ns", "sequence", "frame_id", "class_names", "sensor_position", "dropped", "free_range_scan"}
+)
+"""Fields of :class:`SemanticMeasurements` without a row per detection."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SemanticMeasurements:
-    """D detections, T dropout passes, C classes, F feature components."""
+    """D detections, T dropout passes, C classes, F feature components, E components of an embedding."""
 
     stamp_ns: int
     sequence: int  # 0, 1, 2, ... one per detection message
     frame_id: str  # the robot's body frame, base_link
-    class_names: tuple[str, ...]  # (C,)
+    class_names: tuple[str, ...]  # (C,) of class_probability_samples and of class_scores
     detection_ids: NDArray[np.uint32]  # (D,)
     boxes: Array  # (D, 4) pixels
     labels: tuple[str, ...]  # (D,)
@@ -33,40 +39,28 @@ class SemanticMeasurements:
     sensor_position: Array  # (3,) camera in the body frame, metres
     in_coverage: NDArray[np.bool_]  # (D,)
     dropped: int = 0  # inputs the classifier has not used so far
-    free_range_scan: Array = field(
-        default_factory=lambda: np.zeros((0, 2))
-    )  # (B, 2) bearing [rad], range [m] of the farthest
-    # surface that the depth image shows in each direction, from the body's origin; none without depth
-    elevations_rad: Array = field(default_factory=lambda: np.zeros(0))  # (D,) how far the camera looks down on the
+    free_range_scan: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (B, 2) bearing [rad], range [m] of the
+    # farthest surface that the depth image shows in each direction, from the body's origin; none without depth
+    elevations_rad: Array = field(default_factory=left_out)  # (D,) how far the camera looks down on the
     # centre of the box, in the body frame; left out: level
+    place_covariances: Array = field(
+        default_factory=left_out
+    )  # (D, 3, 3) of [range, bearing, elevation]; left out: NaN
+    class_scores: Array = field(default_factory=left_out)  # (D, C) the detector's score of every class; left out: NaN
+    embeddings: Array = field(
+        default_factory=left_out
+    )  # (D, E) the detector's appearance vector; left out: without components
 
     def __post_init__(self) -> None:
+        rows = len(self)
         if not len(self.elevations_rad):
-            object.__setattr__(self, "elevations_rad", np.zeros(len(self)))
+            object.__setattr__(self, "elevations_rad", np.zeros(rows))
+        shapes = {"class_scores": (rows, len(self.class_names)), "embeddings": (rows, 0)}
+        fill_left_out(self, shapes | {"place_covariances": (rows, 3, 3)})
 
     def __len__(self) -> int:
         return len(self.detection_ids)
 
-    def take(self, rows: NDArray[np.int_]) -> "SemanticMeasurements":
+    def take(self, rows: Index) -> "SemanticMeasurements":
         """Some of the detections."""
-        some: dict[str, Any] = {name: getattr(self, name)[rows] for name in OF_DETECTIONS}
-        some |= {name: tuple(getattr(self, name)[row] for row in rows) for name in ("labels", "track_ids")}
-        return replace(self, **some)
-
-
-OF_DETECTIONS = (
-    "detection_ids",
-    "boxes",
-    "scores",
-    "class_probability_samples",
-    "features",
-    "feature_covariances",
-    "predictive_entropy",
-    "mutual_information",
-    "ranges_m",
-    "bearings_rad",
-    "geometric_covariances",
-    "in_coverage",
-    "elevations_rad",
-)
-"""Arrays with a row per detection."""
+        return with_rows(self, rows, whole=OF_THE_FRAME)

@@ -5,7 +5,7 @@ from collections import Counter
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.world.map_prior import MapPrior
@@ -22,7 +22,7 @@ class InferenceStage:
     ) -> None:
         self._configuration, self._prior, self._source = configuration, prior, source
         self._estimate, self._num_backends = preamble.initial_pose, num_backends
-        self._manager: HypothesisManager | None = None
+        self._manager: Engine | None = None
 
     @property
     def lost(self) -> Counter[str]:
@@ -35,7 +35,7 @@ class InferenceStage:
             self._manager = self._start(keyframe.stamp_ns, writer)
         writer.write(topics.BELIEF, self._manager.process(keyframe), keyframe.stamp_ns)
 
-    def _start(self, stamp_ns: int, writer: BagWriter) -> HypothesisManager:
+    def _start(self, stamp_ns: int, writer: BagWriter) -> Engine:
         pose, covariance = initial_pose_of(self._configuration)
         if self._estimate is not None:
             pose, covariance = self._estimate.pose, self._estimate.covariance
@@ -49,4 +49,4 @@ class InferenceStage:
             revision=revision(),
         )
         writer.write(topics.RUN_CONFIGURATION, run, stamp_ns)
-        return HypothesisManager(run, InProcessPool(self._num_backends))
+        return Engine(run, InProcessPool(self._num_backends))

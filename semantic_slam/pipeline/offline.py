@@ -1,6 +1,6 @@
 """The whole pipeline in this process: from an input bag to a belief bag.
 
-bag -> FrameAssembler -> Classifier -> KeyframeAssembler -> HypothesisManager -> belief bag; the parts are the nodes'.
+bag -> FrameAssembler -> Classifier -> KeyframeAssembler -> Engine -> belief bag; the parts are the nodes'.
 """
 
 from collections import Counter

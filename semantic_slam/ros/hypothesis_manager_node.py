@@ -18,7 +18,7 @@ from typing import Any
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
@@ -56,7 +56,7 @@ class HypothesisManagerNode(PipelineNode):
         self._source = _source(source_bag)
         self._assembler = KeyframeAssembler(self._configuration, has_identities=self._wants_identities)
         self._initial_pose: PoseEstimate | None = None
-        self._manager: HypothesisManager | None = None
+        self._manager: Engine | None = None
         self._undecodable: Counter[str] = Counter()
         self._frames_measured = self._frames_lost = self._num_keyframes = self._announced = self._stamp_ns = 0
         self._status = dropped_status(self._undecodable)  # replaced by the worker, published by the executor
@@ -128,7 +128,7 @@ class HypothesisManagerNode(PipelineNode):
             self._status = dropped_status(self._assembler.dropped + self._undecodable + lost)
         self._announce(finished=False)
 
-    def _start(self, stamp_ns: int) -> HypothesisManager:
+    def _start(self, stamp_ns: int) -> Engine:
         pose, covariance = initial_pose_of(self._configuration)
         if self._initial_pose is not None:
             pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
@@ -141,7 +141,7 @@ class HypothesisManagerNode(PipelineNode):
             source=self._source,
             revision=revision(),
         )
-        return HypothesisManager(run, self._pool)
+        return Engine(run, self._pool)
 
     def _classifier_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])

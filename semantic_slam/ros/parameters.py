@@ -10,7 +10,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 
-from semantic_slam.configuration import Configuration, from_dict
+from semantic_slam.configuration import Configuration, choices_of, from_dict
 from semantic_slam.errors import InputError
 
 SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
@@ -65,8 +65,8 @@ def descriptor(item: Any, default: Any) -> ParameterDescriptor:
     """Description and limits of a field. Typing is dynamic so that ``1`` may stand for ``1.0``."""
     limits = item.metadata
     result = ParameterDescriptor(description=limits["description"], read_only=True, dynamic_typing=True)
-    if "choices" in limits:
-        result.additional_constraints = "one of " + ", ".join(limits["choices"])
+    if choices_of(item):
+        result.additional_constraints = "one of " + ", ".join(choices_of(item))
     if "minimum" in limits or "maximum" in limits:
         low, high = limits.get("minimum", -math.inf), limits.get("maximum", math.inf)
         if isinstance(default, float):

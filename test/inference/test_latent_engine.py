@@ -8,13 +8,15 @@ import pytest
 from worlds.harmonic_model import HarmonicModel
 from worlds.latent_world import MODEL, make_latent_world
 from worlds.planar_world import OBJECTS
+from worlds.solved_candidates import candidates_of
 
 from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.association.closed_keyframe import predict
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.engine import HypothesisManager
-from semantic_slam.inference.evidence.keyframe_problem import Assignments, KeyframeProblem, search_start
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, search_start
 from semantic_slam.inference.evidence.laplace import find_modes
-from semantic_slam.inference.expander import predict
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_factor import exact_factor
 from semantic_slam.inference.models.latent_observation import LatentObservation
@@ -26,7 +28,7 @@ from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.protocol import Commit
 from semantic_slam.inference.semantics.descriptor_joint import _root
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
-from semantic_slam.inference.semantics.interface import SemanticInput
+from semantic_slam.inference.semantics.interface import NoSemantics, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import ROOT_ID
@@ -60,10 +62,17 @@ def moment_of(robot_sigma_rad: float, seed: int) -> SemanticInput:
     detection = PlanarDetection(float(np.hypot(*seen)), bearing, covariance, np.zeros(2), value, none)
     step = Step(0, 1, motion, [detection], np.zeros(1, np.uint32), np.ones(1), ("",), np.ones(1, dtype=bool))
     predicted = predict([component], motion, [0], [{}])
-    rows = Assignments(np.zeros(1, int), np.zeros((1, 1), int))
+    rows = Assignments(parents=np.zeros(1, int), objects=np.zeros((1, 1), int))
     stack = KeyframeProblem.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
     mode = find_modes(stack, search_start(stack))
-    return SemanticInput(step, [component], stack, mode, np.array([0]), [0], np.log(np.full((1, 2), 0.5)), [{}])
+    return SemanticInput(
+        step=step,
+        parents=[component],
+        candidates=candidates_of(stack, mode),
+        used=np.array([0]),
+        log_class_prior=np.log(np.full((1, 2), 0.5)),
+        new=[{}],
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -90,7 +99,7 @@ def test_evidence_against_a_numerical_integral(robot_sigma_rad: float, seed: int
 
 def run_world(num_keyframes: int, **settings):
     world = make_latent_world(num_keyframes, **settings)
-    manager = HypothesisManager(world.run, (pool := _Pool(world.problem)), world.problem)
+    manager = Engine(world.run, (pool := _Pool(world.problem)), world.problem)
     beliefs = [manager.process(frame) for frame in world.keyframes]
     return world, manager, pool.backend, beliefs
 
@@ -196,14 +205,14 @@ def test_a_component_is_rebuilt_from_its_lineage(drive) -> None:
         other.expand(frame)
         other.committed = frame.index
     commit = Commit(
-        world.run.run_id,
-        len(world.keyframes) - 1,
-        np.array([number], np.uint64),
-        np.array([live.parent_id], np.uint64),
-        live.lineage[-1:],
-        np.zeros(1),
-        np.ones(1, np.uint32),
-        (live.lineage[:-1],),
+        run_id=world.run.run_id,
+        keyframe=len(world.keyframes) - 1,
+        ids=np.array([number], np.uint64),
+        parent_ids=np.array([live.parent_id], np.uint64),
+        steps=live.lineage[-1:],
+        log_weights=np.zeros(1),
+        owners=np.ones(1, np.uint32),
+        lineages=(live.lineage[:-1],),
     )
     answer = other.commit(commit)
     assert answer is not None and list(answer.ids) == [number]
@@ -216,8 +225,8 @@ def test_a_component_is_rebuilt_from_its_lineage(drive) -> None:
 def test_features_tell_hypotheses_apart() -> None:
     """The same drive without features stays ambiguous longer than with them."""
     world, _, _, beliefs = run_world(3)
-    blind = replace(world.problem, semantics=None, latent=None)
-    manager = HypothesisManager(world.run, _Pool(blind), blind)
+    blind = replace(world.problem, semantics=NoSemantics(), latent=None)
+    manager = Engine(world.run, _Pool(blind), blind)
     plain = [manager.process(frame) for frame in world.keyframes]
     assert beliefs[0].association_entropy < plain[0].association_entropy
 

@@ -8,14 +8,14 @@ from worlds.planar_world import OBJECTS
 
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.geometry.se2 import between
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.keys import descriptor_key
 
 
 def run(world):
     pool = InProcessPool(1, world.problem)
-    manager = HypothesisManager(world.run, pool, world.problem)
+    manager = Engine(world.run, pool, world.problem)
     return [manager.process(frame) for frame in world.keyframes], manager, pool
 
 

@@ -34,7 +34,13 @@ def make_recording(model, num_keyframes: int = 12) -> Recording:
     """A robot sways before three objects, each of which looks as its class model says; no noise but the network's."""
     truth = np.array([[0.1 * k, 0.1 * np.sin(k), 0.1 * np.sin(0.7 * k)] for k in range(num_keyframes)])
     keyframes = tuple(
-        Keyframe(k, k + 1, pose_vector_from_planar(np.zeros(3)), np.eye(6), measured(model, k, pose))
+        Keyframe(
+            index=k,
+            stamp_ns=k + 1,
+            odometry=pose_vector_from_planar(np.zeros(3)),
+            odometry_covariance=np.eye(6),
+            measurements=measured(model, k, pose),
+        )
         for k, pose in enumerate(truth)
     )
     labels = (("1", "2", "3"),) * num_keyframes

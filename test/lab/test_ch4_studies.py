@@ -25,7 +25,7 @@ from semantic_slam_lab.studies.ch4.simulation import features, simulate
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry import se2
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 FIELDS = (
@@ -126,9 +126,9 @@ def test_semantics_disambiguate_a_run() -> None:
 
 def test_a_lost_run_is_counted_and_leaves_no_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     """From where every hypothesis is gone there is no estimate, and no probability for the truth."""
-    process = HypothesisManager.process
+    process = Engine.process
 
-    def fails_at_three(manager: HypothesisManager, step: object) -> object:
+    def fails_at_three(manager: Engine, step: object) -> object:
         if step.index == 3:
             raise SemanticSlamError("no candidate explains the measurements")
         return process(manager, step)
@@ -136,7 +136,7 @@ def test_a_lost_run_is_counted_and_leaves_no_numbers(monkeypatch: pytest.MonkeyP
     run = statistics.simulated_run("given", 0, 0)
     method = Method(0.25, weights="laplace")
     whole = row_of(follow(run, method, 0), 10)
-    monkeypatch.setattr(HypothesisManager, "process", fails_at_three)
+    monkeypatch.setattr(Engine, "process", fails_at_three)
     lost = follow(run, method, 0)
     assert len(lost.moments) == 3 and lost.fault == "k = 4: no candidate explains the measurements"
     found = summary([whole, row_of(lost, 10)])

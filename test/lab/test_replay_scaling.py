@@ -36,11 +36,11 @@ def test_a_replay_out_of_time_keeps_what_it_reached() -> None:
 def test_beliefs_differ_by_their_largest_difference() -> None:
     from semantic_slam_lab.grid.run import keyframes_of, run_of
 
-    from semantic_slam.inference.engine import HypothesisManager
+    from semantic_slam.inference.engine import Engine
     from semantic_slam.inference.pool import InProcessPool
 
     world = world_of(10, 1, seed=0)
-    belief = HypothesisManager(run_of(world), InProcessPool(1)).process(keyframes_of(world)[0])
+    belief = Engine(run_of(world), InProcessPool(1)).process(keyframes_of(world)[0])
     unknown = dataclasses.replace(belief, existence=np.full_like(belief.existence, np.nan))
     assert belief_difference(belief, belief) == belief_difference(unknown, unknown) == 0.0
     assert belief_difference(belief, unknown) == np.inf

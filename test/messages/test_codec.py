@@ -1,13 +1,15 @@
 """Every dataclass survives the way over a message and its bytes, value for value."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from worlds.same_values import assert_same
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.messages.codec import BY_TYPE_NAME, CODECS, decode, encode, from_message, to_message
@@ -26,8 +28,9 @@ def numbers(*shape, dtype=np.float64, start=1):
 
 def detections(n=2):
     return Detections(
-        STAMP, "camera_optical_frame", numbers(n, 4), ("cup", "") * (n // 2), numbers(n) / 10, ("7", "") * (n // 2)
-    )
+        stamp_ns=STAMP, frame_id="camera_optical_frame", boxes=numbers(n, 4), labels=("cup", "") * (n // 2),
+        scores=numbers(n) / 10, track_ids=("7", "") * (n // 2),
+    )  # fmt: skip
 
 
 def measurements(d=2, t=3, c=4, f=2):
@@ -62,34 +65,35 @@ def belief(h=2, d=3, o=2, c=3, length=0):
 
 def candidates(k=2, d=3, p=1):
     return Candidates(
-        "run", 4, 1, numbers(k, dtype=np.uint64), numbers(k, dtype=np.uint64), numbers(k, d, dtype=np.int32),
-        numbers(k, d, dtype=np.int32) - 2, numbers(k, dtype=np.uint16), numbers(k), np.full(k, np.nan),
-        numbers(k, 7), numbers(k, 6, 6), numbers(k, d, 7), numbers(k, d, 6, 6), numbers(p, dtype=np.uint64),
-        np.full(p, -np.inf),
+        run_id="run", keyframe=4, backend_id=1, ids=numbers(k, dtype=np.uint64), parent_ids=numbers(k, dtype=np.uint64),
+        associations=numbers(k, d, dtype=np.int32), class_assignments=numbers(k, d, dtype=np.int32) - 2,
+        modes=numbers(k, dtype=np.uint16), log_weights=numbers(k), effective_sample_sizes=np.full(k, np.nan),
+        poses=numbers(k, 7), pose_covariances=numbers(k, 6, 6), object_poses=numbers(k, d, 7),
+        object_covariances=numbers(k, d, 6, 6), expanded_parent_ids=numbers(p, dtype=np.uint64),
+        log_mass_not_enumerated=np.full(p, -np.inf),
     )  # fmt: skip
 
 
 def components(s=2, o=3, lost=1, length=0):
+    objects = ObjectTable(
+        object_poses=numbers(s, o, 7), object_covariances=numbers(s, o, 6, 6),
+        class_probabilities=numbers(s, o, 4 if s and o else 0), mutual_information=numbers(s, o),
+        in_coverage=numbers(s, o) > 1, forgotten_views=numbers(s, o, dtype=np.uint32), existence=numbers(s, o),
+        descriptors=numbers(s, o, length), descriptor_covariances=numbers(s, o, length),
+    )  # fmt: skip
     return Components(
-        "run", 4, 1, numbers(s, dtype=np.uint64), numbers(s, 7), numbers(s, 6, 6), numbers(o, dtype=np.uint32),
-        numbers(s, o, 7), numbers(s, o, 6, 6), numbers(s, o, 4 if s and o else 0), numbers(s, o),
-        numbers(s, o) > 1, numbers(s, o, dtype=np.uint32), numbers(s, o),
-        numbers(lost, dtype=np.uint64), ("an update failed",) * lost, numbers(s, o, length), numbers(s, o, length),
+        run_id="run", keyframe=4, backend_id=1, ids=numbers(s, dtype=np.uint64), poses=numbers(s, 7),
+        pose_covariances=numbers(s, 6, 6), object_ids=numbers(o, dtype=np.uint32), objects=objects,
+        lost_ids=numbers(lost, dtype=np.uint64), lost_reasons=("an update failed",) * lost,
     )  # fmt: skip
 
 
 def commit(steps, lineages):
     s = len(steps)
     return Commit(
-        "run",
-        4,
-        numbers(s, dtype=np.uint64),
-        numbers(s, dtype=np.uint64),
-        steps,
-        -numbers(s),
-        numbers(s, dtype=np.uint32),
-        lineages,
-    )
+        run_id="run", keyframe=4, ids=numbers(s, dtype=np.uint64), parent_ids=numbers(s, dtype=np.uint64), steps=steps,
+        log_weights=-numbers(s), owners=numbers(s, dtype=np.uint32), lineages=lineages,
+    )  # fmt: skip
 
 
 VALUES = {
@@ -113,28 +117,16 @@ VALUES = {
     ),
     "commit without detections": commit((LineageStep((), ()),) * 2, ((), ())),
     "no commit": commit((), ()),
-    "run": RunConfiguration("id", STAMP, "{}", "", numbers(7), numbers(6, 6), ("a", "b"), '{"path": "x"}', "1"),
+    "run": RunConfiguration(
+        run_id="id", stamp_ns=STAMP, configuration="{}", map_prior="", initial_pose=numbers(7),
+        initial_covariance=numbers(6, 6), class_names=("a", "b"), source='{"path": "x"}', revision="1",
+    ),
     "objects": GroundTruthObjects(STAMP, ("1", "2"), ("cup", "box"), numbers(2, 7)),
     "associations": GroundTruthAssociations(STAMP, ("1", "")),
     "progress": ReplayProgress(STAMP, 12, True),
     "pose": PoseEstimate(STAMP, "map", numbers(7), numbers(6, 6)),
     "odometry": OdometryEstimate(STAMP, "odom", "base_link", numbers(7), numbers(6, 6)),
 }  # fmt: skip
-
-
-def assert_same(found, expected):
-    assert type(found) is type(expected)
-    for item in fields(expected):
-        a, b = getattr(found, item.name), getattr(expected, item.name)
-        assert type(a) is type(b), item.name
-        if isinstance(b, np.ndarray):
-            assert a.dtype == b.dtype, item.name
-        if item.name == "measurements":
-            assert_same(a, b)
-        elif isinstance(b, np.ndarray | float):
-            np.testing.assert_array_equal(a, b, err_msg=item.name)
-        else:
-            assert a == b, item.name
 
 
 @pytest.mark.parametrize("name", VALUES)
@@ -144,7 +136,9 @@ def test_round_trip(name):
 
 
 def test_round_trip_of_a_keyframe_with_its_run_id():
-    keyframe = Keyframe(3, STAMP, numbers(7), numbers(6, 6), measurements())
+    keyframe = Keyframe(
+        index=3, stamp_ns=STAMP, odometry=numbers(7), odometry_covariance=numbers(6, 6), measurements=measurements()
+    )
     message = to_message(keyframe, run_id="run")
     assert message.run_id == "run"
     assert_same(from_message(message), keyframe)

@@ -60,7 +60,14 @@ def test_has_torchvisions_keys_and_size() -> None:
 
 def test_chosen_components_are_the_features(weights_file: Path) -> None:
     image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
-    detections = Detections(0, "camera", np.array([[10.0, 10.0, 200.0, 200.0]]), ("thing",), np.ones(1), ("",))
+    detections = Detections(
+        stamp_ns=0,
+        frame_id="camera",
+        boxes=np.array([[10.0, 10.0, 200.0, 200.0]]),
+        labels=("thing",),
+        scores=np.ones(1),
+        track_ids=("",),
+    )
     frame = Frame(0, image, None, CameraModel(320, 240, 250.0, 250.0, 160.0, 120.0), detections)
     forward = np.array([0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5])
     classifier = Classifier(configured(weights_file))

@@ -39,12 +39,12 @@ def frame(boxes: list[list[float]], labels: list[str] | None = None, stamp_ns: i
     image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
     count = len(boxes)
     detections = Detections(
-        stamp_ns,
-        "camera",
-        np.array(boxes, dtype=np.float64).reshape(count, 4),
-        tuple(labels or ["furniture"] * count),
-        np.full(count, 0.9),
-        ("",) * count,
+        stamp_ns=stamp_ns,
+        frame_id="camera",
+        boxes=np.array(boxes, dtype=np.float64).reshape(count, 4),
+        labels=tuple(labels or ["furniture"] * count),
+        scores=np.full(count, 0.9),
+        track_ids=("",) * count,
     )
     return Frame(stamp_ns, image, np.full((240, 320), 2.0, dtype=np.float32), CAMERA, detections)
 

@@ -29,7 +29,7 @@ from semantic_slam.cli import bag_to_report
 from semantic_slam.configuration import load_configuration
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference import expander
-from semantic_slam.inference.smoothing.component import LostComponentError
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
@@ -253,7 +253,7 @@ def test_a_belief_bag_is_reported_as_it_is(bag, tmp_path, monkeypatch, capsys, c
 
 def test_hypotheses_given_up_are_in_the_belief_bag_even_if_none_is_left(bag, tmp_path, configuration, monkeypatch):
     monkeypatch.setattr(
-        expander, "grow_all", lambda parents, *_, in_place: [LostComponentError("not finite")] * len(parents)
+        expander, "grow", lambda parents, *_, **options: [LostComponentError("not finite")] * len(parents)
     )
     given = dataclasses.replace(configuration, association="given")
     with pytest.raises(SemanticSlamError, match="every hypothesis was lost"):

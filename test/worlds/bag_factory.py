@@ -122,7 +122,14 @@ def odometry(stamp: int, x: float, frame: str = "odom") -> OdometryEstimate:
 
 
 def detections(stamp: int, boxes: np.ndarray) -> Detections:
-    return Detections(stamp, OPTICAL, boxes, ("box",) * len(boxes), np.full(len(boxes), 0.9), ("",) * len(boxes))
+    return Detections(
+        stamp_ns=stamp,
+        frame_id=OPTICAL,
+        boxes=boxes,
+        labels=("box",) * len(boxes),
+        scores=np.full(len(boxes), 0.9),
+        track_ids=("",) * len(boxes),
+    )
 
 
 def camera_info(stamp: int) -> Any:

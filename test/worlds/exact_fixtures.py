@@ -8,7 +8,7 @@ from worlds.linear_gaussian import LinearDetection, LinearModel, StepReader
 
 from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
@@ -46,8 +46,16 @@ class Outcome:
 def run(data: dict, *, semantics: bool = True, method: str = "importance") -> Outcome:
     """Run a ``ch4_lg`` or ``ch4_se2`` fixture with pruning off."""
     problem, steps = _problem(data, semantics, method)
-    run = RunConfiguration("fixture", 0, "", "", np.zeros(7), np.zeros((6, 6)), problem.class_names)
-    manager = HypothesisManager(run, InProcessPool(1, problem), problem)
+    run = RunConfiguration(
+        run_id="fixture",
+        stamp_ns=0,
+        configuration="",
+        map_prior="",
+        initial_pose=np.zeros(7),
+        initial_covariance=np.zeros((6, 6)),
+        class_names=problem.class_names,
+    )
+    manager = Engine(run, InProcessPool(1, problem), problem)
     for step in steps:
         belief = manager.process(step)
     return _outcome(manager, belief, data["input"]["M"] if semantics else 0)
@@ -122,7 +130,7 @@ def _step(index: int, motion: Motion, frame: list[dict], given: dict, linear: bo
     )
 
 
-def _outcome(manager: HypothesisManager, belief: HybridBelief, num_classes: int) -> Outcome:
+def _outcome(manager: Engine, belief: HybridBelief, num_classes: int) -> Outcome:
     hypotheses: dict[tuple, tuple[float, float]] = {}
     associations: dict[tuple, float] = {}
     betas: list[tuple] = []

@@ -9,7 +9,7 @@ from worlds.open_room import make_room
 from worlds.planar_world import OBJECTS, make_world
 
 from semantic_slam.inference.build import problem_of
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_observation import viewpoints_in_plane
@@ -32,8 +32,8 @@ class LatentWorld:
     associations: list[tuple[int, ...]]
     descriptors: np.ndarray  # (O, L)
 
-    def manager(self) -> HypothesisManager:
-        return HypothesisManager(self.run, InProcessPool(1, self.problem), self.problem)
+    def manager(self) -> Engine:
+        return Engine(self.run, InProcessPool(1, self.problem), self.problem)
 
 
 def make_latent_world(num_keyframes: int = 12, seed: int = 0, model: HarmonicModel = MODEL, **settings) -> LatentWorld:
@@ -61,7 +61,7 @@ def make_latent_room(num_keyframes: int = 30, seed: int = 0, model: HarmonicMode
         keyframes.append(_seen(frame, x, places, looks.reshape(-1, model.num_dimensions), model, random))
     run = replace(room.run, class_names=model.class_names)
     plain = latent_problem_of(run, model)
-    problem = replace(plain, semantics=None, carried=DescriptorTables(plain.latent))
+    problem = replace(plain, semantics=DescriptorTables(plain.latent))
     return LatentWorld(run, problem, keyframes, room.truth, room.associations, descriptors)
 
 

@@ -63,7 +63,15 @@ def make_room(
         x = se2.compose(se2.compose(x, step), se2.exp(random.normal(size=3) * SIGMA_STEP))
         points, labels = _detected(x, random, detection_probability, clutter)
         odometry = (pose_vector_from_planar(step), covariance_from_planar(np.diag(SIGMA_STEP**2)))
-        keyframes.append(Keyframe(k, (k + 1) * 10**9, *odometry, _measurements(k, x, points, labels, random, semantic)))
+        keyframes.append(
+            Keyframe(
+                index=k,
+                stamp_ns=(k + 1) * 10**9,
+                odometry=odometry[0],
+                odometry_covariance=odometry[1],
+                measurements=_measurements(k, x, points, labels, random, semantic),
+            )
+        )
         truth.append(x)
         associations.append(labels)
     return Room(run, keyframes, np.array(truth), associations)

@@ -9,7 +9,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
@@ -58,7 +58,15 @@ def make_world(
         seen = _visible(x)
         measurements = _measurements(k, x, seen, random, configuration)
         odometry = (pose_vector_from_planar(STEP), covariance_from_planar(np.diag(SIGMA_STEP**2)))
-        keyframes.append(Keyframe(k, (k + 1) * 10**9, *odometry, measurements))
+        keyframes.append(
+            Keyframe(
+                index=k,
+                stamp_ns=(k + 1) * 10**9,
+                odometry=odometry[0],
+                odometry_covariance=odometry[1],
+                measurements=measurements,
+            )
+        )
         truth.append(x)
         associations.append(tuple(int(n) for n in seen))
     return World(run, keyframes, np.array(truth), associations)
@@ -128,5 +136,5 @@ def _measurements(
 
 def beliefs(world: World, num_backends: int) -> list[HybridBelief]:
     """After every keyframe, with some backends in this process."""
-    manager = HypothesisManager(world.run, InProcessPool(num_backends))
+    manager = Engine(world.run, InProcessPool(num_backends))
     return [manager.process(keyframe) for keyframe in world.keyframes]

@@ -9,7 +9,7 @@ import numpy as np
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
@@ -83,11 +83,19 @@ class Drive:
         )
         return cls(circuit, steps, problem)
 
-    def manager(self) -> HypothesisManager:
+    def manager(self) -> Engine:
         """Before the first keyframe."""
         pose, covariance = pose_vector_from_planar(self.problem.robot.mean), covariance_from_planar(np.eye(3))
-        run = RunConfiguration("bench", 0, "", "", pose, covariance, self.problem.class_names)
-        return HypothesisManager(run, InProcessPool(1, self.problem), self.problem)
+        run = RunConfiguration(
+            run_id="bench",
+            stamp_ns=0,
+            configuration="",
+            map_prior="",
+            initial_pose=pose,
+            initial_covariance=covariance,
+            class_names=self.problem.class_names,
+        )
+        return Engine(run, InProcessPool(1, self.problem), self.problem)
 
 
 def drive(quick: bool, seed: int) -> list[Row]:
@@ -107,7 +115,7 @@ def driven(model: DescriptorModel, seed: int) -> list[Row]:
         times.append(time.thread_time() - begun)
     median = 1e3 * float(np.median(times[-MEASURED:]))
     how = (
-        f"HypothesisManager.process with one backend in the same process, {OBJECTS} mapped objects, {DETECTIONS}"
+        f"Engine.process with one backend in the same process, {OBJECTS} mapped objects, {DETECTIONS}"
         f" detections of unknown association, keyframes {POSES - MEASURED + 1} to {POSES}, descriptors of"
         f" {model.num_dimensions}; against the {BUDGET_MS:g} ms of the requirement"
     )

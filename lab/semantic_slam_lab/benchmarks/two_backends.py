@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from semantic_slam.configuration import from_dict, to_dict
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam_lab.benchmarks.row import Row
 from semantic_slam_lab.grid.hypothesis_fan import TRACKED
@@ -28,7 +28,7 @@ def two_backends(quick: bool, seed: int) -> list[Row]:
     times: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
     held = []
     with ProcessPool(1) as one, ProcessPool(2) as two:
-        managers = {1: (HypothesisManager(run, one), one), 2: (HypothesisManager(run, two), two)}
+        managers = {1: (Engine(run, one), one), 2: (Engine(run, two), two)}
         for index, keyframe in enumerate(keyframes_of(world)):
             for number, (manager, pool) in managers.items():
                 before = pool.seconds, pool.busy_seconds

@@ -40,7 +40,13 @@ def keyframes_of(world: World) -> list[Keyframe]:
     """One keyframe per frame, a second apart."""
     covariance = covariance_from_planar(np.diag(world.noise.motion))
     return [
-        Keyframe(k, (k + 1) * 10**9, pose_vector_from_planar(frame.control), covariance, _measurements(k, frame, world))
+        Keyframe(
+            index=k,
+            stamp_ns=(k + 1) * 10**9,
+            odometry=pose_vector_from_planar(frame.control),
+            odometry_covariance=covariance,
+            measurements=_measurements(k, frame, world),
+        )
         for k, frame in enumerate(world.frames)
     ]
 

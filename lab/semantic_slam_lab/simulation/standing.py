@@ -159,7 +159,14 @@ class Recording:
         self._put(topics.DEPTH_COMPRESSED, encoded_image(png, ".png", stamp, CAMERA_FRAME), stamp)
         boxes = noisy_boxes(np.array([found.box for found in seen], dtype=np.float64), noise, self.rng)
         blank = ("",) * len(seen)
-        found = Detections(stamp, CAMERA_FRAME, boxes, (LABEL,) * len(seen), np.ones(len(seen)), blank)
+        found = Detections(
+            stamp_ns=stamp,
+            frame_id=CAMERA_FRAME,
+            boxes=boxes,
+            labels=(LABEL,) * len(seen),
+            scores=np.ones(len(seen)),
+            track_ids=blank,
+        )
         self._put(topics.DETECTIONS, found, stamp)
         ids = tuple(str(found.object_id) for found in seen)
         self._put(topics.GROUND_TRUTH_ASSOCIATIONS, GroundTruthAssociations(stamp, ids), stamp)

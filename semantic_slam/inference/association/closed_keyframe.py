@@ -1,4 +1,4 @@
-"""A keyframe in a world of known objects: every parent has the same ones, and their joint Gaussian is predicted whole."""
+"""A keyframe in a world of known objects: every parent has them all, and their joint Gaussian is predicted whole."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -113,12 +113,11 @@ class ClosedKeyframe:
         predicted: Array,
         existence: ExistenceUpdate,
     ) -> ComponentUpdate:
-        assert own.robot is not None and own.object_states is not None
         mode = own.posterior_modes[row] if own.posterior_modes is not None else None
         return ComponentUpdate(
             observed=self.step.observed(taken.association, taken.class_assignment, self.used),
-            objects=own.object_states[row][own.objects[row] >= 0],
-            robot=own.robot[row],
+            objects=own.column("object_states")[row][own.objects[row] >= 0],
+            robot=own.column("robot")[row],
             predicted=predicted,
             new_objects=self._new[own.parents[row]],
             existence=existence,
@@ -154,8 +153,7 @@ class ClosedKeyframe:
     def _best(self, candidates: Candidates) -> Array:
         """(P,) geometric evidence of the best association of each parent."""
         rows, best = candidates.assignments, np.full(len(self.parents), -np.inf)
-        assert rows.log_evidence is not None
-        np.maximum.at(best, rows.parents, rows.log_evidence)
+        np.maximum.at(best, rows.parents, rows.column("log_evidence"))
         return best
 
     def _enumeration(self, object_ids: Index, gate: MapGate | None) -> EnumerationProblem:

@@ -21,6 +21,7 @@ from semantic_slam.inference.world.problem import Problem
 class EnumeratedAssociation:
     """The map prior holds all objects; a detection is of one of them."""
 
+    carries_views = tracks_objects = False
     needs_map, wants_identities, counts_misses, merges_copies = True, False, False, False
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:

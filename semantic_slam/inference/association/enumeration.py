@@ -20,7 +20,6 @@ from semantic_slam.inference.association.screening import ScreenedAssignments, s
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import (
-    Assignments,
     KeyframeProblem,
     PredictedBelief,
     search_start,

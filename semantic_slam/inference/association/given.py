@@ -21,6 +21,7 @@ from semantic_slam.inference.world.problem import Problem
 class GivenAssociation:
     """Each detection names its object; a new name is a new object, and a detection without a name is clutter."""
 
+    carries_views = tracks_objects = False
     needs_map, wants_identities, counts_misses, merges_copies = False, True, False, False
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.small_matrices import forward
-from semantic_slam.inference.evidence.keyframe_problem import Assignments, KeyframeProblem, PredictedBelief
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.state_space import StateSpace
 

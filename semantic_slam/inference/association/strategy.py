@@ -72,6 +72,8 @@ class AssociationStrategy(Protocol):
     needs_map: ClassVar[bool]  # a run without a map prior is refused
     wants_identities: ClassVar[bool]  # detections carry the identity of their object
     counts_misses: ClassVar[bool]  # a frame without detections says something
+    tracks_objects: ClassVar[bool]  # objects come and go; odometry may have one of several noises, and biases
+    carries_views: ClassVar[bool]  # no map tells how objects are turned: views wait for that before they enter a graph
     merges_copies: ClassVar[bool]  # hypotheses become near copies of each other, and are merged
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
@@ -93,4 +95,4 @@ class AssociationStrategy(Protocol):
         """The component before any keyframe, under the odometry noise of that number."""
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> PredictedKeyframe:
-        """The keyframe as the parents expect it; ``path``: one continuation of one parent. Raises LostComponentError."""
+        """The keyframe as the parents expect it; ``path``: one candidate of one parent. Raises LostComponentError."""

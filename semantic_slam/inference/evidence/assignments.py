@@ -40,7 +40,8 @@ class Assignments:
 
     def take(self, selection: Any) -> "Assignments":
         """The rows of a selection, any number of times."""
-        return Assignments(**{name: None if own is None else own[selection] for name, own in vars(self).items()})
+        some: dict[str, Any] = {name: own if own is None else own[selection] for name, own in vars(self).items()}
+        return Assignments(**some)
 
     @classmethod
     def joined(cls, parts: Sequence["Assignments"]) -> "Assignments":
@@ -54,6 +55,12 @@ class Assignments:
         for name, column in columns.items():
             column[rows] = getattr(others, name)
         return self.gaining(**columns)
+
+    def column(self, name: str) -> Array:
+        """A column of numbers that is known by now."""
+        found = getattr(self, name)
+        assert found is not None, name
+        return np.asarray(found)
 
     def gaining(self, **columns: Any) -> "Assignments":
         """With more columns, or others."""

@@ -55,9 +55,7 @@ class UnsplitCandidates:
     @property
     def log_prior(self) -> Array:
         """(K,) of the classes first enumerated here."""
-        prior = self.candidates.assignments.log_class_prior
-        assert prior is not None
-        return prior
+        return self.candidates.assignments.column("log_class_prior")
 
     @property
     def object_ids(self) -> Index:

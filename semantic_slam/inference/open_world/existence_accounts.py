@@ -52,13 +52,12 @@ class ExistenceAccounts:
         """(K, O) detection probabilities at the modes; (1, O) at the prediction where that tells as much."""
         if not prediction.is_lost and self._region.occluder_radius_m <= 0.0:
             return prediction.detected[None]
-        assert rows.robot is not None and rows.robot_covariance is not None
         ranges = np.array([detection.range_m for detection in self._step.detections], dtype=np.float64)
         bearings = np.array([detection.bearing_rad for detection in self._step.detections], dtype=np.float64)
         occluders = Occluders(ranges, bearings, self._step.free_range_scan)
         detected = np.zeros((len(rows), len(prediction.detected)))
         detected[:, prediction.in_reach] = detection_probabilities(
-            self._region, prediction.objects, rows.robot, rows.robot_covariance, occluders
+            self._region, prediction.objects, rows.column("robot"), rows.column("robot_covariance"), occluders
         )
         return detected
 

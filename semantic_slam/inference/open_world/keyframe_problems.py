@@ -15,7 +15,7 @@ FIXED_HEADING_VARIANCE = 1e-8
 def open_keyframe_problem(
     problem: Problem, step: Step, predictions: list[Prediction], object_ids: Index, rows: Assignments
 ) -> KeyframeProblem:
-    """K candidates over ``object_ids`` (O,): the objects near some parent, ascending, and then the D that may be born."""
+    """K candidates over ``object_ids`` (O,): objects near some parent, ascending, and then the D that may be born."""
     num_births = len(step.detections)
     predicted = _padded(predictions, object_ids[: len(object_ids) - num_births], num_births)
     if problem.model.num_classes == 0:

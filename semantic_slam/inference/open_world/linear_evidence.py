@@ -28,8 +28,9 @@ class _Results:
     bend: Array  # (K,)
 
     @classmethod
-    def empty(cls, count: int, detections: int, size: int) -> "_Results":
-        """To be filled."""
+    def empty(cls, shape: tuple[int, ...], size: int) -> "_Results":
+        """To be filled, (K, D) in shape."""
+        count, detections = shape
         return cls(
             log_evidence=np.zeros(count),
             robot=np.empty((count, size)),
@@ -52,8 +53,8 @@ class LinearisedEvidence:
         self.dimension, self.known = space.dimension, len(mean) - 1
 
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
-        """With evidence and states of K assignments; (K, D) columns: an object, or M + i when detection i starts one."""
-        results = _Results.empty(*columns.shape, self.dimension)
+        """With evidence and states; ``columns`` (K, D): an object, or M + i where detection i starts one."""
+        results = _Results.empty(columns.shape, self.dimension)
         for row in range(len(columns)):
             self._row(columns[row], results, row)
         return assignments.gaining(**vars(results))

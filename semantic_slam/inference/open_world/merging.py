@@ -17,7 +17,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MergeCandidates:
     """What K hypotheses look like to a robot that compares them; R recent detections."""
 

@@ -29,6 +29,7 @@ from semantic_slam.inference.world.problem import Problem
 class OpenAssociation:
     """The k best joint assignments of every parent to objects that it knows, or to new ones."""
 
+    carries_views = tracks_objects = True
     needs_map, wants_identities, counts_misses, merges_copies = False, False, True, True
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:

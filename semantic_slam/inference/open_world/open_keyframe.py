@@ -118,18 +118,18 @@ class OpenKeyframe:
         return [self._update(some, row, steps[row], existence[number]) for row, number in enumerate(rows)]
 
     def _update(self, own: Assignments, row: int, taken: LineageStep, existence: ExistenceUpdate) -> ComponentUpdate:
-        assert own.robot is not None and own.object_states is not None
+        states = own.column("object_states")[row]
         parent = int(own.parents[row])
         prediction, births = self.predictions[parent], self._births[parent]
         triples = zip(self.step.detections, taken.association, taken.class_assignment, strict=True)
-        modes = dict(zip(taken.association, own.object_states[row], strict=True))
+        modes = dict(zip(taken.association, states, strict=True))
         local = None
         if self.parents.components[parent].single_steps:
             local = prediction.local_after(self.pairs[parent], taken.association, births)
         return ComponentUpdate(
             observed=[AssociatedDetection(*triple) for triple in triples],
-            objects=list(own.object_states[row]),
-            robot=own.robot[row],
+            objects=list(states),
+            robot=own.column("robot")[row],
             predicted=prediction.predicted.mean[0, 0],
             new_objects={int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in existence.new_ids},
             existence=existence,
@@ -144,16 +144,14 @@ class OpenKeyframe:
 
     def _by_linearisation(self, candidates: Candidates) -> Candidates:
         """By one linearisation at the prediction, and by a search of their own for those that bend."""
-        rows, scores = candidates.assignments, candidates.assignments.log_evidence
-        assert scores is not None
+        rows, scores = candidates.assignments, candidates.assignments.column("log_evidence")
         parts: list[Assignments] = []
         bent: list[int] = []
         for parent, (own, ranked) in enumerate(zip(self._linearised, self.ranked, strict=True)):
             numbers = np.flatnonzero(rows.parents == parent)
             part = own.evaluate(rows.take(numbers), ranked.columns)
             likely = scores[numbers] >= scores[numbers].max() - UNLIKELY
-            assert part.bend is not None
-            bent += numbers[(part.bend > LARGEST_BEND) & likely].tolist()
+            bent += numbers[(part.column("bend") > LARGEST_BEND) & likely].tolist()
             parts.append(part)
         found = Assignments.joined(parts)
         if bent and len(self.used):

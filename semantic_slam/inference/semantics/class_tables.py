@@ -47,11 +47,11 @@ class ClassTables:
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the views of each candidate, and the objects' records after it."""
         rows = given.candidates.assignments
-        assert rows.robot is not None and rows.object_states is not None
+        robot, objects = rows.column("robot"), rows.column("object_states")
         total, records = np.zeros(len(rows)), [dict[int, ObjectViews]() for _ in range(len(rows))]
         for number, index in enumerate(given.used.tolist()):
             sensor, seen = given.step.detections[index].sensor, self._seen(given, index)
-            bearing = camera_bearing(rows.robot, rows.object_states[:, number], sensor)
+            bearing = camera_bearing(robot, objects[:, number], sensor)
             camera = np.rint(bearing / STEP_RAD).astype(int) % HEADINGS
             for row in range(len(rows)):
                 place = int(rows.objects[row, number])
@@ -108,6 +108,6 @@ def _unseen(component: Component, object_id: int, num_classes: int) -> Array:
     """(C, HEADINGS) log prior over headings: what a map states, or nothing."""
     log_heading, heading = np.zeros(HEADINGS), component.tracked_heading(object_id)
     if heading is not None:
-        away = wrap_angle(STEP_RAD * np.arange(HEADINGS) - heading[0])
+        away = wrap_angle(STEP_RAD * np.arange(HEADINGS, dtype=np.float64) - heading[0])
         log_heading = -0.5 * away**2 / max(heading[1], STEP_RAD**2)
     return np.tile(log_heading - _log_sum(log_heading), (num_classes, 1))

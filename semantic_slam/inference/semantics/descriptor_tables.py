@@ -121,12 +121,12 @@ class DescriptorTables:
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the views of each candidate, and the objects' records after it."""
         rows = given.candidates.assignments
-        assert rows.robot is not None and rows.object_states is not None
+        robot, objects = rows.column("robot"), rows.column("object_states")
         detections = [given.step.detections[i] for i in given.used]
         turned = [
             self._turned(given, row, number, float(bearing))
             for number, detection in enumerate(detections)
-            for row, bearing in enumerate(camera_bearing(rows.robot, rows.object_states[:, number], detection.sensor))
+            for row, bearing in enumerate(camera_bearing(robot, objects[:, number], detection.sensor))
         ]
         inside = given.step.in_coverage[given.used]
         found = update_unoriented(self._observation, given.step.index, detections, inside, turned)
@@ -138,10 +138,9 @@ class DescriptorTables:
 
     def _turned(self, given: SemanticInput, row: int, number: int, bearing: float) -> UnorientedView:
         rows = given.candidates.assignments
-        assert rows.robot_covariance is not None
         parent, object_id = given.parents[rows.parents[row]], int(given.object_ids[rows.objects[row, number]])
         before, detection = parent.views.get(object_id), given.step.detections[given.used[number]]
-        sigma = float(np.sqrt(rows.robot_covariance[row, 2, 2] + detection.covariance[1, 1]))
+        sigma = float(np.sqrt(rows.column("robot_covariance")[row, 2, 2] + detection.covariance[1, 1]))
         if before is not None and before.headings is not None:
             start = before.headings.modes
         else:

@@ -10,7 +10,7 @@ from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.descriptor_joint import descriptor_problem
 from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
 from semantic_slam.inference.semantics.descriptor_tables import UnorientedView, update_unoriented
-from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput, at_hand
+from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.inference.states.object_views import DescriptorRecord, ObjectViews, class_posterior
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel

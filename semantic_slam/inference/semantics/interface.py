@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -46,10 +47,11 @@ class SemanticInput:
         """The modes of those problems."""
         return self.candidates.solved()[1]
 
-    @property
-    def object_ids(self) -> Index:
-        """(O,) that associations refer to."""
-        return self.candidates.object_ids
+    @cached_property
+    def object_ids(self) -> list[int]:
+        """Ids of the O objects that associations refer to."""
+        ids: list[int] = self.candidates.object_ids.tolist()
+        return ids
 
     def take(self, rows: Index) -> "SemanticInput":
         """Some of the candidates."""

@@ -15,7 +15,8 @@ from scipy.linalg import cho_solve, solve_triangular
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.semantics.interface import SemanticInput
-from semantic_slam.inference.smoothing.component import Component, LostComponentError
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import generator
 from semantic_slam.inference.states.keys import object_key, robot_key

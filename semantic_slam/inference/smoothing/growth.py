@@ -102,7 +102,7 @@ def certain(outcome: Outcome) -> Component:
 
 
 def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> Flags:
-    """(K,) whether the robot's mode is elsewhere than odometry has it; where updates are not iterated, far elsewhere."""
+    """(K,) whether the mode of the robot is elsewhere than odometry has it; far, where updates are not iterated."""
     space = parents[0].space
     predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
     limit = np.maximum(JUMP, space.far) if parents[0].single_steps else JUMP

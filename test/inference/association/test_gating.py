@@ -7,6 +7,7 @@ import pytest
 from worlds.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.inference.association.gating import best_assignments, log_sum_of_all, pair_densities
+from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 
@@ -67,7 +68,8 @@ def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
     model = LinearModel(0.25 * np.eye(2), np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
     pairs = pair_densities(model, detections, mean, covariance)
     linear = LinearisedEvidence(PlanarPositions(), mean, covariance, pairs, [], np.zeros(2))
-    result = linear.evaluate(np.array([[0, 1], [1, 0]]))
+    columns = np.array([[0, 1], [1, 0]])
+    result = linear.evaluate(Assignments(parents=np.zeros(2, dtype=int), objects=columns), columns)
     for row, (first, second) in enumerate([(1, 2), (2, 1)]):
         jacobian = np.zeros((4, 6))
         jacobian[:, :2] = np.tile(-np.eye(2), (2, 1))

@@ -8,11 +8,11 @@ from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import Noise, World, grid_world
 from semantic_slam_lab.studies.replay_scaling.study import belief_difference
 
-from semantic_slam.inference import expander
-from semantic_slam.inference.association import map_gate
+from semantic_slam.inference.association import closed_keyframe, map_gate
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import HypothesisManager
-from semantic_slam.inference.evidence.keyframe_problem import Assignments, KeyframeProblem, PredictedBelief
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.evidence.laplace import find_modes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
@@ -50,7 +50,9 @@ def test_no_association_costs_less_than_the_bound(has_range: bool, sensor: tuple
     predicted = PredictedBelief(np.concatenate([robot[None], objects])[None], covariance[None])
     starts = np.concatenate([np.zeros((1, 6)), random.normal(size=(9, 6))])
     for number, item in enumerate(items):
-        rows = Assignments(np.zeros(num_objects * 10, dtype=int), np.repeat(np.arange(num_objects), 10)[:, None])
+        rows = Assignments(
+            parents=np.zeros(num_objects * 10, dtype=int), objects=np.repeat(np.arange(num_objects), 10)[:, None]
+        )
         stack = KeyframeProblem.of(PlanarPoses(), MODEL, predicted, MODEL.collect([item]), rows)
         energy = (
             stack.energy(find_modes(stack, np.tile(starts, (num_objects, 1))).y).reshape(num_objects, 10).min(axis=1)
@@ -61,7 +63,7 @@ def test_no_association_costs_less_than_the_bound(has_range: bool, sensor: tuple
 
 
 def beliefs(world: World) -> list[HybridBelief]:
-    manager = HypothesisManager(run_of(world), InProcessPool(1))
+    manager = Engine(run_of(world), InProcessPool(1))
     return [manager.process(keyframe) for keyframe in keyframes_of(world)]
 
 
@@ -69,17 +71,17 @@ def beliefs(world: World) -> list[HybridBelief]:
 def test_the_belief_is_that_of_all_objects(margin: float, monkeypatch: pytest.MonkeyPatch) -> None:
     world = grid_world(1, num_detections=2, num_keyframes=2, shape=(11, 10), noise=LOST)
     looked_at: list[int] = []
-    enumerate_all = expander.enumerate_associations
+    enumerate_all = closed_keyframe.enumerate_associations
 
     def counting(setting, predicted):
         looked_at.append(predicted.mean.shape[1] - 1)
         return enumerate_all(setting, predicted)
 
-    monkeypatch.setattr(expander, "enumerate_associations", counting)
+    monkeypatch.setattr(closed_keyframe, "enumerate_associations", counting)
     monkeypatch.setattr(map_gate, "FIRST_MARGIN", margin)
     gated = beliefs(world)
     near, times = max(looked_at), len(looked_at)
-    monkeypatch.setattr(expander, "FEW_OBJECTS", len(world.object_means))
+    monkeypatch.setattr(closed_keyframe, "FEW_OBJECTS", len(world.object_means))
     everything = beliefs(world)
     assert near < len(world.object_means) / 2 and looked_at[-1] == len(world.object_means)
     assert times == 2 if margin > 0.0 else times > 2

@@ -39,7 +39,7 @@ def linear_stack(objects: list[int]) -> tuple[KeyframeProblem, float]:
         model,
         PredictedBelief(mean[None], covariance[None]),
         model.collect(detections),
-        Assignments(np.zeros(1, int), np.array([objects])),
+        Assignments(parents=np.zeros(1, int), objects=np.array([objects])),
     )
     # z = H s + v with H the rows o_beta - x, so that log p(z) = N(z; H m, H P H^T + R).
     H = np.zeros((4, 6))
@@ -71,7 +71,11 @@ def planar_stack(covariance: np.ndarray, visibility: PlanarVisibility, semantics
     detection = PlanarDetection(2.0, 0.1, np.diag([0.01, 0.0025]), np.zeros(2), np.array([0.9, 0.1]), np.zeros((2, 2)))
     model = PlanarObservation(ParametricModel(0.5, 15.0) if semantics else None, visibility)
     mean = np.array([[[0.0, 0.0, 0.1], [2.2, 0.1, 1.0]]])
-    rows = Assignments(np.zeros(1, int), np.zeros((1, 1), int), np.zeros((1, 1), int) if semantics else None)
+    rows = Assignments(
+        parents=np.zeros(1, int),
+        objects=np.zeros((1, 1), int),
+        classes=np.zeros((1, 1), int) if semantics else None,
+    )
     return KeyframeProblem.of(
         PlanarPoses(), model, PredictedBelief(mean, covariance[None]), model.collect([detection]), rows
     )

@@ -8,7 +8,7 @@ from worlds.planar_world import make_world
 
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.evidence.mode_search import SAME_VALLEY, search_one, valleys
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode
@@ -18,11 +18,13 @@ from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.smoothing.component import Component, ComponentUpdate
-from semantic_slam.inference.smoothing.growth import certain, grow_all
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.smoothing.growth import certain, grow
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 
@@ -133,6 +135,22 @@ def test_a_mode_answers_for_its_own_side_from_then_on() -> None:
     assert total == pytest.approx(expected, abs=4.0 * error + 0.02)
 
 
+def update_of(root: Component, given: Window, mode: PosteriorMode) -> ComponentUpdate:
+    """The first keyframe of a window, at one of its modes."""
+    taken = given.taken[0]
+    return ComponentUpdate(
+        observed=taken.observed,
+        objects=[OBJECT],
+        robot=mode.smoothed[robot_key(0)],
+        predicted=MANIFOLD.compose(root.newest_robot(), taken.motion.control),
+        new_objects={},
+        existence=ExistenceUpdate.starting(root.objects, []),
+        window=mode.history,
+        smoothed=mode.smoothed,
+        corrections=mode.corrections,
+    )
+
+
 def test_the_component_of_a_mode_is_where_the_mode_is() -> None:
     """iSAM2 of the second mode does not slide back to the parent's side."""
     model = observation()
@@ -143,8 +161,7 @@ def test_the_component_of_a_mode_is_where_the_mode_is() -> None:
     assert len(modes) == 2
     for mode in modes:
         robot = mode.smoothed[robot_key(0)]
-        continued = ComponentUpdate(robot, [OBJECT], {}, {}, None, mode.history, mode.smoothed, mode.corrections)
-        child = certain(grow_all([root], given.taken[0].motion, [given.taken[0].observed], [continued])[0])
+        child = certain(grow([root], given.taken[0].motion, [update_of(root, given, mode)])[0])
         np.testing.assert_allclose(child.newest_robot(), robot, atol=1e-3)
 
 
@@ -162,10 +179,8 @@ def test_moments_are_those_of_the_posterior() -> None:
     root = component(model, 2.0, 0.4)
     means = []
     for mode in modes:
-        robot = mode.smoothed[robot_key(0)]
-        continued = ComponentUpdate(robot, [OBJECT], {}, {}, None, mode.history, mode.smoothed, mode.corrections)
-        child = certain(grow_all([root], given.taken[0].motion, [given.taken[0].observed], [continued])[0])
-        means.append(child.corrected([robot_key(0)])[0][0])
+        child = certain(grow([root], given.taken[0].motion, [update_of(root, given, mode)])[0])
+        means.append(child.robot_and_objects([])[0][0])
     found = MANIFOLD.mean(np.array(means), shares / shares.sum())
     np.testing.assert_allclose(found, expected, atol=0.02)
 
@@ -174,12 +189,12 @@ def test_a_component_at_which_a_history_is_anchored_stays_as_it_was() -> None:
     """Although only children use their parents' smoothers up."""
     world = make_world(5, weights={"gaussian_share": 0.999})
     pool = InProcessPool(1)
-    manager = HypothesisManager(world.run, pool)
+    manager = Engine(world.run, pool)
     anchors: dict[int, tuple[Component, int, np.ndarray]] = {}
     looked_at_again = 0
     for keyframe in world.keyframes:
         manager.process(keyframe)
-        histories = [held.component.history for held in pool._backends[0].held.values()]
+        histories = [held.component.window for held in pool._backends[0].held.values()]
         for anchor in (history.anchor for history in histories if history is not None):
             state = anchor.newest_robot()
             looked_at_again += id(anchor) in anchors

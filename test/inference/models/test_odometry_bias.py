@@ -12,12 +12,12 @@ from worlds.same_beliefs import assert_same
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.odometry_bias import bias_prior, biased_factor, composed_slopes, slopes
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap
 from semantic_slam.inference.states.keys import bias_key
-from semantic_slam.inference.states.tracked_objects import ObjectTable
+from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 PRIOR = {"estimate_bias": True, "sigma_bias_rad_per_m": 0.05, "sigma_bias_scale": 0.1}
 PRIOR_SIGMAS = np.array([0.05, 0.1])
@@ -100,14 +100,14 @@ def room_with(bias: np.ndarray, num_keyframes: int, seed: int) -> Room:
     return dataclasses.replace(room, keyframes=keyframes)
 
 
-def population_after(room: Room) -> ObjectTable:
+def population_after(room: Room) -> TrackedStates:
     """Of the best hypothesis at the end."""
     pool = InProcessPool(1)
-    manager = HypothesisManager(room.run, pool)
+    manager = Engine(room.run, pool)
     for keyframe in room.keyframes:
         manager.process(keyframe)
     best = max(manager.live, key=lambda n: manager.live[n].log_weight)
-    return pool._backends[0].held[best].component.objects
+    return pool._backends[0].held[best].component.tracked
 
 
 @pytest.mark.parametrize("bias", [(0.04, -0.06), (0.0, 0.0)], ids=["biased", "right"])
@@ -124,8 +124,8 @@ def test_the_bias_is_found(bias: tuple[float, float]) -> None:
 
 def test_a_lineage_is_rebuilt_with_its_bias() -> None:
     room = room_with(np.array([0.04, -0.06]), 14, 0)
-    whole = HypothesisManager(room.run, InProcessPool(2))
-    divided = HypothesisManager(room.run, ForgetfulPool(2))
+    whole = Engine(room.run, InProcessPool(2))
+    divided = Engine(room.run, ForgetfulPool(2))
     for keyframe in room.keyframes:
         assert_same(divided.process(keyframe), whole.process(keyframe))
 

@@ -9,7 +9,7 @@ from worlds.open_room import Room, make_room
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.errors import InputError
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
 
 FACTORS = [1.0, 16.0]
@@ -31,14 +31,14 @@ def room_of(factors: list[float], num_keyframes: int, share: float, ratio: float
     return dataclasses.replace(room, keyframes=keyframes)
 
 
-def after(room: Room) -> HypothesisManager:
-    manager = HypothesisManager(room.run, InProcessPool(1))
+def after(room: Room) -> Engine:
+    manager = Engine(room.run, InProcessPool(1))
     for keyframe in room.keyframes:
         manager.process(keyframe)
     return manager
 
 
-def weights_of_noises(manager: HypothesisManager) -> np.ndarray:
+def weights_of_noises(manager: Engine) -> np.ndarray:
     weights = np.zeros(len(FACTORS))
     for live in manager.live.values():
         weights[live.lineage[0].mode] += np.exp(live.log_weight)
@@ -62,7 +62,7 @@ def test_evidence_finds_the_noise(share: float, right: int) -> None:
 
 def test_a_lineage_is_rebuilt_under_its_noise() -> None:
     room = room_of(FACTORS, 12, 0.25)
-    whole, divided = (HypothesisManager(room.run, pool) for pool in (InProcessPool(2), ForgetfulPool(2)))
+    whole, divided = (Engine(room.run, pool) for pool in (InProcessPool(2), ForgetfulPool(2)))
     for keyframe in room.keyframes:
         assert_same(divided.process(keyframe), whole.process(keyframe))
     assert {live.lineage[0].mode for live in whole.live.values()} == {0, 1}

@@ -12,10 +12,10 @@ from worlds.same_beliefs import assert_same
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.smoothing.component import LostComponentError
-from semantic_slam.inference.smoothing.open_component import OpenComponent
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 NEAR_M = 0.3
@@ -23,8 +23,8 @@ ROUND = 25
 """Keyframes in which the robot turns once."""
 
 
-def run(room: Room, num_backends: int = 1) -> tuple[HypothesisManager, list[HybridBelief]]:
-    manager = HypothesisManager(room.run, InProcessPool(num_backends))
+def run(room: Room, num_backends: int = 1) -> tuple[Engine, list[HybridBelief]]:
+    manager = Engine(room.run, InProcessPool(num_backends))
     return manager, [manager.process(keyframe) for keyframe in room.keyframes]
 
 
@@ -68,16 +68,16 @@ def test_detections_of_one_object_share_an_id() -> None:
 @pytest.mark.parametrize("settle", [True, False])
 def test_a_child_that_is_lost_takes_no_other_along(settle: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     room = make_room(12, seed=0, open_world={"merge_position_m": 0.0, "settle": settle})
-    manager = HypothesisManager(room.run, InProcessPool(1))
-    grown, given_up = OpenComponent.grown, []
+    manager = Engine(room.run, InProcessPool(1))
+    child, given_up = Component.child, []
 
-    def breaks_once(component: OpenComponent, *arguments: Any) -> OpenComponent:
+    def breaks_once(component: Component, *arguments: Any) -> Component:
         if len(manager.live) > 1 and not given_up:
             given_up.append(component.keyframe)
             raise LostComponentError("not finite")
-        return grown(component, *arguments)
+        return child(component, *arguments)
 
-    monkeypatch.setattr(OpenComponent, "grown", breaks_once)
+    monkeypatch.setattr(Component, "child", breaks_once)
     for keyframe in room.keyframes:
         manager.process(keyframe)
     assert given_up
@@ -96,7 +96,7 @@ def test_the_number_of_backends_changes_nothing(semantic: bool) -> None:
 
 def test_a_lineage_is_rebuilt_as_it_was() -> None:
     room = make_room(14, seed=0)
-    manager = HypothesisManager(room.run, ForgetfulPool(2))
+    manager = Engine(room.run, ForgetfulPool(2))
     for keyframe, expected in zip(room.keyframes, run(room)[1], strict=True):
         assert_same(manager.process(keyframe), expected)
 
@@ -140,7 +140,7 @@ def test_what_a_wall_hides_is_not_missed() -> None:
         free_range_scan = np.column_stack([directions, np.full(20, wall_m)])
         frame = dataclasses.replace(room.keyframes[0].measurements, free_range_scan=free_range_scan)
         keyframe = dataclasses.replace(room.keyframes[0], measurements=frame)
-        belief = HypothesisManager(room.run, InProcessPool(1)).process(keyframe)
+        belief = Engine(room.run, InProcessPool(1)).process(keyframe)
         left[wall_m] = float(belief.existence[0])
     assert left[1.0] == pytest.approx(0.8)
     assert left[5.0] < 0.4

@@ -10,7 +10,6 @@ from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.prediction import Prediction, Predictor
-from semantic_slam.inference.smoothing.open_component import OpenComponent
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 AROUND = 24
@@ -29,7 +28,7 @@ def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3) -> 
     )
     room = make_room(1, map_prior=MapPrior(objects), open_world={"max_joint_objects": limit})
     problem = problem_of(room.run)
-    component = OpenComponent.before_any_keyframe(problem)
+    component = problem.tracking_root(0)
     return Predictor(problem.model, problem.open_world).predict(component, MOTION, [detection])
 
 
@@ -75,6 +74,6 @@ def test_an_uncertain_object_may_be_within_reach() -> None:
         ),
     )
     problem = problem_of(far.run)
-    component = OpenComponent.before_any_keyframe(problem)
+    component = problem.tracking_root(0)
     found = Predictor(problem.model, problem.open_world).predict(component, MOTION, [detection(3.0)])
     assert found.in_reach.tolist() == [0]

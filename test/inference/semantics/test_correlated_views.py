@@ -8,13 +8,15 @@ from scipy.stats import multivariate_normal
 from worlds.forgetful_pool import ForgetfulPool
 from worlds.planar_world import World, beliefs, make_world
 from worlds.same_beliefs import assert_same
+from worlds.solved_candidates import candidates_of
 
 from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.inference.association.closed_keyframe import predict
 from semantic_slam.inference.build import problem_of
-from semantic_slam.inference.engine import HypothesisManager
-from semantic_slam.inference.evidence.keyframe_problem import Assignments, KeyframeProblem
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import find_modes
-from semantic_slam.inference.expander import predict
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import AssociatedDetection, Motion, Step
@@ -23,12 +25,14 @@ from semantic_slam.inference.semantics.correlated_views import CorrelatedViews
 from semantic_slam.inference.semantics.independent_views import IndependentViews
 from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.track_samples import StateSamples, sample_rows
-from semantic_slam.inference.smoothing.component import Component, ComponentUpdate
-from semantic_slam.inference.smoothing.growth import certain, grow_all
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.smoothing.growth import certain, grow
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.viewpoint.correlated import CorrelatedModel
 from semantic_slam.viewpoint.gaussian_process import GRID, GaussianProcessModel, kernel, posterior
 from semantic_slam.viewpoint.load import load_model
@@ -75,18 +79,33 @@ class OneObject:
 
     def moment(self, step: Step) -> SemanticInput:
         predicted = predict([self.component], step.motion, [0], [{}])
-        rows = Assignments(np.zeros(1, dtype=int), np.zeros((1, 1), dtype=int))
+        rows = Assignments(parents=np.zeros(1, dtype=int), objects=np.zeros((1, 1), dtype=int))
         stack = KeyframeProblem.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
         mode = find_modes(stack, np.zeros((1, stack.size)))
-        return SemanticInput(step, [self.component], stack, mode, np.zeros(1, dtype=int), [0], LOG_PRIOR[None], [{}])
+        return SemanticInput(
+            step=step,
+            parents=[self.component],
+            candidates=candidates_of(stack, mode),
+            used=np.zeros(1, dtype=int),
+            log_class_prior=LOG_PRIOR[None],
+            new=[{}],
+        )
 
     def take(self, step: Step, semantics: CorrelatedViews | IndependentViews) -> SemanticEvidence:
         moment = self.moment(step)
         weighed = semantics.weigh(moment)
         states = moment.stack.states(moment.mode.y)[0]
-        observed = [AssociatedDetection(step.detections[0], 0, -1)]
-        continued = ComponentUpdate(states[0], [states[1]], {}, weighed.records([0])[0], weighed.robot[0], None, {}, {})
-        self.component = certain(grow_all([self.component], step.motion, [observed], [continued])[0])
+        update = ComponentUpdate(
+            observed=[AssociatedDetection(step.detections[0], 0, -1)],
+            objects=[states[1]],
+            robot=states[0],
+            predicted=MANIFOLD.compose(self.component.newest_robot(), step.motion.control),
+            new_objects={},
+            existence=ExistenceUpdate.starting(self.component.objects, []),
+            views=weighed.records([0])[0],
+            robot_correction=weighed.robot[0],
+        )
+        self.component = certain(grow([self.component], step.motion, [update])[0])
         return weighed
 
 
@@ -194,11 +213,11 @@ def test_evidence_and_classes_are_those_of_an_integral_over_the_heading(
     np.testing.assert_allclose(views.log_likelihood - by_class, 0.0, atol=0.15)
     weights = density * np.exp(found.log_likelihood).sum(axis=1)
     mean = (weights / weights.sum()) @ headings
-    corrected = scene.component.corrected([object_key(0)])
-    assert corrected[0][0, 2] == pytest.approx(mean, abs=0.03)
+    corrected = scene.component.robot_and_objects([0])
+    assert corrected[0][1, 2] == pytest.approx(mean, abs=0.03)
     deviation = np.sqrt((weights / weights.sum()) @ (headings - mean) ** 2)
     assert deviation < 0.9 * sigma
-    assert np.sqrt(corrected[1][0, 2, 2]) == pytest.approx(deviation, rel=0.1)
+    assert np.sqrt(corrected[1][1, 2, 2]) == pytest.approx(deviation, rel=0.1)
 
 
 def test_a_window_counts_what_it_drops_and_keeps_its_evidence(
@@ -299,7 +318,7 @@ def test_the_number_of_backends_changes_nothing() -> None:
 def test_a_hypothesis_rebuilt_from_its_lineage_is_the_same() -> None:
     world = lost_world()
     pool = ForgetfulPool(2, dies_at=4)
-    manager = HypothesisManager(world.run, pool)
+    manager = Engine(world.run, pool)
     for steady, keyframe in zip(beliefs(world, 1), world.keyframes, strict=True):
         assert_same(steady, manager.process(keyframe))
 

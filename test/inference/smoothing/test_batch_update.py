@@ -17,7 +17,7 @@ from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing import batch_update
 from semantic_slam.inference.smoothing.batch_update import Extension, update_all
 from semantic_slam.inference.smoothing.errors import LostComponentError
-from semantic_slam.inference.smoothing.growth import alone
+from semantic_slam.inference.smoothing.growth import only_children
 from semantic_slam.inference.smoothing.semantic_factors import (
     MOVED_DESCRIPTOR,
     LinearisationPoints,
@@ -172,7 +172,7 @@ def test_an_only_child_may_use_up_its_parent(fails: bool, monkeypatch: pytest.Mo
             if fails and k == 2:
                 patch.setattr(Smoother, "updated", in_vain)
             kept = extend(kept, extension)
-            used = update_all([parent], [extension], alone([parent]))[0]
+            used = update_all([parent], [extension], only_children([parent]))[0]
         assert (used.isam is parent.isam) != (fails and k == 2)
     assert num_real_factors(used) == num_real_factors(kept)
     np.testing.assert_allclose(estimate(used), estimate(kept), atol=1e-4 if fails else 1e-12)

@@ -21,9 +21,10 @@ from semantic_slam.geometry.pose import (
     planar_from_pose_vector,
     pose_vector_from_planar,
 )
+from semantic_slam.geometry.row_selection import joined_rows
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.keyframe import Keyframe, OdometrySample
-from semantic_slam.perception.measurement import OF_DETECTIONS, SemanticMeasurements
+from semantic_slam.perception.measurement import OF_THE_FRAME, SemanticMeasurements
 from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, start
 
 IMAGE_WIDTH = 720
@@ -91,8 +92,17 @@ def recording_of(record: Record, scene: int) -> Recording:
     keyframes = []
     for index, stamp in enumerate(stamps):
         before, now = points[max(index - 1, 0)], points[index]
-        motion = between(before.pose, now.pose), motion_covariance(before, now, noise)
-        keyframes.append(Keyframe(index, stamp, *motion, record.measurements[stamp]))
+        measured = record.measurements[stamp]
+        odometry, covariance = between(before.pose, now.pose), motion_covariance(before, now, noise)
+        keyframes.append(
+            Keyframe(
+                index=index,
+                stamp_ns=stamp,
+                odometry=odometry,
+                odometry_covariance=covariance,
+                measurements=measured,
+            )
+        )
     labels = [
         tuple(truth.associations[stamp][row] for row in record.measurements[stamp].detection_ids) for stamp in stamps
     ]
@@ -139,7 +149,7 @@ def disturbed(recording: Recording, rates: Rates, generator: np.random.Generator
         kept = np.flatnonzero(generator.random(len(own)) >= rates.misses)
         parts = [keyframe.measurements.take(kept)]
         parts += [_alarm(keyframe.measurements, donors, generator) for _ in range(generator.poisson(expected))]
-        joined = _joined(keyframe.measurements, parts)
+        joined = _joined(parts)
         names = [own[row] for row in kept] + [CLUTTER] * (len(parts) - 1)
         order = np.argsort(-joined.bearings_rad, kind="stable")  # from left to right
         ordered = replace(joined.take(order), detection_ids=np.arange(len(order), dtype=np.uint32))
@@ -164,13 +174,10 @@ def _motions(recording: Recording, noise: OdometryConfiguration, generator: np.r
     return found
 
 
-def _joined(frame: SemanticMeasurements, parts: list[SemanticMeasurements]) -> SemanticMeasurements:
-    return replace(
-        frame,
-        labels=tuple(label for part in parts for label in part.labels),
-        track_ids=("",) * sum(len(part) for part in parts),
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in OF_DETECTIONS},
-    )
+def _joined(parts: list[SemanticMeasurements]) -> SemanticMeasurements:
+    """The detections of several frames as those of the first, without identities."""
+    joined = joined_rows(parts, whole=OF_THE_FRAME)
+    return replace(joined, track_ids=("",) * len(joined))
 
 
 def _alarm(

@@ -19,7 +19,7 @@ from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
-from semantic_slam.inference.open_world.open_expander import LEAST_DETECTION_SHARE
+from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam_lab.studies.aliased_room.data import Rates, Recording

@@ -25,7 +25,7 @@ from semantic_slam.geometry.pose import (
 )
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam_lab.studies.aliased_room.data import Rates, Recording
 from semantic_slam_lab.studies.victoria_park.methods import StudyPool, smoothed_poses
 
@@ -89,7 +89,7 @@ def drive_with(method: str, drive: Recording, rates: Rates, alarms: float) -> Ou
     configuration = configuration_of(method, alarms, rates.misses)
     pool = StudyPool(method)
     pose, covariance = pose_vector_from_planar(drive.truth[0]), covariance_from_planar(np.diag(START_SIGMA) ** 2)
-    manager = HypothesisManager(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
+    manager = Engine(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
     beliefs: list[HybridBelief] = []
     seconds, fault = [], ""
     for keyframe in drive.keyframes:
@@ -105,7 +105,7 @@ def drive_with(method: str, drive: Recording, rates: Rates, alarms: float) -> Ou
 
 def _outcome(
     method: str,
-    manager: HypothesisManager,
+    manager: Engine,
     pool: StudyPool,
     beliefs: list[HybridBelief],
     seconds: Array,

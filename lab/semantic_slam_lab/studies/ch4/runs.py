@@ -11,7 +11,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.evaluation.mixture import heaviest_position_error, position_determinant, weighted_position_error
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
@@ -83,8 +83,16 @@ def follow(run: Run, method: Method, seed: int) -> Followed:
     """The beliefs of all keyframes of ``run``; ``seed`` is that of the engine's own draws."""
     problem = problem_of(run, method, seed)
     model = problem.model.model if isinstance(problem.model, PlanarObservation) else None
-    blank = RunConfiguration("chapter_4", 0, "", "", np.zeros(7), np.zeros((6, 6)), problem.class_names)
-    manager = HypothesisManager(blank, InProcessPool(1, problem), problem)
+    blank = RunConfiguration(
+        run_id="chapter_4",
+        stamp_ns=0,
+        configuration="",
+        map_prior="",
+        initial_pose=np.zeros(7),
+        initial_covariance=np.zeros((6, 6)),
+        class_names=problem.class_names,
+    )
+    manager = Engine(blank, InProcessPool(1, problem), problem)
     moments: list[Moment] = []
     for k, frame in enumerate(run.frames):
         step = _step(run, k, frame, model if isinstance(model, ParametricModel) else None)
@@ -142,7 +150,7 @@ def _step(run: Run, k: int, frame: Frame, model: ParametricModel | None) -> Step
     )
 
 
-def _moment(run: Run, k: int, belief: HybridBelief, manager: HypothesisManager, seconds: float) -> Moment:
+def _moment(run: Run, k: int, belief: HybridBelief, manager: Engine, seconds: float) -> Moment:
     weights, truth = np.exp(belief.log_weights), run.poses[k]
     histories, true_history = association_marginal(manager), run.associations[: k + 1]
     likeliest = max(histories, key=lambda history: histories[history])
@@ -165,7 +173,7 @@ def _moment(run: Run, k: int, belief: HybridBelief, manager: HypothesisManager, 
     )
 
 
-def association_marginal(manager: HypothesisManager) -> dict[History, float]:
+def association_marginal(manager: Engine) -> dict[History, float]:
     """P(beta_{1:k} | H_k): hypotheses that differ in classes or modes alone are summed."""
     found: dict[History, float] = {}
     for live in manager.live.values():

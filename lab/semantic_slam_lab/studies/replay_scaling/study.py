@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import HypothesisManager
+from semantic_slam.inference.engine import Engine
 from semantic_slam_lab.grid.process_pool import ProcessPool
 from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import Noise, World, grid_world
@@ -81,7 +81,7 @@ def replay(world: World, num_backends: int, limit_s: float) -> Replay:
     found = Replay(len(world.object_means), num_backends, len(world.frames), [], [], [], [], None, [])
     try:
         with ProcessPool(num_backends, limit_s) as pool:
-            manager = HypothesisManager(run_of(world), pool)
+            manager = Engine(run_of(world), pool)
             for frame, keyframe in zip(world.frames, keyframes_of(world), strict=True):
                 busy, start = pool.busy_seconds, time.perf_counter()
                 belief = manager.process(keyframe)

@@ -64,8 +64,16 @@ def make_drive(log: Log, variant: Variant) -> Drive:
         stamp_ns, number = int(stamps_ns[index]), len(keyframes)
         spread = covariance if index else variances
         frame = measurements(own, stamp_ns, number, variant.landmark_variance_m2)
-        odometry = (pose_vector_from_planar(control), covariance_from_planar(spread))
-        keyframes.append(Keyframe(number, stamp_ns, *odometry, frame, by_bias))
+        keyframes.append(
+            Keyframe(
+                index=number,
+                stamp_ns=stamp_ns,
+                odometry=pose_vector_from_planar(control),
+                odometry_covariance=covariance_from_planar(spread),
+                measurements=frame,
+                odometry_slopes=by_bias,
+            )
+        )
         labels.append(tuple(observation.landmark for observation in observations))
         positions.append(own)
         controls.append(control)

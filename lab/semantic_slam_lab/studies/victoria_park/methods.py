@@ -20,14 +20,10 @@ from semantic_slam.configuration import (
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.evaluation.association import pair_score
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
-from semantic_slam.inference.engine import HypothesisManager
-from semantic_slam.inference.open_world.open_expander import OpenExpander
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.smoothing.open_component import OpenComponent
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam_lab.studies.victoria_park.data import Drive
 
 FRONT_END = OpenWorldConfiguration(
@@ -72,7 +68,7 @@ class Outcome:
 def configuration_of(method: str, max_hypotheses: int | None = None) -> Configuration:
     """The same front end for every method; they differ in how many hypotheses they keep."""
     return Configuration(
-        association="open",
+        association="nearest_neighbour" if method == "nearest_neighbour" else "open",
         semantic_model=SemanticModelConfiguration(kind="none"),
         open_world=FRONT_END,
         weights=WeightsConfiguration(gate=15.0, max_candidates=30),
@@ -82,48 +78,20 @@ def configuration_of(method: str, max_hypotheses: int | None = None) -> Configur
     )
 
 
-class NearestNeighbour(OpenExpander):
-    """Every detection by itself takes the nearest object inside its gate that none before it took."""
-
-    def assignments(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:
-        """One assignment; what else could be is not asked."""
-        known = len(prediction.near)
-        distance = np.where(pairs.distance < self.settings.gate_sigma, pairs.distance, np.inf)
-        columns: list[int] = []
-        for number, row in enumerate(distance):
-            left = np.where(np.isin(np.arange(known), columns), np.inf, row)
-            found = known > 0 and np.isfinite(left.min())
-            columns.append(int(np.argmin(left)) if found else known + number)
-        return RankedAssignments(np.array([columns], dtype=int).reshape(1, -1), np.zeros(1), -np.inf)
-
-
 class StudyPool(InProcessPool):
-    """A backend with the expander of a method, whose components can be looked into."""
+    """A backend whose components can be looked into."""
 
-    def __init__(self, method: str) -> None:
-        super().__init__(1)
-        self._method = method
-
-    def start(self, run: RunConfiguration) -> None:
-        """Begin a run."""
-        super().start(run)
-        if self._method == "nearest_neighbour":
-            backend = self._backends[0]
-            backend.expander = NearestNeighbour(backend.problem, backend.registry)
-
-    def component(self, number: int) -> OpenComponent:
+    def component(self, number: int) -> Component:
         """The component of a hypothesis."""
-        component = self._backends[0].held[number].component
-        assert isinstance(component, OpenComponent)
-        return component
+        return self._backends[0].held[number].component
 
 
 def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> Outcome:
     """Run ``method`` over the drive; a run that loses every hypothesis ends early and says so."""
     configuration = configuration_of(method, max_hypotheses)
     pose, covariance = initial_pose_of(configuration)
-    pool = StudyPool(method)
-    manager = HypothesisManager(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
+    pool = StudyPool(1)
+    manager = Engine(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
     seconds, kept, fault = [], [], ""
     merged, candidates, wall_s = 0, 0, 0.0
     for keyframe in drive.keyframes:
@@ -140,7 +108,8 @@ def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> 
     best = max(manager.live, key=lambda n: (manager.live[n].log_weight, -n))
     associations = [step.association for step in manager.live[best].lineage]
     component = pool.component(best)
-    heading_bias = float(component.objects.bias[0]) * configuration.odometry.sigma_bias_rad_per_m
+    assert component.tracked is not None
+    heading_bias = float(component.tracked.bias[0]) * configuration.odometry.sigma_bias_rad_per_m
     metrics = {
         **scores(associations, drive.labels),
         "n_landmarks": float(len({n for own in associations for n in own})),
@@ -161,7 +130,7 @@ def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> 
     return Outcome(method, metrics, associations, poses, milliseconds, np.array(kept), manager.log_evidence, fault)
 
 
-def smoothed_poses(component: OpenComponent) -> Array:
+def smoothed_poses(component: Component) -> Array:
     """(K, 3) of all keyframes."""
     from semantic_slam.inference.states.keys import robot_key
 

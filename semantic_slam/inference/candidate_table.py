@@ -1,0 +1,55 @@
+"""The candidates of all backends in one table, before they are merged and pruned."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.protocol import Candidates
+from semantic_slam.inference.states.lineage import LineageStep
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidateTable:
+    """K candidates of P parents in the order of their ids, whoever answered; D detections."""
+
+    ids: NDArray[np.uint64]  # (K,)
+    parent_ids: NDArray[np.uint64]  # (K,)
+    associations: NDArray[np.int32]  # (K, D) object ids
+    classes: NDArray[np.int32]  # (K, D)
+    modes: NDArray[np.uint16]  # (K,)
+    log_weights: Array  # (K,) w psi over all parents, not normalised
+    poses: Array  # (K, 7)
+    object_poses: Array  # (K, D, 7)
+    log_missing: Array  # (P,) mass that was not enumerated, in the same units
+
+    @classmethod
+    def of(cls, answers: Sequence[Candidates]) -> "CandidateTable":
+        """From the answers of all backends; the same hypothesis counts once."""
+        filled = [answer for answer in answers if len(answer.ids)] or answers[:1]  # without a row D is unknown
+        ids, order = np.unique(np.concatenate([answer.ids for answer in filled]), return_index=True)
+        parents = np.concatenate([answer.expanded_parent_ids for answer in answers])
+        missing = np.concatenate([answer.log_mass_not_enumerated for answer in answers])
+        return cls(
+            ids=ids,
+            parent_ids=np.concatenate([answer.parent_ids for answer in filled])[order],
+            associations=np.concatenate([answer.associations for answer in filled])[order],
+            classes=np.concatenate([answer.class_assignments for answer in filled])[order],
+            modes=np.concatenate([answer.modes for answer in filled])[order],
+            log_weights=np.concatenate([answer.log_weights for answer in filled])[order],
+            poses=np.concatenate([answer.poses for answer in filled])[order],
+            object_poses=np.concatenate([answer.object_poses for answer in filled])[order],
+            log_missing=missing[np.unique(parents, return_index=True)[1]],
+        )
+
+    def take(self, rows: Index, log_weights: Array) -> "CandidateTable":
+        """Some of the candidates, with other weights."""
+        names = ("ids", "parent_ids", "associations", "classes", "modes", "poses", "object_poses")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names}, log_weights=log_weights)
+
+    def step(self, row: int) -> LineageStep:
+        """What the keyframe adds to the lineage of one candidate."""
+        association, classes = self.associations[row].tolist(), self.classes[row].tolist()
+        return LineageStep(tuple(association), tuple(classes), int(self.modes[row]))

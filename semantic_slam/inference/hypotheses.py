@@ -1,0 +1,114 @@
+"""The live hypotheses of a run: weights, lineages, and which backend holds each."""
+
+from collections import deque
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from semantic_slam.inference.candidate_table import CandidateTable
+from semantic_slam.inference.ownership import assign_owners
+from semantic_slam.inference.protocol import Commit
+from semantic_slam.inference.pruning import Pruned
+from semantic_slam.inference.states.identity import ROOT_ID
+from semantic_slam.inference.states.lineage import LineageStep
+
+WINDOW = 10
+"""Keyframes of ``discarded_mass_window``: what was discarded longer ago has shown, or it never will."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hypothesis:
+    """One history of associations, classes and modes."""
+
+    owner: int  # backend that holds its component
+    log_weight: float
+    parent_id: int
+    lineage: tuple[LineageStep, ...]  # one step for every keyframe
+
+
+@dataclass
+class DiscardedMass:
+    """What pruning, gates and lost components cost so far; d_k is the share that keyframe k discarded."""
+
+    log_kept: float = 0.0  # log prod_k (1 - d_k)
+    lately: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))  # log (1 - d_k)
+
+    def add(self, log_kept: float) -> None:
+        """One keyframe more."""
+        self.log_kept += log_kept
+        self.lately.append(log_kept)
+
+    @property
+    def total(self) -> float:
+        """1 - prod_k (1 - d_k), since the start."""
+        return max(0.0, float(-np.expm1(self.log_kept)))
+
+    @property
+    def window(self) -> float:
+        """1 - prod_k (1 - d_k) over the last keyframes."""
+        return max(0.0, float(-np.expm1(sum(self.lately))))
+
+
+class Hypotheses:
+    """The live set; ids are digests of content, so that every process names a hypothesis alike."""
+
+    def __init__(self, log_root_weights: Sequence[float], owner: int) -> None:
+        """Before any keyframe there is one for each noise that odometry may have."""
+        self.live = {
+            ROOT_ID + number: Hypothesis(owner=owner, log_weight=log_weight, parent_id=ROOT_ID + number, lineage=())
+            for number, log_weight in enumerate(log_root_weights)
+        }
+        self.discarded = DiscardedMass()
+
+    def __len__(self) -> int:
+        return len(self.live)
+
+    def children(self, candidates: CandidateTable, pruned: Pruned, backend_ids: Sequence[int]) -> dict[int, Hypothesis]:
+        """The candidates that survive, heaviest first, each with its parent's owner while that one has room."""
+        parents = [self.live[int(candidates.parent_ids[row])] for row in pruned.kept]
+        length = 1 + max((len(parent.lineage) for parent in parents), default=0)
+        owners = assign_owners([parent.owner for parent in parents], backend_ids, length)
+        rows = zip(pruned.kept, owners, parents, pruned.log_weights, strict=True)
+        return {
+            int(candidates.ids[row]): Hypothesis(
+                owner=owner,
+                log_weight=float(log_weight),
+                parent_id=int(candidates.parent_ids[row]),
+                lineage=(*parent.lineage, candidates.step(row)),
+            )
+            for row, owner, parent, log_weight in rows
+        }
+
+    def accept(self, children: dict[int, Hypothesis], held: Collection[int], discarded: float) -> None:
+        """Keep the children whose components are ``held``; the others are discarded mass like what was pruned."""
+        kept = {n: child for n, child in children.items() if n in held}
+        log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
+        self.discarded.add(float(np.log1p(-discarded)) + min(log_total, 0.0))
+        self.live = {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}
+
+    def commit(
+        self, run_id: str, keyframe: int, children: dict[int, Hypothesis], *, always_lineage: bool = False
+    ) -> Commit:
+        """What backends are told of the survivors; a lineage only goes to an owner that does not hold the parent."""
+        holds = {n: live.owner for n, live in self.live.items()}
+        moved = [always_lineage or holds.get(child.parent_id) != child.owner for child in children.values()]
+        return Commit(
+            run_id=run_id,
+            keyframe=keyframe,
+            ids=np.array(list(children), dtype=np.uint64),
+            parent_ids=np.array([child.parent_id for child in children.values()], dtype=np.uint64),
+            steps=tuple(child.lineage[-1] for child in children.values()),
+            log_weights=np.array([child.log_weight for child in children.values()]),
+            owners=np.array([child.owner for child in children.values()], dtype=np.uint32),
+            lineages=tuple(
+                child.lineage[:-1] if move else () for child, move in zip(children.values(), moved, strict=True)
+            ),
+        )
+
+
+def redistributed(hypotheses: dict[int, Hypothesis], backend_ids: Sequence[int]) -> dict[int, Hypothesis]:
+    """The hypotheses with owners that are still there."""
+    length = max((len(live.lineage) for live in hypotheses.values()), default=0)
+    owners = assign_owners([live.owner for live in hypotheses.values()], backend_ids, length)
+    return {n: replace(live, owner=owner) for (n, live), owner in zip(hypotheses.items(), owners, strict=True)}

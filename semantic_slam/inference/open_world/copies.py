@@ -1,0 +1,207 @@
+"""Hypotheses of an open world that have become near copies of each other, found among the candidates of a keyframe."""
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Protocol, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
+from semantic_slam.inference.states.identity import ROOT_ID
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
+from semantic_slam.inference.world.problem import Problem
+
+SURE = 0.5
+"""Existence from which on a hypothesis that lacks an object is no copy."""
+
+
+@dataclass(frozen=True)
+class RecentAssociations:
+    """The detections of a hypothesis's last keyframes; R of them."""
+
+    objects: Array  # (R, 3) where the object of each lies now, NaN when given up
+    classes: Index  # (R,) -1 where classes are not enumerated
+    settles: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
+    sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of the objects that are likely to exist
+    noise: int = 0  # of odometry, under which the hypothesis began
+    tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
+
+
+class Candidates(Protocol):
+    """What is asked of K candidates of a keyframe with D detections."""
+
+    @property
+    def ids(self) -> NDArray[np.uint64]:
+        """(K,)."""
+
+    @property
+    def parent_ids(self) -> NDArray[np.uint64]:
+        """(K,)."""
+
+    @property
+    def associations(self) -> NDArray[np.int32]:
+        """(K, D) object ids."""
+
+    @property
+    def classes(self) -> NDArray[np.int32]:
+        """(K, D)."""
+
+    @property
+    def log_weights(self) -> Array:
+        """(K,)."""
+
+    @property
+    def poses(self) -> Array:
+        """(K, 7) robot in map."""
+
+    @property
+    def object_poses(self) -> Array:
+        """(K, D, 7)."""
+
+    def take(self, rows: Index, log_weights: Array) -> Self:
+        """Some of them, with other weights."""
+
+
+C = TypeVar("C", bound=Candidates)
+
+
+class Survivor(Protocol):
+    """What is asked of a hypothesis that goes on."""
+
+    @property
+    def lineage(self) -> tuple[LineageStep, ...]:
+        """One step for every keyframe."""
+
+
+class Placed(Protocol):
+    """What is asked of the objects of a hypothesis."""
+
+    @property
+    def object_poses(self) -> Array:
+        """(O, 7) NaN where it has no such object."""
+
+    @property
+    def existence(self) -> Array:
+        """(O,) likewise."""
+
+
+class Distinct:
+    """In a world of known objects no hypothesis becomes the copy of another."""
+
+    num_merged = 0
+
+    def merged(self, candidates: C) -> C:
+        """All of them."""
+        return candidates
+
+    def remember(
+        self,
+        live: Mapping[int, Survivor],
+        objects: Mapping[int, Placed],
+        reported: ReportedObjects,
+        registry: ObjectRegistry,
+    ) -> None:
+        """Nothing needs to be."""
+
+
+class Copies:
+    """Finds near copies by what hypotheses' recent detections were associated with.
+
+    ``num_merged`` counts those of the newest keyframe.
+    """
+
+    def __init__(self, problem: Problem):
+        self.settings, self._ratio = problem.open_world, float(np.log(problem.pruning.ratio))
+        self.num_merged = 0
+        nothing = RecentAssociations(np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
+        self._recent = {
+            ROOT_ID + number: replace(nothing, noise=number) for number in range(len(problem.noise_factors))
+        }
+
+    def merged(self, candidates: C) -> C:
+        """Candidates without near copies among those that pruning might keep."""
+        log_weights = candidates.log_weights
+        likely = np.flatnonzero(log_weights >= log_weights.max(initial=-np.inf) - self._ratio)
+        self.num_merged = 0
+        if len(likely) < 2:
+            return candidates
+        compared = self._compared(candidates, likely)
+        merged = merge_copies(compared, log_weights[likely], candidates.ids[likely], self.settings)
+        self.num_merged = merged.count
+        unlikely = np.delete(np.arange(len(log_weights)), likely)
+        rows = np.concatenate([likely[merged.kept], unlikely]).astype(int)
+        return candidates.take(rows, np.concatenate([merged.log_weights, log_weights[unlikely]]))
+
+    def _compared(self, candidates: Candidates, likely: Index) -> MergeCandidates:
+        """What is compared of some candidates."""
+        recent = [self._recent[int(candidates.parent_ids[row])] for row in likely]
+        noise = np.array([[item.noise] for item in recent])
+        parents, numbers = np.unique(candidates.parent_ids[likely], return_inverse=True)
+        before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
+        known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
+        settled = np.array([item.settles for item in recent], dtype=bool).reshape(len(likely), -1)
+        seen = zip(candidates.associations[likely], recent, strict=True)
+        second = [[n in item.tentative for n in association] for association, item in seen]
+        now = np.array(second, dtype=bool).reshape(len(likely), -1)
+        return MergeCandidates(
+            poses=candidates.poses[likely],
+            objects=np.concatenate([before, candidates.object_poses[likely, :, :3]], axis=1),
+            classes=np.concatenate([known, candidates.classes[likely], noise], axis=1),
+            settles=np.concatenate([settled, now], axis=1),
+            parents=numbers,
+            alike=self._alike([self._recent[int(n)] for n in parents]),
+        )
+
+    def _alike(self, recent: list[RecentAssociations]) -> NDArray[np.bool_]:
+        """(P, P) whether two hypotheses are sure of the same objects, which may differ in their numbers."""
+        alike = np.ones((len(recent), len(recent)), dtype=bool)
+        if self.settings.merge_ghosts:
+            return alike
+        for a, b in combinations(range(len(recent)), 2):
+            one, other = recent[a].sure, recent[b].sure
+            mine = [one[n] for n in one.keys() - other.keys()]
+            theirs = [other[n] for n in other.keys() - one.keys()]
+            limit = self.settings.merge_object_m
+            alike[a, b] = alike[b, a] = _all_near(mine, other, limit) and _all_near(theirs, one, limit)
+        return alike
+
+    def remember(
+        self,
+        live: Mapping[int, Survivor],
+        objects: Mapping[int, Placed],
+        reported: ReportedObjects,
+        registry: ObjectRegistry,
+    ) -> None:
+        """Where the objects of the survivors' recent detections are; ``objects`` are over those ``reported``."""
+        self._recent = {n: self._recently(own.lineage, objects[n], reported, registry) for n, own in live.items()}
+
+    def _recently(
+        self, lineage: Sequence[LineageStep], objects: Placed, reported: ReportedObjects, registry: ObjectRegistry
+    ) -> RecentAssociations:
+        first_new = registry.first_new_id(max(0, len(lineage) - self.settings.merge_keyframes))
+        steps = lineage[-self.settings.merge_keyframes :]
+        seen = np.array([n for step in steps for n in step.association], dtype=np.int64)
+        classes = np.array([c for step in steps for c in step.class_assignment], dtype=int)
+        padded = np.concatenate([objects.object_poses[:, :3], np.full((1, 3), np.nan)])
+        times: Counter[int] = Counter()
+        settles = np.zeros(len(seen), dtype=bool)
+        for row, found in enumerate(seen.tolist()):
+            settles[row] = found >= first_new and times[found] == 1
+            times[found] += 1
+        tentative = {found for found, count in times.items() if found >= first_new and count == 1}
+        likely = () if self.settings.merge_ghosts else np.flatnonzero(objects.existence > SURE)
+        sure = {reported.ids[row]: objects.object_poses[row, :3] for row in likely}
+        return RecentAssociations(padded[reported.rows(seen)], classes, settles, sure, lineage[0].mode, tentative)
+
+
+def _all_near(points: list[Array], others: dict[int, Array], limit_m: float) -> bool:
+    """Whether each point has one of the others near it."""
+    if not points or not others:
+        return not points
+    places = np.array(list(others.values()))
+    return bool((np.linalg.norm(np.array(points)[:, None] - places, axis=-1) <= limit_m).any(axis=1).all())

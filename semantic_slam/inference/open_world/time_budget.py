@@ -1,0 +1,38 @@
+"""Fewer hypotheses while keyframes take too long."""
+
+import time
+from dataclasses import replace
+
+from semantic_slam.configuration import PruningConfiguration
+
+
+class TimeBudget:
+    """Fewer hypotheses while keyframes take longer than the budget; ``budget_ms`` 0: no clock is read."""
+
+    def __init__(self, budget_ms: float, limits: PruningConfiguration):
+        self._budget_s, self._limits = budget_ms / 1e3, limits
+        self._per_hypothesis_s = 0.0
+        self._begun_s = 0.0
+
+    @property
+    def is_on(self) -> bool:
+        return self._budget_s > 0.0
+
+    def begin(self) -> None:
+        """A keyframe begins."""
+        if self.is_on:
+            self._begun_s = time.perf_counter()
+
+    def limits(self) -> PruningConfiguration:
+        """Limits for pruning now: as many hypotheses as the time per hypothesis so far admits."""
+        if not self.is_on or self._per_hypothesis_s <= 0.0:
+            return self._limits
+        affordable = max(1, int(self._budget_s / self._per_hypothesis_s))
+        return replace(self._limits, max_hypotheses=min(affordable, self._limits.max_hypotheses))
+
+    def end(self, num_hypotheses: int) -> None:
+        """A keyframe ends; keyframes far apart in cost are smoothed over about five."""
+        if self.is_on:
+            taken = (time.perf_counter() - self._begun_s) / num_hypotheses
+            known = self._per_hypothesis_s
+            self._per_hypothesis_s = taken if known == 0.0 else 0.8 * known + 0.2 * taken

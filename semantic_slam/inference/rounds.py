@@ -1,0 +1,103 @@
+"""The two rounds of a keyframe with the backends, and what happens when a backend does not answer.
+
+A backend that is gone takes its components along, but no hypothesis: the lineage tells all that a component was made
+of, so that another backend rebuilds it, to the bit. See docs/architecture.md.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.candidate_table import CandidateTable
+from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis, redistributed
+from semantic_slam.inference.object_table import ObjectTable, over, table_row
+from semantic_slam.inference.protocol import LOST, BackendPool, Candidates, Components
+from semantic_slam.inference.world.objects import ReportedObjects
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldComponent:
+    """What a backend reports of one component that it holds."""
+
+    pose: Array  # (7,)
+    covariance: Array  # (6, 6)
+    objects: ObjectTable  # (O, ...)
+
+
+class Rounds:
+    """Asks the backends of ``pool``; hypotheses that one of them lost are rebuilt by the others."""
+
+    def __init__(self, pool: BackendPool, run_id: str, hypotheses: Hypotheses) -> None:
+        self._pool, self._run_id, self._hypotheses = pool, run_id, hypotheses
+        self.lost: Counter[str] = Counter()  # hypotheses that backends had to give up, by reason
+
+    def expand(self, keyframe: Any, index: int) -> CandidateTable:
+        """Round one: the candidates of every live hypothesis (Eqs. 4.11, 4.18)."""
+        answers = self._pool.expand(keyframe)
+        if not self._missing(answers):
+            return CandidateTable.of(answers)
+        self._rebuild_elsewhere(index)
+        answers = self._pool.expand(keyframe)
+        if self._missing(answers):
+            raise SemanticSlamError("backends lost hypotheses twice in a row; see their logs")
+        return CandidateTable.of(answers)
+
+    def commit(self, index: int, children: dict[int, Hypothesis]) -> tuple[dict[int, Hypothesis], list[Components]]:
+        """Round two: the components of the survivors (Eqs. 4.9, 4.10); and the survivors with their owners now."""
+        answers = self._pool.commit(self._hypotheses.commit(self._run_id, index, children))
+        if _unanswered(children, answers) and self._pool.backend_ids:
+            children = redistributed(children, self._pool.backend_ids)
+            again = self._hypotheses.commit(self._run_id, index, children, always_lineage=True)
+            answers = self._pool.commit(again)
+        self._count_lost(children, answers)
+        return children, answers
+
+    def _missing(self, answers: list[Candidates]) -> set[int]:
+        """Live hypotheses that no backend has expanded."""
+        return set(self._hypotheses.live) - {int(n) for answer in answers for n in answer.expanded_parent_ids}
+
+    def _rebuild_elsewhere(self, index: int) -> None:
+        """Have the backends that are left rebuild what is missing from its lineage."""
+        if index == 0 or not self._pool.backend_ids:
+            raise SemanticSlamError("no backend holds the first hypothesis; start the backends and run again")
+        self._hypotheses.live = redistributed(self._hypotheses.live, self._pool.backend_ids)
+        commit = self._hypotheses.commit(self._run_id, index - 1, self._hypotheses.live, always_lineage=True)
+        self._pool.commit(commit)
+
+    def _count_lost(self, children: dict[int, Hypothesis], answers: list[Components]) -> None:
+        """By reason; raises SemanticSlamError when none is left."""
+        lost = Counter(reason for answer in answers for reason in answer.lost_reasons)
+        lost += Counter({"no backend answered": len(_unanswered(children, answers))})
+        self.lost.update({f"{LOST}: {reason}": count for reason, count in lost.items()})
+        if not any(len(answer.ids) for answer in answers):
+            reasons = "; ".join(f"{count} x {reason}" for reason, count in lost.most_common(3))
+            raise SemanticSlamError(f"every hypothesis was lost ({reasons}); check noise parameters and backends")
+
+
+def held_components(answers: list[Components], reported: ReportedObjects) -> dict[int, HeldComponent]:
+    """Hypothesis id -> its component, over the objects that are ``reported``."""
+    return {
+        int(number): HeldComponent(
+            pose=answer.poses[row], covariance=answer.pose_covariances[row], objects=table_row(answer.objects, row)
+        )
+        for answer in (_aligned(answer, reported) for answer in answers)
+        for row, number in enumerate(answer.ids)
+    }
+
+
+def _aligned(answer: Components, reported: ReportedObjects) -> Components:
+    """An answer over the reported objects, of which its backend may hold some alone."""
+    ids = np.array(reported.ids, dtype=np.uint32)
+    if np.array_equal(ids, answer.object_ids):
+        return answer
+    places = np.array([reported.row_of[n] for n in answer.object_ids.tolist()], dtype=int)
+    return replace(answer, object_ids=ids, objects=over(answer.objects, places, reported.class_prior))
+
+
+def _unanswered(children: dict[int, Hypothesis], answers: list[Components]) -> set[int]:
+    """Survivors that are neither held nor given up by any backend."""
+    return set(children) - {int(n) for answer in answers for n in (*answer.ids, *answer.lost_ids)}
