@@ -86,6 +86,8 @@ def test_the_belief_is_that_of_all_objects(margin: float, monkeypatch: pytest.Mo
     assert near < len(world.object_means) / 2 and looked_at[-1] == len(world.object_means)
     assert times == 2 if margin > 0.0 else times > 2
     for mine, reference in zip(gated, everything, strict=True):
-        same_mass = replace(mine, discarded_mass=reference.discarded_mass)
+        same_mass = replace(
+            mine, discarded_mass=reference.discarded_mass, discarded_mass_window=reference.discarded_mass_window
+        )
         assert belief_difference(same_mass, reference) < 1e-9
         assert -1e-12 < mine.discarded_mass - reference.discarded_mass < 1e-3  # a bound on what was not looked at
