@@ -35,9 +35,14 @@ COMMANDS = {
 }
 
 
+PACKAGES = {"demo": "semantic_slam.ros"} | dict.fromkeys(
+    ("bench", "run_study", "make_scene"), "semantic_slam_lab.commands"
+)
+
+
 def line_of(command: str) -> list[str]:
-    package = "ros" if command == "demo" else "cli"
-    return [sys.executable, "-c", f"from semantic_slam.{package}.{command} import main; main()"]
+    package = PACKAGES.get(command, "semantic_slam.cli")
+    return [sys.executable, "-c", f"from {package}.{command} import main; main()"]
 
 
 def call(folder: Path, command: str, *words: object) -> subprocess.CompletedProcess[str]:
