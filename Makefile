@@ -45,18 +45,18 @@ $(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml lab/pypr
 	touch $@
 
 demo: $(BUILT)
-	source ./env.sh; demo --out out/demo
+	source ./env.sh; demo --out out/demo --overwrite
 
 test: $(BUILT)
 	source ./env.sh; python -m pytest $(PYTEST_ARGS)
 
 bench: $(BUILT)
-	source ./env.sh; bench --out out/bench.json $(BENCH_ARGS)
+	source ./env.sh; bench --out out/bench.json --overwrite $(BENCH_ARGS)
 
 bags: $(BUILT)
 	rm -rf build/scenes; source ./env.sh; make_scene --out build/scenes --seed 0 --tour-only; \
-	import_dataset avd build/scenes/Gen_000_1 --out bags/aliased_room --seed 2
-	source ./env.sh; make_scene --standing --out bags --seed 0
+	import_dataset avd build/scenes/Gen_000_1 --out bags/aliased_room --seed 2 --overwrite
+	source ./env.sh; make_scene --standing --out bags --seed 0 --overwrite
 
 clean:
 	rm -rf build install log out

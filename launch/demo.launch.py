@@ -33,11 +33,15 @@ def end_of(name, last):
 
 def start_nodes(context):
     """Actions of all nodes, once the arguments' values are known."""
-    bag, config, backends, rate, record = (
-        LaunchConfiguration(name).perform(context) for name in ("bag", "config", "backends", "rate", "record")
+    bag, config, backends, rate, record, overwrite = (
+        LaunchConfiguration(name).perform(context)
+        for name in ("bag", "config", "backends", "rate", "record", "overwrite")
     )
     has_tf2 = is_installed("tf2_msgs/msg/TFMessage")
-    specs = node_set(Path(bag), Path(config), int(backends), float(rate), record, has_tf2=has_tf2)
+    may_replace = overwrite.lower() == "true"
+    specs = node_set(
+        Path(bag), Path(config), int(backends), float(rate), record, has_tf2=has_tf2, overwrite=may_replace
+    )
     # The last of the chain to be done ends the launch.
     last = "bag_recorder" if record else "bag_player"
     return [
@@ -63,6 +67,7 @@ def generate_launch_description():
             DeclareLaunchArgument("backends", default_value="2", description="number of backend nodes"),
             DeclareLaunchArgument("rate", default_value="0.0", description="0: lossless lock-step, 1: real time"),
             DeclareLaunchArgument("record", default_value="", description="belief bag to write; empty: none"),
+            DeclareLaunchArgument("overwrite", default_value="false", description="true: replace an old belief bag"),
             OpaqueFunction(function=start_nodes),
         ]
     )

@@ -82,6 +82,28 @@ class McapStream:
         return RawMessage(topic, self.topics[topic], message.log_time, message.data)
 
 
+def breaks_off_cleanly(path: Path) -> bool:
+    """Whether a mcap lacks its end and nothing else, as a killed recorder leaves it: every record there is whole."""
+    with path.open("rb") as file:
+        file.seek(len(MAGIC))
+        while len(header := file.read(RECORD_HEADER.size)) == RECORD_HEADER.size:
+            opcode, length = RECORD_HEADER.unpack(header)
+            content = file.read(min(length, path.stat().st_size))
+            if opcode == Opcode.DATA_END or len(content) < length:
+                return False
+            if opcode == Opcode.CHUNK and not _is_whole(content):
+                return False
+        return header == b""
+
+
+def _is_whole(chunk: bytes) -> bool:
+    """Whether a chunk gives as many bytes as it says."""
+    if len(chunk) < CHUNK_HEADER.size:
+        return False
+    _, _, size, _, _ = CHUNK_HEADER.unpack_from(chunk)
+    return len(_decompressed(chunk)) == size
+
+
 def _flat_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
     """Whole schema, channel and message records, those inside chunks included."""
     for opcode, content, whole in _records(file, size):

@@ -1,6 +1,7 @@
 """Read bags: rosbag2 folders and bare storage files, mcap or sqlite3, compressed or not, damaged or whole."""
 
 import hashlib
+import sys
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
@@ -14,12 +15,14 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys.store import Typestore
 
 from semantic_slam.bag.definitions import extended_typestore
-from semantic_slam.bag.mcap_stream import McapStream, RawMessage
+from semantic_slam.bag.mcap_stream import McapStream, RawMessage, breaks_off_cleanly
 from semantic_slam.bag.names import absolute
 from semantic_slam.errors import InputError
 from semantic_slam.messages.typestore import typestore
 
 REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
+_announced: set[str] = set()
+"""What this process has said of unfinished bags, which it may open many times."""
 
 
 class TruncatedBagError(InputError):
@@ -64,6 +67,7 @@ class BagReader:
         if not self.path.exists():
             raise InputError(f"{self.path}: no such bag; {REMEDY}")
         self.damage = ""  # why not all of the bag can be read
+        self.unfinished = ""  # that its recorder was killed; all that it wrote can be read
         self._stack = ExitStack()
         self._sources: list[Source] = []
 
@@ -152,20 +156,36 @@ class BagReader:
         return IndexedSource(self._stack.enter_context(Reader(path)))
 
     def _open_parts(self, reason: str) -> None:
-        """Storage file by storage file, the damaged mcaps up to their damage."""
+        """Storage file by storage file, the damaged mcaps up to their damage, the unfinished ones to their end."""
         if _compression(self.path):
             raise InputError(f"{self.path}: a compressed bag that cannot be read ({reason}); record it again")
-        if self.path.is_dir() and (self.path / "metadata.yaml").exists():
+        was_closed = self.path.is_dir() and (self.path / "metadata.yaml").exists()
+        if was_closed:
             self.damage = reason
+        is_unfinished = False
         for path in storage_files(self.path):
             try:
                 self._sources.append(self._indexed(path))
             except Exception as fault:
-                self.damage = _one_line(fault)
                 if path.suffix == ".mcap":
                     self._sources.append(McapStream(path))
+                if path.suffix == ".mcap" and not was_closed and breaks_off_cleanly(path):
+                    is_unfinished = True
+                else:
+                    self.damage = _one_line(fault)
         if not self._sources:
             raise InputError(f"{self.path}: not a readable bag ({reason}); {REMEDY}")
+        if is_unfinished:
+            self._announce_unfinished()
+
+    def _announce_unfinished(self) -> None:
+        self.unfinished = (
+            f"{self.path}: its recorder was killed before it closed the bag; the {self.num_messages} messages that it"
+            " had written are used; end a recorder with Ctrl-C (SIGINT) to lose none"
+        )
+        if self.unfinished not in _announced:
+            _announced.add(self.unfinished)
+            print(self.unfinished, file=sys.stderr)
 
     def _truncated(self, reason: str, given: int) -> TruncatedBagError:
         return TruncatedBagError(

@@ -1,8 +1,8 @@
 """Write rosbag2 folders: mcap, chunks compressed with zstd, the definitions of all types embedded."""
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedWriter
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -17,6 +17,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 
 from semantic_slam.bag.definitions import extended_typestore, register
 from semantic_slam.bag.names import absolute
@@ -24,6 +25,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import CODECS, to_message
 from semantic_slam.messages.topics import LATCHED
 from semantic_slam.messages.typestore import serialize
+from semantic_slam.outputs import check_is_bag
 
 UNLIMITED = QosTime(9223372036, 854775807)
 """What ROS 2 writes for a deadline, lifespan or lease that does not exist."""
@@ -39,8 +41,8 @@ LATCHED_QOS = Qos(
     UNLIMITED,
     False,
 )
-BAG_SUFFIXES = frozenset({".mcap", ".db3", ".db3-shm", ".db3-wal"})
-BAG_FILES = frozenset({"metadata.yaml", "objects.json"})
+WRITTEN_AT_ONCE = 4 << 20
+"""Bytes that reach the disk in one piece: a chunk and its index, so that a killed process leaves no part of one."""
 _LATCHED = frozenset(absolute(topic) for topic in LATCHED)
 
 
@@ -51,7 +53,7 @@ class BagWriter:
     """
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError where ``path`` is no bag or cannot be written; an old bag is replaced."""
+        """Raises InputError where something is at ``path`` or where it cannot be written; nothing is replaced."""
         self.path = Path(path)
         with _faults_of(self.path):
             _make_room(self.path)
@@ -63,6 +65,8 @@ class BagWriter:
     def __enter__(self) -> Self:
         with _faults_of(self.path):
             self._writer.open()
+        storage = self._storage()
+        storage.bio = BufferedWriter(storage.bio.detach(), WRITTEN_AT_ONCE)
         return self
 
     def __exit__(
@@ -86,6 +90,17 @@ class BagWriter:
             raise ValueError(f"{name} holds {connection.msgtype}, not {type_name}")
         self._writer.write(connection, int(stamp_ns), cdr)
 
+    def flush(self) -> None:
+        """Hand what was written to the operating system: it outlives this process, killed or not."""
+        storage = self._storage()
+        if storage.chunk.bio.tell():
+            storage.close_chunk()
+        storage.bio.flush()
+
+    def _storage(self) -> McapWriter:
+        assert isinstance(self._writer.storage, McapWriter)
+        return self._writer.storage
+
     def _connect(self, name: str, type_name: str, definition: str) -> Connection:
         if type_name not in self._store.types:
             if not definition:
@@ -108,13 +123,9 @@ def _faults_of(path: Path) -> Iterator[None]:
 
 
 def _make_room(path: Path) -> None:
-    """Remove an old bag at ``path``; anything else there is an InputError."""
-    if not path.exists():
-        return
-    if not path.is_dir():
-        raise InputError(f"{path}: exists and is no bag folder; name another output")
-    names = sorted(item.name for item in path.iterdir())
-    foreign = [name for name in names if name not in BAG_FILES and Path(name).suffix not in BAG_SUFFIXES]
-    if foreign:
-        raise InputError(f"{path}: holds {foreign[0]}, which is no part of a bag; name another output folder")
-    shutil.rmtree(path)
+    """Remove an empty folder at ``path``; anything else there is an InputError."""
+    check_is_bag(path)
+    if path.exists():
+        if any(path.iterdir()):
+            raise InputError(f"{path}: exists already; name another output")
+        path.rmdir()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
+from semantic_slam.outputs import add_overwrite, claimed_folder
 
 if TYPE_CHECKING:
     from semantic_slam.configuration import Configuration
@@ -41,6 +42,7 @@ def parse(words: list[str] | None = None) -> Namespace:
         help="run the bag with this configuration, too, and set the runs side by side; may be given up to"
         f" {MOST_COMPARED} times (beliefs go to DIR/belief_<name of the file>)",
     )
+    add_overwrite(parser)
     arguments = parser.parse_args(words)
     for name, least in (("seed", 0), ("max_keyframes", 1)):
         value = getattr(arguments, name)
@@ -73,22 +75,28 @@ def run_name(configuration: Path | None) -> str:
 def command() -> None:
     """Parse, run, report; raises InputError, after the report where the bag is only damaged."""
     arguments = parse()
+    inputs = [arguments.bag, arguments.config, arguments.map_prior, *(arguments.compare or [])]
+    with claimed_folder(arguments.out, inputs, arguments.overwrite) as out:
+        files, fault = report(arguments, out)
+    print_files([arguments.out / path.name for path in files])
+    if fault is not None:
+        raise fault
+
+
+def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | None]:
+    """Write the report into the folder ``out``: its files, and what ended the input early. Raises InputError."""
     from semantic_slam.report.make import make_report
 
     if holds_beliefs(arguments.bag):
         _announce_unused(arguments)
-        print_files(make_report(arguments.bag, arguments.out))
-        check_whole(arguments.bag)
-        return
+        return make_report(arguments.bag, out), damage_of(arguments.bag)
     paths = [arguments.config, *(arguments.compare or [])]
     runs = {run_name(path): effective_configuration(path, arguments.seed) for path in paths}
     names = list(runs)
-    beliefs = {name: arguments.out / (f"belief_{name}" if name != names[0] else "belief") for name in names}
+    beliefs = {name: out / (f"belief_{name}" if name != names[0] else "belief") for name in names}
     faults = [run(arguments, name, runs[name], beliefs[name]) for name in names]
     compared = {name: beliefs[name] for name in names[1:]}
-    print_files(make_report(beliefs[names[0]], arguments.out, arguments.bag, names[0], compared))
-    if faults[0] is not None:
-        raise faults[0]
+    return make_report(beliefs[names[0]], out, arguments.bag, names[0], compared), faults[0]
 
 
 def effective_configuration(path: Path | None, seed: int | None) -> "Configuration":
@@ -127,13 +135,17 @@ def holds_beliefs(bag: Path) -> bool:
         return BELIEF in reader.topics
 
 
-def check_whole(bag: Path) -> None:
-    """Raises InputError when a bag is damaged."""
+def damage_of(bag: Path) -> InputError | None:
+    """What is wrong with a damaged bag."""
     from semantic_slam.bag.reader import BagReader
 
-    with BagReader(bag) as reader:
-        for _ in reader.messages():
-            pass
+    try:
+        with BagReader(bag) as reader:
+            for _ in reader.messages():
+                pass
+    except InputError as fault:
+        return fault
+    return None
 
 
 def print_files(files: list[Path]) -> None:

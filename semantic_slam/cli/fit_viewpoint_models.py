@@ -9,6 +9,7 @@ from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
+from semantic_slam.outputs import add_overwrite, claimed_files
 
 
 def parse() -> argparse.Namespace:
@@ -41,11 +42,12 @@ def parse() -> argparse.Namespace:
         help="JSON {instance: class} for turntables of instances; default: each turntable is a class",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
+    add_overwrite(parser)
     return parser.parse_args()
 
 
 def command() -> None:
-    """Parse, measure, fit and save; the report goes beside the model as JSON and in short to the terminal."""
+    """Parse, then fit to outputs that are whole or not there."""
     arguments = parse()
     if arguments.draws < 2:
         raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
@@ -53,6 +55,18 @@ def command() -> None:
         raise InputError("--classes: only for --turntables; leave it out")
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
+    if arguments.out.suffix in (".json", ".html"):
+        raise InputError(f"{arguments.out}: is where the report goes; name a .safetensors file")
+    outs = [arguments.out.with_suffix(suffix) for suffix in (arguments.out.suffix, ".json", ".html")]
+    inputs = [arguments.turntables, arguments.avd, arguments.bag, arguments.weights, arguments.classes]
+    with claimed_files(outs, inputs, arguments.overwrite) as staged:
+        lines = fit(arguments, *staged)
+    print("\n".join(lines))
+    print(f"{outs[0]}: report in {outs[1]} and {outs[2]}")
+
+
+def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page: Path) -> list[str]:
+    """Measure, fit and save; the report goes beside the model as JSON and in short into the lines returned."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network
@@ -70,20 +84,18 @@ def command() -> None:
         "report": report,
         "left_out": left_out,
     }
-    save_model(model, arguments.out, provenance)
-    report_path, page = arguments.out.with_suffix(".json"), arguments.out.with_suffix(".html")
+    save_model(model, model_path, provenance)
     report_path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     write_page(page, model, samples, report)
-    for reason, count in sorted(left_out.items()):
-        print(f"left out: {reason} ({count})")
+    lines = [f"left out: {reason} ({count})" for reason, count in sorted(left_out.items())]
     for name, numbers in report.items():
-        print(
+        lines.append(
             f"{name}: {numbers['coverage']['views']:.0f} directions, widest gap"
             f" {numbers['coverage']['widest_gap_deg']:.0f} deg, within 1 and 2 sigma"
             f" {numbers['fraction_within_1_sigma']:.2f} and {numbers['fraction_within_2_sigma']:.2f}, mean squared"
             f" whitened residual {numbers['mean_squared_whitened_residual']:.2f} of {model.num_features}"
         )
-    print(f"{arguments.out}: {len(model.class_names)} classes; report in {report_path} and {page}")
+    return [*lines, f"{len(model.class_names)} classes"]
 
 
 def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, Any], dict[str, int]]:

@@ -7,6 +7,7 @@ from types import ModuleType
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
+from semantic_slam.outputs import add_overwrite, claimed_bag
 
 FORMATS = {
     "avd": (
@@ -17,7 +18,10 @@ FORMATS = {
     "victoria_park": ("semantic_slam.datasets.victoria_park_import", "the outdoor drive that ships with gtsam"),
     "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
 }
-"""Name -> (module with ``add_arguments(parser)`` and ``run(arguments)``, description)."""
+"""Name -> (module with ``add_arguments(parser)`` and ``run(arguments, bag)``, description).
+
+``bag`` is where to write, which may lie beside ``--out``; ``run`` returns why a source ended early, if it did.
+"""
 
 
 def parse(words: list[str]) -> tuple[ModuleType, argparse.Namespace]:
@@ -30,6 +34,7 @@ def parse(words: list[str]) -> tuple[ModuleType, argparse.Namespace]:
         if name == next((word for word in words if not word.startswith("-")), None):
             module = importlib.import_module(module_name)  # only the format asked for: its imports may be heavy
             module.add_arguments(format_parser)
+            add_overwrite(format_parser)
     arguments = parser.parse_args(words)
     assert module is not None
     return module, arguments
@@ -41,7 +46,11 @@ def command() -> None:
     max_keyframes = getattr(arguments, "max_keyframes", None)
     if max_keyframes is not None and max_keyframes < 1:
         raise InputError(f"--max-keyframes {max_keyframes}: must be at least 1; leave it out to import everything")
-    module.run(arguments)
+    inputs = [getattr(arguments, name, None) for name in ("source", "path", "labels")]
+    with claimed_bag(arguments.out, inputs, arguments.overwrite) as bag:
+        fault = module.run(arguments, bag)
+    if fault is not None:
+        raise fault
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
+from semantic_slam.outputs import add_overwrite, check_output, claimed
 
 
 def parse() -> argparse.Namespace:
@@ -32,6 +33,7 @@ def parse() -> argparse.Namespace:
         help="JSON {instance: class} for turntables of instances; default: each turntable is a class",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
+    add_overwrite(parser)
     return parser.parse_args()
 
 
@@ -39,6 +41,8 @@ def command() -> None:
     """Parse, train, save and say how well the network does around the objects. Raises InputError."""
     arguments = parse()
     chosen = _chosen(arguments)
+    inputs = [arguments.turntables, arguments.classes]
+    check_output(arguments.out, inputs, arguments.overwrite)
     from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 
     views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
@@ -52,7 +56,8 @@ def command() -> None:
     network = train(views, names, configuration)
     accuracy = accuracy_by_azimuth(network, views, names, configuration.seed)
     provenance = {"command": "train_classifier", "training": dataclasses.asdict(configuration), "accuracy": accuracy}
-    save_compact_network(network, names, provenance, arguments.out)
+    with claimed(arguments.out, inputs, arguments.overwrite) as out:
+        save_compact_network(network, names, provenance, out)
     shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in accuracy.items())
     print(f"{arguments.out}: classes {', '.join(names)}; accuracy {shares}")
 

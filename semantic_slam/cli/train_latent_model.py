@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
+from semantic_slam.outputs import add_overwrite, check_output, claimed
 
 if TYPE_CHECKING:
     from semantic_slam.training.latent.fit import TrainingSettings
@@ -59,6 +60,7 @@ def parse() -> argparse.Namespace:
         "--effort", type=float, default=1.0, help="factor of the passes over the data (default: %(default)s)"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
+    add_overwrite(parser)
     return parser.parse_args()
 
 
@@ -67,6 +69,8 @@ def command() -> None:
     arguments = parse()
     if arguments.effort <= 0.0 or arguments.held_out < 0 or arguments.seed < 0:
         raise InputError("train_latent_model: --effort must be positive, --held-out and --seed not negative")
+    inputs = [*arguments.turntables, *(arguments.tags or ())]
+    check_output(arguments.out, inputs, arguments.overwrite)
     views, classes = _views(arguments)
     from semantic_slam.latent.store import save_latent_model
     from semantic_slam.training.latent.fit import TrainingSettings, train
@@ -92,7 +96,8 @@ def command() -> None:
         "report": report,
     }
     state = {name: value.numpy() for name, value in trained.extractor.state_dict().items()}
-    save_latent_model(replace(trained.model, provenance=provenance), state, arguments.out)
+    with claimed(arguments.out, inputs, arguments.overwrite) as out:
+        save_latent_model(replace(trained.model, provenance=provenance), state, out)
     for place, groups in report.items():
         for group, figures in groups.items():
             told = ", ".join(f"{text} {figures[name]:.3f}" for name, text in SHOWN.items() if name in figures)

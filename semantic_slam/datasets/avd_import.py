@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace, bag: Path) -> None:
     """Import and say what the bag holds; raises InputError."""
     noise = OdometryNoise(
         arguments.odometry_translation_per_m, arguments.odometry_rotation_per_m, arguments.odometry_rotation_per_rad
@@ -85,9 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
     )
     if settings.image_width is not None and settings.image_width < 64:
         raise InputError(f"--image-width {settings.image_width}: must be 64 or more")
-    result = import_avd(
-        arguments.source, arguments.out, arguments.path, arguments.max_keyframes, arguments.seed, settings
-    )
+    result = import_avd(arguments.source, bag, arguments.path, arguments.max_keyframes, arguments.seed, settings)
     print(describe(arguments.out, result, noise))
 
 

@@ -52,9 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N views")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace, bag: Path) -> None:
     """Import and say what the bag holds; raises InputError."""
-    result = import_bigbird(arguments.source, arguments.out, arguments.camera, arguments.max_keyframes)
+    result = import_bigbird(arguments.source, bag, arguments.camera, arguments.max_keyframes)
     print(
         f"{arguments.out}: {result.views} views of {result.object_name} from {arguments.camera}, boxes from masks;"
         f" the camera strays up to {1000 * result.wobble_m:.1f} mm from its place on {BODY_FRAME}"

@@ -33,23 +33,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--base-frame", default="base_link", metavar="FRAME", help="with TF: body (default: base_link)")
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Write the bag and say what was used and what was dropped; raises InputError."""
+def run(arguments: argparse.Namespace, bag: Path) -> InputError | None:
+    """Write the bag and say what was used and what was dropped; returns the source's damage. Raises InputError."""
     labels = read_label_map(arguments.labels) if arguments.labels else LabelMap()
-    if arguments.out.resolve() in (arguments.source.resolve(), *arguments.source.resolve().parents):
-        raise InputError(f"--out {arguments.out}: holds the source bag; name another folder")
     wanted = Wanted(arguments.detections, arguments.image, arguments.depth, arguments.camera_info, arguments.odom)
     with BagReader(arguments.source) as reader:
         reader.check_definitions()
         selection = find_topics(reader, wanted)
         print(describe(selection))
-        with BagWriter(arguments.out) as writer:
+        with BagWriter(bag) as writer:
             converter = Converter(reader, writer, selection, labels, arguments.odom_frame, arguments.base_frame)
             try:
-                convert(reader, converter, arguments.max_keyframes)
+                fault = convert(reader, converter, arguments.max_keyframes)
             finally:
                 print("\n".join(summary(arguments.out, converter, labels)))
-    converter.check_complete()
+    if fault is None:
+        converter.check_complete()
+    return fault
 
 
 def find_topics(reader: BagReader, wanted: Wanted) -> Selection:
@@ -65,14 +65,17 @@ def find_topics(reader: BagReader, wanted: Wanted) -> Selection:
     return select_topics(str(reader.path), available, wanted, shows_depth)
 
 
-def convert(reader: BagReader, converter: Converter, max_keyframes: int | None) -> None:
-    """Every message of the bag in order, up to ``max_keyframes`` detection messages."""
+def convert(reader: BagReader, converter: Converter, max_keyframes: int | None) -> TruncatedBagError | None:
+    """Every message in order, up to ``max_keyframes`` detection messages or the bag's damage, which is returned."""
     frames = 0
-    for message in tqdm(reader.messages(), total=reader.num_messages, desc="bag", unit="message"):
-        if converter.convert(message):
-            frames += 1
+    try:
+        for message in tqdm(reader.messages(), total=reader.num_messages, desc="bag", unit="message"):
+            frames += converter.convert(message)
             if frames == max_keyframes:
-                return
+                break
+    except TruncatedBagError as damage:
+        return damage
+    return None
 
 
 def describe(selection: Selection) -> str:

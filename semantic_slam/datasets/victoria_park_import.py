@@ -54,12 +54,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace, bag: Path) -> None:
     """Write the bag and say what it holds; raises InputError."""
     if not arguments.landmark_variance > 0.0:
         raise InputError(f"--landmark-variance {arguments.landmark_variance}: must be greater than 0 m^2")
     log = read_log(arguments.source or example_path())
-    written = write_bag(log, arguments.out, arguments.landmark_variance, arguments.max_keyframes)
+    written = write_bag(log, bag, arguments.landmark_variance, arguments.max_keyframes)
     print(
         f"{arguments.out}: {written.poses} poses, {written.frames} frames with {written.detections} detections"
         f" of {written.landmarks} landmark numbers (ground truth only)"

@@ -1,6 +1,6 @@
 """A recorded belief bag as a :class:`Record`."""
 
-from collections.abc import Iterator
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from semantic_slam.messages.ground_truth import GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.topic_clock import TopicClock
 
 READ = tuple(
     absolute(topic)
@@ -91,8 +92,10 @@ def read_record(path: Path) -> Record:
     """
     found, fault = _Collected(), ""
     try:
-        for topic, type_name, raw in _messages(path):
-            found.take(topic, type_name, raw)
+        with BagReader(path) as reader:
+            fault = reader.unfinished
+            for topic, type_name, _, raw in reader.messages(READ):
+                found.take(absolute(topic), type_name, raw)
     except InputError as error:
         if not found.beliefs:
             raise
@@ -102,20 +105,26 @@ def read_record(path: Path) -> Record:
     if found.run is None:
         raise InputError(f"{path}: holds no {topics.RUN_CONFIGURATION}; record that topic together with the beliefs")
     beliefs = tuple(found.beliefs[k] for k in sorted(found.beliefs))
-    odometry = _trajectory(found.odometry)
+    odometry = _trajectory(_believed(found.odometry))
     return Record(found.run, beliefs, odometry, found.measurements, found.truth(), found.reasons(beliefs), fault)
-
-
-def _messages(path: Path) -> Iterator[tuple[str, str, bytes]]:
-    with BagReader(path) as reader:
-        for topic, type_name, _, raw in reader.messages(READ):
-            yield absolute(topic), type_name, raw
 
 
 def _trajectory(poses: dict[int, Any]) -> Trajectory:
     """The poses in stamp order; what is no pose (NaN, no rotation) is left out, as the pipeline does."""
     stamps = sorted(stamp for stamp, pose in poses.items() if np.isfinite(pose).all() and pose[3:].any())
     return Trajectory(np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]).reshape(-1, 7))
+
+
+def _believed(poses: dict[int, Any]) -> dict[int, Any]:
+    """Those whose stamps the pipeline believes, too; a single wrong one would bend the dead reckoning."""
+    clock: TopicClock[Any] = TopicClock(topics.ODOMETRY, Counter())
+    believed: dict[int, Any] = {}
+    for stamp, pose in poses.items():
+        taken = clock.take(stamp, pose)
+        if clock.withdraws_first:
+            believed.clear()
+        believed.update(taken)
+    return {**believed, **dict(clock.release())}
 
 
 def _dropped(message: Any) -> dict[tuple[str, str], int]:

@@ -65,8 +65,11 @@ class FrameAssembler:
 
     @property
     def num_waiting(self) -> int:
-        """Detections whose image or depth is not decided yet."""
-        return len(self._detections)
+        """Detections whose image or depth is not decided yet, those apart that a held stamp keeps back.
+
+        A lossless replay that waited for them would keep back the very message that judges the held one.
+        """
+        return 0 if self._images.is_holding or self._depths.is_holding else len(self._detections)
 
     def take(self) -> list[Frame]:
         """Frames that are complete by now, in the order of their stamps."""
@@ -74,6 +77,8 @@ class FrameAssembler:
 
     def flush(self) -> list[Frame]:
         """All that is left, once no more messages will come."""
+        for buffer in (self._detections, self._images, self._depths):
+            buffer.release()
         return self._frames(at_end=True)
 
     def _frames(self, at_end: bool) -> list[Frame]:

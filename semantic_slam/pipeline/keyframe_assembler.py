@@ -18,7 +18,7 @@ import numpy as np
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import between
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.keyframe import Keyframe, OdometrySample
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample
@@ -40,7 +40,7 @@ class KeyframeAssembler:
         self._configuration = configuration
         self._wants_identities = configuration.association == "given"
         self._has_identities = has_identities
-        self._odometry: StampedBuffer[OdometryPoint] = StampedBuffer(topics.ODOMETRY, self.dropped)
+        self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
         self._newest: OdometryPoint | None = None
@@ -54,13 +54,15 @@ class KeyframeAssembler:
         except InputError:
             self.dropped[f"{topics.ODOMETRY}: pose is not finite"] += 1
             return
+        self._odometry.add(sample.stamp_ns, sample)
+
+    def _advanced(self, sample: OdometrySample) -> OdometryPoint:
+        """The point at the next sample; the first one is where the first keyframe's motion starts."""
         if self._newest is None:
-            point = self._last_keyframe = start(sample)
+            self._newest = self._last_keyframe = start(sample)
         else:
-            point = self._newest.advance(sample)
-        if not self._odometry.has_reached(sample.stamp_ns):
-            self._newest = point
-        self._odometry.add(sample.stamp_ns, point)
+            self._newest = self._newest.advance(sample)
+        return self._newest
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
         """The measurements of one frame."""
@@ -72,8 +74,11 @@ class KeyframeAssembler:
 
     @property
     def num_waiting(self) -> int:
-        """Measurements for which odometry or identities are still to come."""
-        return len(self._measurements)
+        """Measurements for which odometry or identities are still to come, those apart that a held stamp keeps back.
+
+        A lossless replay that waited for them would keep back the very message that judges the held one.
+        """
+        return 0 if self._odometry.is_holding or self._identities.is_holding else len(self._measurements)
 
     def take(self) -> list[Keyframe]:
         """Keyframes that are complete by now, in the order of their stamps. Raises InputError when ids are missing."""
@@ -81,6 +86,8 @@ class KeyframeAssembler:
 
     def flush(self) -> list[Keyframe]:
         """All that is left, once no more messages will come; the last odometry stands for a short while."""
+        for buffer in (self._odometry, self._measurements, self._identities):
+            buffer.release()
         return self._keyframes(at_end=True)
 
     def _keyframes(self, at_end: bool) -> list[Keyframe]:

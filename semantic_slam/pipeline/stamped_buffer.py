@@ -2,21 +2,34 @@
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator
-from typing import Generic, TypeVar
+from collections.abc import Callable, Iterator
+from typing import Any, Generic, TypeVar
+
+from semantic_slam.pipeline.topic_clock import TopicClock
 
 T = TypeVar("T")
 
 
 class StampedBuffer(Generic[T]):
-    """Items of one topic. A stamp that does not grow is refused and counted: a topic's clock only runs forward."""
+    """Items of one topic whose stamps its clock believes; the others are refused and counted."""
 
-    def __init__(self, topic: str, dropped: Counter[str], capacity: int | None = None) -> None:
-        """``dropped`` counts what is refused, and what is pushed out once ``capacity`` items wait."""
+    def __init__(
+        self,
+        topic: str,
+        dropped: Counter[str],
+        capacity: int | None = None,
+        made_of: Callable[[Any], T] | None = None,
+    ) -> None:
+        """``dropped`` counts what is refused, and what is pushed out once ``capacity`` items wait.
+
+        ``made_of`` makes the item that is kept of the one that was added, in order and of those believed alone.
+        """
         self.topic = topic
         self.last_stamp_ns: int | None = None
+        self._clock: TopicClock[Any] = TopicClock(topic, dropped)
         self._dropped = dropped
         self._capacity = capacity
+        self._made_of = made_of
         self._stamps: list[int] = []
         self._items: list[T] = []
 
@@ -26,15 +39,29 @@ class StampedBuffer(Generic[T]):
     def __iter__(self) -> Iterator[tuple[int, T]]:
         return iter(zip(self._stamps, self._items, strict=True))
 
-    def add(self, stamp_ns: int, item: T) -> None:
-        """Append an item that is newer than all before it."""
-        if self.last_stamp_ns is not None and stamp_ns <= self.last_stamp_ns:
-            backwards = stamp_ns < self.last_stamp_ns
-            self._dropped[f"{self.topic}: time goes backwards" if backwards else f"{self.topic}: stamp repeats"] += 1
-            return
+    @property
+    def is_holding(self) -> bool:
+        """Whether an item is held aside until the next one tells whether its stamp is right."""
+        return self._clock.is_holding
+
+    def add(self, stamp_ns: int, item: Any) -> None:
+        """Append an item that is newer than all before it, once its stamp is believed."""
+        taken = self._clock.take(stamp_ns, item)
+        if self._clock.withdraws_first:
+            self._stamps.clear()
+            self._items.clear()
+        for believed in taken:
+            self._append(*believed)
+
+    def release(self) -> None:
+        """Append what is held aside: no more items will come."""
+        for believed in self._clock.release():
+            self._append(*believed)
+
+    def _append(self, stamp_ns: int, item: Any) -> None:
         self.last_stamp_ns = stamp_ns
         self._stamps.append(stamp_ns)
-        self._items.append(item)
+        self._items.append(self._made_of(item) if self._made_of else item)
         if self._capacity is not None and len(self._stamps) > self._capacity:
             self._dropped[f"{self.topic}: nothing matched it for too long"] += 1
             del self._stamps[0], self._items[0]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from semantic_slam.cli.exit_codes import FAULT, CommandParser, run_main
 from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.outputs import add_overwrite, claimed_folder
 
 DOMAINS = 100
 REPLAY_TIMEOUT_S = 3600.0
@@ -20,20 +21,21 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--backends", type=int, default=2, help="number of backends (default: %(default)s)")
     parser.add_argument("--rate", type=float, default=0.0, help="0 (default): lossless, 1: real time")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="default: %(default)s")
+    add_overwrite(parser)
     return parser.parse_args(words)
 
 
 def command() -> None:
     """Replay, record, report; raises SemanticSlamError with the last lines of a node that died."""
     arguments = parse()
-    belief = arguments.out / "belief"
-    replay(arguments, belief)
-    from semantic_slam.report.make import make_report
+    with claimed_folder(arguments.out, [arguments.bag, arguments.config], arguments.overwrite) as out:
+        replay(arguments, out / "belief")
+        from semantic_slam.report.make import make_report
 
-    paths = make_report(belief, arguments.out, source_bag=arguments.bag)
-    print(f"belief bag   {belief}")
+        paths = make_report(out / "belief", out, source_bag=arguments.bag)
+    print(f"belief bag   {arguments.out / 'belief'}")
     for path in paths:
-        print(f"{path.suffix[1:]:12} {path}")
+        print(f"{path.suffix[1:]:12} {arguments.out / path.name}")
 
 
 def replay(arguments: argparse.Namespace, belief: Path) -> None:

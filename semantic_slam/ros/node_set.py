@@ -10,6 +10,7 @@ from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import sensor_pose
+from semantic_slam.outputs import LEAVE_OF_NODES, check_output
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
 from semantic_slam.pipeline.preamble import map_prior_path, read_preamble
 from semantic_slam.ros.parameters import changed_parameters
@@ -28,15 +29,25 @@ class NodeSpec:
 
 
 def node_set(
-    bag: Path, configuration_file: Path, backends: int, rate: float, record: str, *, has_tf2: bool
+    bag: Path,
+    configuration_file: Path,
+    backends: int,
+    rate: float,
+    record: str,
+    *,
+    has_tf2: bool,
+    overwrite: bool = False,
 ) -> list[NodeSpec]:
     """Nodes that replay ``bag``; those that listen come first. Raises InputError.
 
-    ``record`` names the belief bag to write, "" for none. Without tf2_msgs (``has_tf2``) nobody can publish
-    /tf_static here, and the classifier is given the extrinsics that the bag's transforms say.
+    ``record`` names the belief bag to write, "" for none; an old one is replaced with ``overwrite`` alone. Without
+    tf2_msgs (``has_tf2``) nobody can publish /tf_static here, and the classifier is given the extrinsics that the bag's
+    transforms say.
     """
     if backends < 1 or rate < LOSSLESS:
         raise InputError(f"backends {backends}, rate {rate:g}: give at least one backend and a rate of 0 or more")
+    if record:
+        check_output(Path(record), [bag, configuration_file], overwrite, LEAVE_OF_NODES)
     configuration = load_configuration(configuration_file)
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
@@ -53,7 +64,7 @@ def node_set(
     if found.has_images:
         nodes.append(NodeSpec("classifier_node", "classifier", configured | _classifier_parameters(found, extrinsics)))
     if record:
-        nodes.append(NodeSpec("bag_recorder", "bag_recorder", common | {"bag": record}))
+        nodes.append(NodeSpec("bag_recorder", "bag_recorder", common | {"bag": record, "overwrite": overwrite}))
     return [*nodes, NodeSpec("bag_player", "bag_player", {"bag": str(bag), "rate": rate})]
 
 

@@ -218,13 +218,13 @@ def test_an_empty_folder_is_no_bag(tmp_path):
         pass
 
 
-def test_an_old_bag_is_replaced(tmp_path):
+def test_a_writer_never_replaces_an_old_bag_and_takes_an_empty_folder(tmp_path):
+    (tmp_path / "bag").mkdir()
     write_bag(tmp_path / "bag", n=3)
-    (tmp_path / "bag" / "objects.json").write_text("{}")
-    write_bag(tmp_path / "bag", n=2)
+    with pytest.raises(InputError, match="exists already; name another output"):
+        write_bag(tmp_path / "bag", n=2)
     with BagReader(tmp_path / "bag") as reader:
-        assert reader.num_messages == 3
-    assert not (tmp_path / "bag" / "objects.json").exists()
+        assert reader.num_messages == 4
 
 
 def test_anything_else_is_never_overwritten(tmp_path):

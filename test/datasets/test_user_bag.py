@@ -255,7 +255,7 @@ def test_max_keyframes_counts_detection_messages(tmp_path, monkeypatch):
 
 def test_the_source_is_never_overwritten(tmp_path, monkeypatch):
     source = write_drive(tmp_path / "source")
-    with pytest.raises(InputError, match="holds the source bag"):
+    with pytest.raises(InputError, match="is an input of this command"):
         run_command(monkeypatch, source, "--out", source)
     assert len(read_bag_topics(source)) == 6
 

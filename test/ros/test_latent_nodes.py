@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from node_runs import Replay, beliefs, run
 from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
+from worlds.node_runs import Replay, beliefs, run
 
 from semantic_slam.configuration import SemanticModelConfiguration, load_configuration
 from semantic_slam.inference.world.map_prior import MapPrior

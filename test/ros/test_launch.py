@@ -16,7 +16,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.ros.node_set import NodeSpec, node_set
 
 ROOT = Path(__file__).parents[2]
-ARGUMENTS = {"bag", "config", "backends", "rate", "record"}
+ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite"}
 
 
 @pytest.fixture
@@ -109,8 +109,32 @@ def test_launch_file_declares_the_arguments_of_the_interface(launch_file: dict[s
     assert description[-1].kind == "OpaqueFunction"
 
 
+def context_of(bag: Path, configuration: Path, **changes: str) -> dict[str, str]:
+    values = {"backends": "1", "rate": "0.0", "record": "out/belief", "overwrite": "false"}
+    return {"bag": str(bag), "config": str(configuration), **values, **changes}
+
+
+@pytest.mark.parametrize("overwrite", ["false", "true"])
+def test_the_launch_never_records_over_the_bag_that_it_plays(
+    launch_file: dict[str, Any], bag: Path, configuration: Path, overwrite: str
+) -> None:
+    with pytest.raises(InputError, match="is an input of this command; name another output"):
+        launch_file["start_nodes"](context_of(bag, configuration, record=str(bag), overwrite=overwrite))
+
+
+def test_the_launch_replaces_an_old_recording_only_when_told_to(
+    launch_file: dict[str, Any], bag: Path, configuration: Path, tmp_path: Path
+) -> None:
+    old = write_bag(tmp_path / "old", input_entries(1))
+    with pytest.raises(InputError, match=r"old: exists already; give overwrite:=true to replace it"):
+        launch_file["start_nodes"](context_of(bag, configuration, record=str(old)))
+    nodes = launch_file["start_nodes"](context_of(bag, configuration, record=str(old), overwrite="true"))
+    recorder = next(node for node in nodes if node.name == "bag_recorder")
+    assert recorder.parameters[0]["overwrite"] is True
+
+
 def test_launch_file_starts_the_node_set(launch_file: dict[str, Any], bag: Path, configuration: Path) -> None:
-    context = {"bag": str(bag), "config": str(configuration), "backends": "3", "rate": "0.0", "record": "out/belief"}
+    context = context_of(bag, configuration, backends="3")
     nodes = launch_file["start_nodes"](context)
     expected = specs_of(bag, configuration, backends=3)
     assert {node.name: (node.executable, node.parameters) for node in nodes} == {
@@ -121,7 +145,7 @@ def test_launch_file_starts_the_node_set(launch_file: dict[str, Any], bag: Path,
 def test_end_of_the_recorder_and_death_of_any_node_end_the_launch(
     launch_file: dict[str, Any], bag: Path, configuration: Path
 ) -> None:
-    context = {"bag": str(bag), "config": str(configuration), "backends": "1", "rate": "0.0", "record": "out/belief"}
+    context = context_of(bag, configuration)
     nodes = launch_file["start_nodes"](context)
 
     def ending(returncode: int) -> set[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.outputs import add_overwrite, claimed
 
 SCHEMA_VERSION = 1
 
@@ -17,6 +18,7 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=Path("out/bench.json"), help="file to write (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
+    add_overwrite(parser)
     return parser.parse_args(words)
 
 
@@ -77,8 +79,9 @@ def command() -> None:
     arguments = parse()
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"  # before numpy: one core, so that ratios do not depend on how many there are
-    rows = measure(arguments.quick, arguments.seed)
-    write(arguments.out, rows, arguments.quick, arguments.seed)
+    with claimed(arguments.out, (), arguments.overwrite) as out:
+        rows = measure(arguments.quick, arguments.seed)
+        write(out, rows, arguments.quick, arguments.seed)
     for row in rows:
         print(f"{row.name:42} {row.ratio:10.2f}   ours {row.ours:.4g} {row.unit}, peer {row.peer:.4g}")
     print(arguments.out)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
+from semantic_slam.outputs import add_overwrite, claimed_folder
 
 
 def parse() -> argparse.Namespace:
@@ -41,6 +42,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "--step-deg", type=int, default=3, metavar="A", help="angle between turntable views, divides 360 (default: 3)"
     )
+    add_overwrite(parser)
     return parser.parse_args()
 
 
@@ -65,22 +67,25 @@ def _turntables(arguments: argparse.Namespace) -> None:
     if arguments.step_deg < 1 or 360 % arguments.step_deg:
         raise InputError(f"--step-deg {arguments.step_deg}: must divide 360")
     names = goods_names(arguments.goods) or tuple(MODELS)
-    folders = write_turntables(arguments.out, names, TurntableSettings(step_deg=arguments.step_deg))
     classes = {name: goods_class(name) if arguments.goods else name for name in names}
-    (arguments.out / "classes.json").write_text(json.dumps(classes, indent=1) + "\n", encoding="utf-8")
+    with claimed_folder(arguments.out, (), arguments.overwrite, (*names, "classes.json")) as out:
+        folders = write_turntables(out, names, TurntableSettings(step_deg=arguments.step_deg))
+        (out / "classes.json").write_text(json.dumps(classes, indent=1) + "\n", encoding="utf-8")
     print(f"{arguments.out}: turntable views of {', '.join(folder.name for folder in folders)}")
 
 
 def _standing(arguments: argparse.Namespace) -> None:
-    from semantic_slam_lab.simulation.standing import write_standing
+    from semantic_slam_lab.simulation.standing import NAME, write_standing
 
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must be at least 0; correct the number")
-    bag = write_standing(arguments.out, arguments.seed)
-    print(f"{bag}: report it with bag_to_report; its map prior lies beside it")
+    with claimed_folder(arguments.out, (), arguments.overwrite, (f"{NAME}.mcap", f"{NAME}.objects.json")) as out:
+        bag = write_standing(out, arguments.seed)
+    print(f"{arguments.out / bag.name}: report it with bag_to_report; its map prior lies beside it")
 
 
 def _room(arguments: argparse.Namespace) -> None:
+    from semantic_slam_lab.simulation.avd_writer import scene_name
     from semantic_slam_lab.simulation.goods import CLASSES
     from semantic_slam_lab.simulation.scene import SceneSettings, make_scene
 
@@ -89,8 +94,9 @@ def _room(arguments: argparse.Namespace) -> None:
             f"--goods {arguments.goods}: a room takes pairs of any class; name at least {2 * len(CLASSES)}"
         )
     settings = SceneSettings(tour_only=arguments.tour_only, goods=arguments.goods)
-    folder = make_scene(arguments.out, arguments.seed, settings)
-    print(f"{folder}: import it with import_dataset avd")
+    with claimed_folder(arguments.out, (), arguments.overwrite, (scene_name(arguments.seed),)) as out:
+        folder = make_scene(out, arguments.seed, settings)
+    print(f"{arguments.out / folder.name}: import it with import_dataset avd")
 
 
 def main() -> None:

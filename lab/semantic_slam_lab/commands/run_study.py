@@ -6,6 +6,7 @@ from pathlib import Path
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
+from semantic_slam.outputs import add_overwrite, claimed_folder
 
 STUDIES = {
     "aliased_scenes": "semantic_slam_lab.studies.aliased_room.scenes",
@@ -30,6 +31,9 @@ STUDIES = {
 STUDIES_OF_DATA = ("avd_bigbird",)
 """Those whose ``run`` also takes ``avd`` and ``bigbird``, folders of data sets or None."""
 
+RENDERED = "data"
+"""Folder of a study's output that a later run of it may use."""
+
 
 def parse(words: list[str] | None = None) -> Namespace:
     """Arguments of the command line; raises InputError."""
@@ -43,6 +47,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: 1)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of every random draw (default: 0)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the work (default: none)")
+    add_overwrite(parser)
     for name in ("avd", "bigbird"):
         text = f"folder in {name.upper()}'s layout, for {', '.join(STUDIES_OF_DATA)} (default: simulated)"
         parser.add_argument(f"--{name}", type=Path, metavar="DIR", help=text)
@@ -69,10 +74,18 @@ def command() -> None:
     from semantic_slam_lab.repetitions import scheduler
 
     study = importlib.import_module(STUDIES[arguments.name])
-    with scheduler(arguments.scheduler):
-        paths = study.run(arguments.out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed, **data)
+    inputs = [arguments.avd, arguments.bigbird]
+    with claimed_folder(arguments.out, inputs, arguments.overwrite) as out, scheduler(arguments.scheduler):
+        link_rendered(arguments.out, out)
+        paths = study.run(out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed, **data)
     for path in paths:
-        print(path)
+        print(arguments.out / path.relative_to(out))
+
+
+def link_rendered(old: Path, new: Path) -> None:
+    """What a study has rendered before is used again where it lies; it is added to, never replaced."""
+    if new != old and (old / RENDERED).is_dir():
+        (new / RENDERED).symlink_to((old / RENDERED).resolve(), target_is_directory=True)
 
 
 def main() -> None:

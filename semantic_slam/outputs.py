@@ -1,0 +1,195 @@
+"""Outputs: nothing of the user's is replaced or removed unasked, and what is there goes only when the new one is whole.
+
+A command claims its output before it works. What exists already needs leave (``--overwrite``), unless it lies below
+``out/``, where this project keeps its own; an input of the same command is never an output.
+"""
+
+import argparse
+import filecmp
+import os
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import mkdtemp
+
+from semantic_slam.errors import InputError
+
+LEAVE = "--overwrite"
+LEAVE_OF_NODES = "overwrite:=true"
+OUR_FOLDER = "out"
+CHECKOUT = Path(__file__).parents[1]
+OLD = ".old"
+BAG_SUFFIXES = frozenset({".mcap", ".db3", ".db3-shm", ".db3-wal"})
+BAG_FILES = frozenset({"metadata.yaml", "objects.json"})
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """The flag of every command that has an output."""
+    parser.add_argument(LEAVE, action="store_true", help="replace what is there; below out/ that needs no flag")
+
+
+def check_output(out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE) -> None:
+    """Raises InputError where ``out`` is an input, or exists without leave; ``leave`` is how the user would give it."""
+    _check_inputs(out, inputs)
+    if _has_content(out) and not overwrite and not is_ours(out):
+        raise InputError(f"{out}: exists already; give {leave} to replace it, or name another output")
+
+
+@contextmanager
+def claimed(
+    out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
+) -> Iterator[Path]:
+    """Where to write ``out``, a file or a folder that is replaced as a whole. Raises InputError.
+
+    Where nothing is yet, that is ``out`` itself. Else it is a place beside, which takes the old one's at the end of the
+    context; after a fault the old one stays.
+    """
+    check_output(out, inputs, overwrite, leave)
+    if not out.exists():
+        with _anew(out):
+            yield out
+        return
+    with _beside(out) as staged:
+        yield staged
+        _swap(staged, out.resolve())
+
+
+@contextmanager
+def claimed_bag(
+    out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
+) -> Iterator[Path]:
+    """:func:`claimed` for a bag folder: an old one that holds anything else than a bag is refused even with leave."""
+    _check_inputs(out, inputs)
+    check_is_bag(out)
+    with claimed(out, inputs, overwrite, leave) as staged:
+        yield staged
+
+
+@contextmanager
+def claimed_folder(
+    out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, names: Sequence[str] | None = None
+) -> Iterator[Path]:
+    """Where to write the files of the folder ``out``; with leave they replace those of their names, others stay.
+
+    ``names`` are those that will be written, where others in the folder are no reason to ask; None: any are.
+    """
+    _check_inputs(out, inputs)
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file; name a folder")
+    for item in [out] if names is None else [out / name for name in names]:
+        check_output(item, (), overwrite)
+    if not out.exists():
+        with _anew(out):
+            yield out
+        return
+    with _beside(out / out.resolve().name) as staged:  # inside: the folder above may not be ours to write to
+        staged.mkdir()
+        yield staged
+        for item in sorted(staged.iterdir()):
+            _put(item, out.resolve() / item.name)
+
+
+@contextmanager
+def claimed_files(
+    outs: Sequence[Path], inputs: Sequence[Path | None] = (), overwrite: bool = False
+) -> Iterator[list[Path]]:
+    """:func:`claimed` for several files of one command."""
+    for out in outs:
+        check_output(out, inputs, overwrite)
+    with ExitStack() as stack:
+        yield [stack.enter_context(claimed(out, inputs, overwrite)) for out in outs]
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a path really lies below the folder ``out`` of where the command runs, or of this checkout."""
+    ours = [base.resolve() / OUR_FOLDER for base in (Path.cwd(), CHECKOUT)]
+    return any(folder in path.resolve().parents for folder in ours)
+
+
+def check_is_bag(path: Path) -> None:
+    """Raises InputError where something is at ``path`` that is no bag folder, or that holds more than a bag."""
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise InputError(f"{path}: exists and is no bag folder; name another output")
+    names = sorted(item.name for item in path.iterdir())
+    foreign = [name for name in names if name not in BAG_FILES and Path(name).suffix not in BAG_SUFFIXES]
+    if foreign:
+        raise InputError(f"{path}: holds {foreign[0]}, which is no part of a bag; name another output folder")
+
+
+def _check_inputs(out: Path, inputs: Iterable[Path | None]) -> None:
+    real = out.resolve()
+    for given in filter(None, inputs):
+        place = given.resolve()
+        if real == place:
+            raise InputError(f"{out}: is an input of this command; name another output")
+        if real in place.parents:
+            raise InputError(f"{out}: holds {given}, an input of this command; name another output")
+        if place in real.parents:
+            raise InputError(f"{out}: lies inside {given}, an input of this command; name another output")
+
+
+def _has_content(path: Path) -> bool:
+    """Whether anything would be lost: a file, or a folder that is not empty."""
+    return any(path.iterdir()) if path.is_dir() else path.exists()
+
+
+@contextmanager
+def _anew(out: Path) -> Iterator[None]:
+    """Bad input leaves nothing where nothing was, so that the corrected command needs no leave."""
+    try:
+        yield
+    except InputError:
+        if out.is_dir():
+            shutil.rmtree(out)
+        else:
+            out.unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def _beside(out: Path) -> Iterator[Path]:
+    """A new place of the same name in a folder beside ``out``, on its file system; the folder goes at the end.
+
+    It stays when the process is killed, or abandons it.
+    """
+    real = out.resolve()
+    try:
+        folder = Path(mkdtemp(prefix=f"{real.name}.unfinished_", dir=real.parent))
+    except OSError as fault:
+        raise InputError(f"{out}: cannot be written ({fault.strerror}); name another output") from None
+    folder.chmod(0o755)
+    try:
+        yield folder / real.name
+    except GeneratorExit:
+        raise
+    except BaseException:
+        if not any(folder.glob(f"*{OLD}")):  # an old one that could not be put back stays
+            shutil.rmtree(folder)
+        raise
+    shutil.rmtree(folder)
+
+
+def _put(new: Path, place: Path) -> None:
+    """Move one thing of a folder to its place, unless the same is there already; links are no outputs."""
+    if new.is_symlink() or (new.is_file() and place.is_file() and filecmp.cmp(new, place, shallow=False)):
+        return
+    _swap(new, place)
+
+
+def _swap(new: Path, place: Path) -> None:
+    """Rename ``new`` to ``place``; what was there goes into the folder of ``new``, which is removed later."""
+    old = new.with_name(new.name + OLD)
+    if not (place.is_dir() or new.is_dir()):
+        os.replace(new, place)
+        return
+    try:
+        if place.exists():
+            place.rename(old)
+        new.rename(place)
+    except BaseException:
+        if old.exists() and not place.exists():
+            old.rename(place)
+        raise

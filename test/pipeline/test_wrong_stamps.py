@@ -1,0 +1,155 @@
+"""One stamp far ahead costs one message: a topic believes a leap only when its next message confirms it."""
+
+import json
+import random
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from worlds.bag_factory import frame_stamp, input_entries, of_topic, write_bag, write_configuration
+from worlds.node_runs import Replay, beliefs, run
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.writer import BagWriter
+from semantic_slam.configuration import load_configuration
+from semantic_slam.messages import topics
+from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, time_message
+from semantic_slam.messages.typestore import serialize
+from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.pipeline.topic_clock import TopicClock
+from semantic_slam.report.make import make_report
+
+ROOT = Path(__file__).parents[2]
+SHIPPED, DEFAULT = ROOT / "bags" / "aliased_room", ROOT / "config" / "default.yaml"
+FAR_NS, NEAR_NS = 1_000_000 * NANOSECONDS, 5 * NANOSECONDS
+LEAPS = "stamp leaps ahead of those around it"
+
+
+def believed(*stamps: int) -> tuple[list[int], dict[str, int]]:
+    """The stamps that a clock gives out until its end, and what it counts."""
+    dropped: Counter[str] = Counter()
+    clock: TopicClock[None] = TopicClock("odom", dropped)
+    taken: list[int] = []
+    for new in stamps:
+        now = [stamp for stamp, _ in clock.take(new, None)]
+        taken = now if clock.withdraws_first else [*taken, *now]
+    return [*taken, *(stamp for stamp, _ in clock.release())], dict(dropped)
+
+
+def test_a_lone_stamp_ahead_is_dropped_and_counted() -> None:
+    assert believed(0, 10, 20, 9000, 40, 50) == ([0, 10, 20, 40, 50], {f"odom: {LEAPS}": 1})
+
+
+def test_the_first_stamp_is_withdrawn_when_the_two_after_it_agree_on_an_earlier_time() -> None:
+    assert believed(9000, 10, 20, 30) == ([10, 20, 30], {f"odom: {LEAPS}": 1})
+    assert believed(100, 10, 110, 120) == ([100, 110, 120], {"odom: time goes backwards": 1})
+
+
+def test_a_gap_is_a_gap_and_costs_nothing() -> None:
+    assert believed(0, 10, 20, 9000, 9010, 9020) == ([0, 10, 20, 9000, 9010, 9020], {})
+
+
+def test_a_stamp_after_a_gap_at_the_very_end_is_believed() -> None:
+    assert believed(0, 10, 20, 9000) == ([0, 10, 20, 9000], {})
+
+
+def test_a_second_stamp_ahead_has_its_own_judgement() -> None:
+    assert believed(0, 10, 20, 9000, 800, 50, 60) == ([0, 10, 20, 50, 60], {f"odom: {LEAPS}": 2})
+
+
+def test_a_repeated_stamp_ahead_is_no_second_witness() -> None:
+    stamps, dropped = believed(0, 10, 20, 9000, 9000, 50)
+    assert stamps == [0, 10, 20, 50]
+    assert dropped == {f"odom: {LEAPS}": 1, "odom: stamp repeats": 1}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_growing_stamps_are_all_believed_however_irregular(seed: int) -> None:
+    chance = random.Random(seed)
+    stamps = [0]
+    for _ in range(200):
+        stamps.append(stamps[-1] + chance.choice([1, 5, 100, 10**4, 10**9, 10**12]))
+    assert believed(*stamps) == (stamps, {})
+
+
+def spoiled(bag: Path, wrong: dict[tuple[str, int], int]) -> Path:
+    """A copy of the shipped bag in which the header stamps of some messages, (topic, place), lie ahead."""
+    seen: Counter[str] = Counter()
+    with BagReader(SHIPPED) as reader, BagWriter(bag) as writer:
+        for message in reader.messages():
+            ahead_ns = wrong.get((message.topic, seen[message.topic]), 0)
+            seen[message.topic] += 1
+            cdr = _moved(reader, message, ahead_ns) if ahead_ns else message.cdr
+            writer.write_raw(message.topic, message.type_name, cdr, message.stamp_ns)
+    (bag / "objects.json").write_bytes((SHIPPED / "objects.json").read_bytes())
+    return bag
+
+
+def _moved(reader: BagReader, message: Any, ahead_ns: int) -> bytes:
+    content = reader.decode(message.cdr, message.type_name)
+    content.header.stamp = time_message(header_stamp_ns(content) + ahead_ns)
+    return serialize(content)
+
+
+def report_of(bag: Path, out: Path) -> dict[str, Any]:
+    run_bag(bag, out / "belief", load_configuration(DEFAULT))
+    make_report(out / "belief", out, bag)
+    found: dict[str, Any] = json.loads((out / "report.json").read_text())
+    return found
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return report_of(SHIPPED, tmp_path_factory.mktemp("undisturbed"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "lost", "dropped"),
+    [
+        ({("/odom", 30): FAR_NS}, 0, {f"odom: {LEAPS}": 1}),
+        ({("/odom", 0): FAR_NS}, 0, {f"odom: {LEAPS}": 1}),
+        ({("/detections", 0): FAR_NS}, 1, {f"detections: {LEAPS}": 1}),
+        ({("/odom", 30): NEAR_NS}, 0, {f"odom: {LEAPS}": 1}),
+        ({("/detections", 20): FAR_NS}, 1, {f"detections: {LEAPS}": 1}),
+        ({("/detections", 20): NEAR_NS}, 1, {f"detections: {LEAPS}": 1}),
+        ({("/image/compressed", 20): FAR_NS}, 1, {f"image: {LEAPS}": 1, "detections: no image of their stamp": 1}),
+        (
+            {("/odom", 30): FAR_NS, ("/odom", 60): NEAR_NS, ("/detections", 40): FAR_NS},
+            1,
+            {f"odom: {LEAPS}": 2, f"detections: {LEAPS}": 1},
+        ),
+    ],
+)
+def test_a_wrong_stamp_on_the_shipped_bag_costs_one_message(
+    tmp_path: Path, undisturbed: dict[str, Any], wrong: Any, lost: int, dropped: dict[str, int]
+) -> None:
+    report = report_of(spoiled(tmp_path / "bag", wrong), tmp_path / "out")
+    assert report["dropped"] == dropped
+    assert len(report["keyframes"]) == len(undisturbed["keyframes"]) - lost == 67 - lost
+    now, before = report["metrics"], undisturbed["metrics"]
+    assert now["ate_m"] == pytest.approx(before["ate_m"], abs=0.05)
+    assert now["nees_mean"] == pytest.approx(before["nees_mean"], abs=1.0)
+    assert now["dead_reckoning_true_start_ate_m"] == pytest.approx(before["dead_reckoning_true_start_ate_m"], abs=0.1)
+    assert now["association_f1"] == 1.0
+
+
+def test_nodes_in_lock_step_judge_stamps_as_offline_does(tmp_path: Path) -> None:
+    entries = input_entries(10)
+    for topic, place, ahead_ns in (
+        (topics.ODOMETRY, 4, FAR_NS),
+        (topics.DETECTIONS, 6, NEAR_NS),
+        (topics.ODOMETRY, 10, NEAR_NS),  # the last one: nothing comes that could tell
+    ):
+        message = of_topic(entries, topic)[place].message
+        message.header.stamp = time_message(header_stamp_ns(message) + ahead_ns)
+    bag = write_bag(tmp_path / "bag", entries)
+    configuration = write_configuration(tmp_path / "configuration")
+    summary = run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    online = run(Replay(bag, configuration, tmp_path / "nodes", backends=1))
+    assert summary.num_keyframes == 9
+    assert summary.dropped == {f"odom: {LEAPS}": 1, f"detections: {LEAPS}": 1}
+    assert [belief.stamp_ns for belief in online] == [frame_stamp(k) for k in range(10) if k != 6]
+    assert [belief.hypothesis_ids.tolist() for belief in online] == [
+        belief.hypothesis_ids.tolist() for belief in beliefs(tmp_path / "offline")
+    ]

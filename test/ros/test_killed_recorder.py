@@ -1,0 +1,89 @@
+"""A recorder that is killed leaves what it recorded up to the last second, and the report can be made of it."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from worlds.bag_factory import input_entries, write_bag, write_configuration
+from worlds.belief_factory import small_belief
+from worlds.node_runs import TIMEOUT_S, Replay, processes
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.writer import BagWriter
+from semantic_slam.messages import topics
+
+NUM_FRAMES = 26
+RATE = 2.0
+FRAMES_PER_S = 4.0
+EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
+
+
+def newest_printed(replay: Replay) -> int:
+    """The last keyframe that a second listener has printed; -1 before the first."""
+    lines = [line for line in replay.output_of("print_belief").splitlines() if ": object" in line]
+    return int(lines[-1].split(":")[0]) if lines else -1
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
+    """The bag of a recorder that was killed in the middle of a replay, and the newest keyframe by then."""
+    folder = tmp_path_factory.mktemp("killed")
+    bag = write_bag(folder / "bag", input_entries(NUM_FRAMES))
+    configuration = write_configuration(folder / "configuration")
+    replay = Replay(
+        bag,
+        configuration,
+        folder,
+        backends=1,
+        commands={"print_belief": EXAMPLE},
+        parameters={"bag_player": {"rate": RATE}},
+        companions=("print_belief",),
+    )
+    with processes(folder) as nodes:
+        for spec in replay.specs():
+            nodes.start(spec, replay.commands.get(spec.name, ()))
+        give_up = time.monotonic() + TIMEOUT_S
+        while (newest := newest_printed(replay)) < NUM_FRAMES // 2:
+            nodes.check()
+            assert time.monotonic() < give_up
+            time.sleep(0.05)
+        nodes.kill("bag_recorder")
+    return replay.belief_bag, newest
+
+
+def test_a_killed_recorder_leaves_what_it_had_up_to_the_last_second(
+    killed: tuple[Path, int], capfd: pytest.CaptureFixture[str]
+) -> None:
+    bag, newest = killed
+    assert not (bag / "metadata.yaml").exists()
+    with BagReader(bag) as reader:
+        beliefs = list(reader.messages([topics.BELIEF]))
+    assert len(beliefs) >= newest + 1 - FRAMES_PER_S
+    line = capfd.readouterr().err.strip()
+    assert line.startswith(f"{bag}: its recorder was killed") and "Ctrl-C" in line and "\n" not in line
+
+
+def test_a_report_is_made_of_the_bag_of_a_killed_recorder(killed: tuple[Path, int], tmp_path: Path) -> None:
+    bag, newest = killed
+    command = [sys.executable, "-m", "semantic_slam.cli.bag_to_report", str(bag), "--out", str(tmp_path / "out")]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0
+    (line,) = result.stderr.splitlines()
+    assert "its recorder was killed" in line
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert len(report["keyframes"]) >= newest + 1 - FRAMES_PER_S
+    assert "its recorder was killed" in report["fault"]
+
+
+def test_what_is_flushed_is_on_disk_and_the_bag_goes_on(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        for k in range(3):
+            writer.write(topics.BELIEF, small_belief(k, [1], [1], [1.0], [4], [[4]]), 1 + k)
+            writer.flush()
+            with BagReader(tmp_path / "bag") as reader:
+                assert reader.unfinished and len(list(reader.messages())) == k + 1
+    with BagReader(tmp_path / "bag") as reader:
+        assert not reader.unfinished and reader.num_messages == 3
