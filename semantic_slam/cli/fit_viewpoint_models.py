@@ -8,13 +8,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.needs import need_training
 from semantic_slam.errors import InputError
 
 
 def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
-        prog="fit_viewpoint_models",
         description="Fit a Gaussian process per class and feature over the direction of view.",
     )
     source = parser.add_mutually_exclusive_group(required=True)
@@ -53,6 +53,7 @@ def command() -> None:
         raise InputError("--classes: only for --turntables; leave it out")
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
+    need_training()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network

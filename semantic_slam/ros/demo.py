@@ -5,8 +5,10 @@ import os
 import sys
 from pathlib import Path
 
-from semantic_slam.cli.exit_codes import FAULT, CommandParser, run_main
+from semantic_slam.cli.exit_codes import FAULT, CommandParser, program, run_main
+from semantic_slam.cli.needs import need_ros
 from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 DOMAINS = 100
 REPLAY_TIMEOUT_S = 3600.0
@@ -14,9 +16,15 @@ REPLAY_TIMEOUT_S = 3600.0
 
 def parse(words: list[str] | None = None) -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(prog="demo", description=(__doc__ or "").replace("``", ""))
+    parser = CommandParser(description=(__doc__ or "").replace("``", ""))
     parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="input bag (default: %(default)s)")
-    parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="default: %(default)s")
+    parser.add_argument(
+        "--config",
+        type=configuration_file,
+        default=DEFAULT_CONFIGURATION,
+        metavar="YAML",
+        help="file, or the name of a shipped configuration (default: default)",
+    )
     parser.add_argument("--backends", type=int, default=2, help="number of backends (default: %(default)s)")
     parser.add_argument("--rate", type=float, default=0.0, help="0 (default): lossless, 1: real time")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="default: %(default)s")
@@ -26,6 +34,7 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
 def command() -> None:
     """Replay, record, report; raises SemanticSlamError with the last lines of a node that died."""
     arguments = parse()
+    need_ros()
     belief = arguments.out / "belief"
     replay(arguments, belief)
     from semantic_slam.report.make import make_report
@@ -70,5 +79,5 @@ def _explained() -> None:
     except InputError:
         raise
     except SemanticSlamError as fault:
-        print(f"demo: {fault}", file=sys.stderr)
+        print(f"{program()}: {fault}", file=sys.stderr)
         sys.exit(FAULT)

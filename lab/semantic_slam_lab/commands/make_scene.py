@@ -10,7 +10,6 @@ from semantic_slam.errors import InputError
 
 def parse() -> argparse.Namespace:
     parser = CommandParser(
-        prog="make_scene",
         description="Render furniture that looks alike from some sides: a room in the format of the Active Vision"
         " Dataset (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every"
         " class on a turntable in BigBIRD's format (DIR/<class>; with --goods N that many instances of other classes,"
