@@ -59,4 +59,4 @@ bags: $(BUILT)
 	source ./env.sh; make_scene --standing --out bags --seed 0
 
 clean:
-	rm -rf build install log out
+	rm -rf build install log out lab/build

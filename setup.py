@@ -44,7 +44,7 @@ EXTRAS = {
     ),
 }
 
-NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node", "demo")
+NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node")
 COMMANDS = (
     "import_dataset",
     "bag_to_report",
@@ -81,7 +81,8 @@ setup(
     entry_points={
         "console_scripts": [
             f"{NAME} = {NAME}.cli.commands:main",
-            *(f"{name} = {NAME}.ros.{name}:main" for name in NODES),
+            f"demo = {NAME}.ros.demo:main",
+            *(f"{name} = {NAME}.cli.nodes:{name}" for name in NODES),
             *(f"{name} = {NAME}.cli.{name}:main" for name in COMMANDS),
             *(f"{name} = {NAME}.cli.laboratory:{command}" for name, command in LABORATORY.items()),
         ]

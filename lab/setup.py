@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 from setuptools import setup
 
-VERSION = ElementTree.parse(Path(__file__).parents[1] / "package.xml").findtext("version")
+VERSION = ElementTree.parse(Path(__file__).resolve().parents[1] / "package.xml").findtext("version")
 
 setup(
     version=VERSION,

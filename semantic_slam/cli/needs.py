@@ -11,12 +11,12 @@ TRAINING = ("matplotlib", "sklearn")
 
 def need_training() -> None:
     """Raises InputError where the extra ``train`` is not installed."""
-    _need(TRAINING, "install them: pip install 'semantic_slam[train]', in a checkout pip install '.[train]'")
+    _need(TRAINING, "install the extra [train] from a checkout: pip install '.[train]'")
 
 
 def need_ros() -> None:
     """Raises InputError where no ROS 2 is sourced."""
-    _need(("rclpy",), "source ROS 2 (env.sh of a checkout does); semantic_slam report needs none")
+    _need(("rclpy",), "source ROS 2 (env.sh of a checkout does), or use semantic_slam report, which needs none")
 
 
 def _need(modules: tuple[str, ...], remedy: str) -> None:
