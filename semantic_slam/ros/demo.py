@@ -16,7 +16,9 @@ REPLAY_TIMEOUT_S = 3600.0
 
 def parse(words: list[str] | None = None) -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(description=(__doc__ or "").replace("``", ""))
+    parser = CommandParser(
+        description="Replay a bag through all nodes, each its own process, and report the belief they publish."
+    )
     parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="input bag (default: %(default)s)")
     parser.add_argument(
         "--config",

@@ -17,6 +17,8 @@ from worlds.installed import ROOT, declared
 import semantic_slam
 
 VERSION = ElementTree.parse(ROOT / "package.xml").findtext("version")
+pytestmark = pytest.mark.filterwarnings("ignore:pkg_resources is deprecated")  # setuptools says so of itself
+
 OURS = {"semantic_slam", "semantic_slam_lab"}
 OF_ROS = {"rclpy", "rcl_interfaces", "semantic_slam_msgs"}
 """What only the nodes import, and ROS brings."""
