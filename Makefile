@@ -30,8 +30,8 @@ $(ROS_INSTALLED): requirements/ros.txt
 	$(PIP) -r requirements/ros.txt -c requirements/tools.txt
 	touch $@
 
-$(INSTALLED): $(ROS_INSTALLED) requirements/runtime.txt requirements/tools.txt
-	$(PIP) -r requirements/ros.txt -r requirements/runtime.txt -r requirements/tools.txt
+$(INSTALLED): $(ROS_INSTALLED) requirements/runtime.txt requirements/lab.txt requirements/tools.txt
+	$(PIP) -r requirements/ros.txt -r requirements/runtime.txt -r requirements/lab.txt -r requirements/tools.txt
 	touch $@
 
 $(MESSAGES_BUILT): $(ROS_INSTALLED) cmake/ros_wheels.cmake $(shell find msg_defs -type f)
@@ -39,7 +39,7 @@ $(MESSAGES_BUILT): $(ROS_INSTALLED) cmake/ros_wheels.cmake $(shell find msg_defs
 	$(COLCON) semantic_slam_msgs --cmake-args -DCMAKE_PROJECT_INCLUDE=$(CURDIR)/cmake/ros_wheels.cmake
 	touch $@
 
-$(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml lab/pyproject.toml $(wildcard launch/* config/*)
+$(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml lab/setup.py lab/pyproject.toml $(wildcard launch/* config/*)
 	export SEMANTIC_SLAM_BUILDING=1; source ./env.sh; $(COLCON) semantic_slam
 	$(PIP) --no-deps --no-build-isolation --editable ./lab
 	touch $@
@@ -59,4 +59,4 @@ bags: $(BUILT)
 	source ./env.sh; make_scene --standing --out bags --seed 0 --overwrite
 
 clean:
-	rm -rf build install log out
+	rm -rf build install log out lab/build

@@ -1,11 +1,50 @@
-"""The ament_python package semantic_slam: nodes, commands, launch files and configurations."""
+"""The ament_python package semantic_slam: nodes, commands, launch files and configurations, for colcon and for pip.
+
+Name, version, licence and maintainer stand in package.xml, where ROS wants them; nothing repeats them. The metadata is
+not in pyproject.toml because colcon's symlink install runs this file in a folder that has no pyproject.toml.
+"""
 
 from glob import glob
+from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
-NAME = "semantic_slam"
-NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node", "demo")
+PACKAGE = ElementTree.parse(Path(__file__).parent / "package.xml")
+NAME = PACKAGE.findtext("name")
+
+# Ranges hold what was run: from the series pinned in requirements/ to the next one that may break us.
+RUNTIME = (
+    "gtsam~=4.3.0",
+    "h5py~=3.16",
+    "jinja2~=3.1",
+    "lz4~=4.4",
+    "markupsafe~=3.0",
+    "mcap~=1.6",
+    "numpy~=2.4",
+    "opencv-python-headless~=5.0",
+    "pyyaml~=6.0",
+    "rosbags~=0.11.9",
+    "safetensors~=0.8.0",
+    "scipy~=1.17",
+    "torch~=2.13.0",  # another series has other kernels, and with them other last digits of every score
+    "tqdm~=4.70",
+    "zstandard~=0.25.0",
+)
+EXTRAS = {
+    "train": ("matplotlib~=3.11", "scikit-learn~=1.9"),
+    "dev": (
+        "coverage~=7.17",
+        "mcap-ros2-support~=0.6.0",
+        "mypy~=2.4",
+        "packaging>=26",
+        "pytest~=9.2",
+        "ruff~=0.17.5",
+        "setuptools>=64,<80",  # from 80 on colcon's --symlink-install silently copies
+    ),
+}
+
+NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node")
 COMMANDS = (
     "import_dataset",
     "bag_to_report",
@@ -14,15 +53,17 @@ COMMANDS = (
     "fit_viewpoint_models",
     "train_latent_model",
 )
+LABORATORY = {"run_study": "study", "bench": "bench", "make_scene": "scene"}  # alias: sub-command of semantic_slam
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=PACKAGE.findtext("version"),
+    python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
+        NAME: ["configurations/*", "py.typed", "weights/*"],
         f"{NAME}.messages": ["definitions/*.msg"],
         f"{NAME}.report": ["templates/*"],
-        NAME: ["weights/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
@@ -30,17 +71,20 @@ setup(
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
         (f"share/{NAME}/config", glob("config/*")),
     ],
-    install_requires=["setuptools"],
-    extras_require={"test": ["pytest"]},
+    install_requires=RUNTIME,
+    extras_require=EXTRAS,
     zip_safe=False,
-    maintainer="semantic_slam maintainers",
-    maintainer_email="maintainers@semantic-slam.invalid",
-    description="Object-level semantic SLAM with a hybrid belief over poses, classes and data association",
-    license="Apache-2.0",
+    maintainer=PACKAGE.findtext("maintainer"),
+    maintainer_email=PACKAGE.find("maintainer").get("email"),
+    description=PACKAGE.findtext("description"),
+    license=PACKAGE.findtext("license"),
     entry_points={
         "console_scripts": [
-            *(f"{name} = {NAME}.ros.{name}:main" for name in NODES),
+            f"{NAME} = {NAME}.cli.commands:main",
+            f"demo = {NAME}.ros.demo:main",
+            *(f"{name} = {NAME}.cli.nodes:{name}" for name in NODES),
             *(f"{name} = {NAME}.cli.{name}:main" for name in COMMANDS),
+            *(f"{name} = {NAME}.cli.laboratory:{command}" for name, command in LABORATORY.items()),
         ]
     },
 )

@@ -38,9 +38,6 @@ def test_sections_it_leads_to_exist_and_nothing_is_left_to_fill_in() -> None:
 
 def test_every_command_is_installed() -> None:
     installed = set(re.findall(r'"(\w+)"', (ROOT / "setup.py").read_text(encoding="utf-8")))
-    installed |= set(
-        re.findall(r"^(\w+) = ", (ROOT / "lab" / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE)
-    )
     blocks = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
     words = {line.split()[0] for block in blocks for line in block.splitlines() if line.strip()}
     ours = {word for word in words if "_" in word and "/" not in word}

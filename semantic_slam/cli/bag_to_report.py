@@ -7,26 +7,29 @@ from typing import TYPE_CHECKING
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, claimed_folder
+from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 if TYPE_CHECKING:
     from semantic_slam.configuration import Configuration
 
 MOST_COMPARED = 4
 """Runs beside the main one: what the report's charts can tell apart."""
-DEFAULT_CONFIGURATION = Path(__file__).parents[2] / "config" / "default.yaml"
-"""In a checkout; it holds the built-in defaults, which are used where the file is missing."""
 
 
 def parse(words: list[str] | None = None) -> Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
-        prog="bag_to_report",
         description="Report, map and trajectory of a bag: the pipeline runs on a bag of sensor data (its beliefs go to"
         " DIR/belief); a bag that holds beliefs is reported as it is.",
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="rosbag2 folder, .mcap or .db3")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the report's files")
-    parser.add_argument("--config", type=Path, metavar="YAML", help="configuration (default: config/default.yaml)")
+    parser.add_argument(
+        "--config",
+        type=configuration_file,
+        metavar="YAML",
+        help="file, or the name of a shipped configuration (default: default)",
+    )
     parser.add_argument(
         "--seed", type=int, metavar="N", help="seed of every random draw, instead of the configuration's"
     )
@@ -36,7 +39,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     )
     parser.add_argument(
         "--compare",
-        type=Path,
+        type=configuration_file,
         action="append",
         metavar="YAML",
         help="run the bag with this configuration, too, and set the runs side by side; may be given up to"
@@ -69,7 +72,7 @@ def check_names(arguments: Namespace) -> None:
 
 def run_name(configuration: Path | None) -> str:
     """What a run is called: as its configuration's file."""
-    return configuration.stem if configuration else DEFAULT_CONFIGURATION.stem
+    return (configuration or DEFAULT_CONFIGURATION).stem
 
 
 def command() -> None:
@@ -101,10 +104,9 @@ def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | No
 
 def effective_configuration(path: Path | None, seed: int | None) -> "Configuration":
     """The configuration of a run; raises InputError."""
-    from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
+    from semantic_slam.configuration import from_dict, load_configuration, to_dict
 
-    path = path or (DEFAULT_CONFIGURATION if DEFAULT_CONFIGURATION.is_file() else None)
-    configuration = load_configuration(path) if path else Configuration()
+    configuration = load_configuration(path or DEFAULT_CONFIGURATION)
     return configuration if seed is None else from_dict({**to_dict(configuration), "seed": seed}, "--seed")
 
 

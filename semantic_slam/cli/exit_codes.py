@@ -4,15 +4,24 @@ import argparse
 import sys
 import traceback
 from collections.abc import Callable
-from typing import NoReturn
+from pathlib import Path
+from typing import Any, NoReturn
 
 from semantic_slam.errors import InputError
 
 DONE, FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
+def program() -> str:
+    """What the user has called: ``semantic_slam report``, or its alias ``bag_to_report``."""
+    return Path(sys.argv[0]).name.removesuffix(".py")
+
+
 class CommandParser(argparse.ArgumentParser):
     """An argument parser whose complaints are bad input like any other: one line, exit code 2."""
+
+    def __init__(self, prog: str | None = None, **options: Any) -> None:
+        super().__init__(prog or program(), **options)
 
     def error(self, message: str) -> NoReturn:
         """Called by argparse; raises InputError."""

@@ -18,7 +18,6 @@ BELIEF_FOLDER = "belief"
 def parse(words: list[str] | None = None) -> Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
-        prog="find_lookalike",
         description="Rank the objects of a map by how probably a crop shows them, from whatever direction. The map is"
         " the last belief of a run with semantic_model.kind: latent.",
     )

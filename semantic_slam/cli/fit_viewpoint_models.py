@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.needs import need_training
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, claimed_files
 
@@ -15,7 +16,6 @@ from semantic_slam.outputs import add_overwrite, claimed_files
 def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
-        prog="fit_viewpoint_models",
         description="Fit a Gaussian process per class and feature over the direction of view.",
     )
     source = parser.add_mutually_exclusive_group(required=True)
@@ -55,6 +55,7 @@ def command() -> None:
         raise InputError("--classes: only for --turntables; leave it out")
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
+    need_training()
     if arguments.out.suffix in (".json", ".html"):
         raise InputError(f"{arguments.out}: is where the report goes; name a .safetensors file")
     outs = [arguments.out.with_suffix(suffix) for suffix in (arguments.out.suffix, ".json", ".html")]

@@ -26,7 +26,7 @@ FORMATS = {
 
 def parse(words: list[str]) -> tuple[ModuleType, argparse.Namespace]:
     """The module of the format that ``words`` name, and its arguments; raises InputError on bad usage."""
-    parser = CommandParser(prog="import_dataset", description="Write a data set as an input bag.")
+    parser = CommandParser(description="Write a data set as an input bag.")
     formats = parser.add_subparsers(dest="format", required=True, metavar="{" + ",".join(FORMATS) + "}")
     module = None
     for name, (module_name, text) in FORMATS.items():

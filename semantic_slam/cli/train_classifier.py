@@ -6,16 +6,14 @@ import math
 from pathlib import Path
 from typing import Any
 
-from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, check_output, claimed
 
 
 def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(
-        prog="train_classifier", description="Train the compact network on turntable views (BigBIRD's format)."
-    )
+    parser = CommandParser(description="Train the compact network on turntable views (BigBIRD's format).")
     parser.add_argument("--turntables", type=Path, required=True, help="folder with one folder per class")
     parser.add_argument("--out", type=Path, required=True, help="weights to write (.safetensors)")
     parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
@@ -73,9 +71,9 @@ def _chosen(arguments: argparse.Namespace) -> dict[str, Any]:
     chosen = {name: value for name, value in fields.items() if value is not None}
     for name, value in chosen.items():
         if value <= 0:
-            raise InputError(f"train_classifier: {name} must be positive, not {value}; leave it out for the default")
+            raise InputError(f"{program()}: {name} must be positive, not {value}; leave it out for the default")
     if arguments.seed < 0:
-        raise InputError(f"train_classifier: --seed {arguments.seed} must not be negative")
+        raise InputError(f"{program()}: --seed {arguments.seed} must not be negative")
     return {**chosen, "seed": arguments.seed}
 
 

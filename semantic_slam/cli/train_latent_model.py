@@ -5,7 +5,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.exit_codes import CommandParser, program, run_main
+from semantic_slam.cli.needs import need_training
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, check_output, claimed
 
@@ -30,7 +31,6 @@ SHOWN = {
 def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
-        prog="train_latent_model",
         description="Learn a descriptor space and a viewpoint-dependent model over it from turntables (BigBIRD's"
         " format), one folder per instance. No classes are needed; --tags grounds the space with some.",
     )
@@ -68,7 +68,8 @@ def command() -> None:
     """Parse, train, judge and save; the report goes into the model and in short to the terminal."""
     arguments = parse()
     if arguments.effort <= 0.0 or arguments.held_out < 0 or arguments.seed < 0:
-        raise InputError("train_latent_model: --effort must be positive, --held-out and --seed not negative")
+        raise InputError(f"{program()}: --effort must be positive, --held-out and --seed not negative")
+    need_training()
     inputs = [*arguments.turntables, *(arguments.tags or ())]
     check_output(arguments.out, inputs, arguments.overwrite)
     views, classes = _views(arguments)

@@ -11,17 +11,9 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from semantic_slam.errors import SemanticSlamError
-
 PACKAGE = "semantic_slam_msgs"
-
-
-def definitions_folder() -> Path:
-    """Folder of our ``*.msg`` files: in the source tree, or installed beside this module."""
-    for folder in (Path(__file__).parents[2] / "msg_defs" / "msg", Path(__file__).parent / "definitions"):
-        if folder.is_dir():
-            return folder
-    raise SemanticSlamError("message definitions are missing; install semantic_slam again (make setup)")
+DEFINITIONS = Path(__file__).parent / "definitions"
+"""Folder of our ``*.msg`` files; in a checkout this is msg_defs/msg/, which colcon builds."""
 
 
 @cache
@@ -29,7 +21,7 @@ def typestore() -> Typestore:
     """Types of ROS 2 Jazzy and of ``semantic_slam_msgs``."""
     store = get_typestore(Stores.ROS2_JAZZY)
     definitions: dict[str, Any] = {}
-    for path in sorted(definitions_folder().glob("*.msg")):
+    for path in sorted(DEFINITIONS.glob("*.msg")):
         definitions |= get_types_from_msg(path.read_text(encoding="utf-8"), f"{PACKAGE}/msg/{path.stem}")
     store.register(definitions)
     return store

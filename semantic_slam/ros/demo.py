@@ -5,9 +5,11 @@ import os
 import sys
 from pathlib import Path
 
-from semantic_slam.cli.exit_codes import FAULT, CommandParser, run_main
+from semantic_slam.cli.exit_codes import FAULT, CommandParser, program, run_main
+from semantic_slam.cli.needs import need_ros
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.outputs import add_overwrite, claimed_folder
+from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 DOMAINS = 100
 REPLAY_TIMEOUT_S = 3600.0
@@ -15,9 +17,17 @@ REPLAY_TIMEOUT_S = 3600.0
 
 def parse(words: list[str] | None = None) -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(prog="demo", description=(__doc__ or "").replace("``", ""))
+    parser = CommandParser(
+        description="Replay a bag through all nodes, each its own process, and report the belief they publish."
+    )
     parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="input bag (default: %(default)s)")
-    parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="default: %(default)s")
+    parser.add_argument(
+        "--config",
+        type=configuration_file,
+        default=DEFAULT_CONFIGURATION,
+        metavar="YAML",
+        help="file, or the name of a shipped configuration (default: default)",
+    )
     parser.add_argument("--backends", type=int, default=2, help="number of backends (default: %(default)s)")
     parser.add_argument("--rate", type=float, default=0.0, help="0 (default): lossless, 1: real time")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="default: %(default)s")
@@ -28,6 +38,7 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
 def command() -> None:
     """Replay, record, report; raises SemanticSlamError with the last lines of a node that died."""
     arguments = parse()
+    need_ros()
     with claimed_folder(arguments.out, [arguments.bag, arguments.config], arguments.overwrite) as out:
         replay(arguments, out / "belief")
         from semantic_slam.report.make import make_report
@@ -72,5 +83,5 @@ def _explained() -> None:
     except InputError:
         raise
     except SemanticSlamError as fault:
-        print(f"demo: {fault}", file=sys.stderr)
+        print(f"{program()}: {fault}", file=sys.stderr)
         sys.exit(FAULT)

@@ -11,9 +11,9 @@ from semantic_slam_msgs.msg import ReplayProgress as ReplayProgressMessage
 
 from semantic_slam.messages.codec import decode, encode
 from semantic_slam.messages.ground_truth import ReplayProgress
-from semantic_slam.messages.typestore import PACKAGE, definitions_folder, typestore
+from semantic_slam.messages.typestore import DEFINITIONS, PACKAGE, typestore
 
-NAMES = sorted(path.stem for path in definitions_folder().glob("*.msg"))
+NAMES = sorted(path.stem for path in DEFINITIONS.glob("*.msg"))
 NODES = ["bag_player", "bag_recorder", "backend_node", "classifier_node", "hypothesis_manager_node"]
 COMMANDS = ["make_scene", "import_dataset", "bag_to_report", "train_classifier", "fit_viewpoint_models", "demo"]
 

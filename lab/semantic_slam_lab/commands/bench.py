@@ -14,7 +14,7 @@ SCHEMA_VERSION = 1
 
 def parse(words: list[str] | None = None) -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(prog="bench", description="Measure our methods against their peers in the same run.")
+    parser = CommandParser(description="Measure our methods against their peers in the same run.")
     parser.add_argument("--out", type=Path, default=Path("out/bench.json"), help="file to write (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")

@@ -11,7 +11,6 @@ from semantic_slam.outputs import add_overwrite, claimed_folder
 
 def parse() -> argparse.Namespace:
     parser = CommandParser(
-        prog="make_scene",
         description="Render furniture that looks alike from some sides: a room in the format of the Active Vision"
         " Dataset (DIR/Gen_<seed>_1, with ground_truth.json and tour.txt beside its files), or with --turntable every"
         " class on a turntable in BigBIRD's format (DIR/<class>; with --goods N that many instances of other classes,"

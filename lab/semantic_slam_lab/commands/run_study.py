@@ -4,7 +4,7 @@ import importlib
 from argparse import Namespace
 from pathlib import Path
 
-from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, claimed_folder
 
@@ -37,9 +37,7 @@ RENDERED = "data"
 
 def parse(words: list[str] | None = None) -> Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(
-        prog="run_study", description="Run an experiment and set its claims beside what it measured."
-    )
+    parser = CommandParser(description="Run an experiment and set its claims beside what it measured.")
     parser.add_argument("name", nargs="?", metavar="NAME", help="study (--list names them)")
     parser.add_argument("--list", action="store_true", help="print the names of the studies, one per line")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for result.json and result.html")
@@ -61,16 +59,16 @@ def command() -> None:
         print("\n".join(STUDIES))
         return
     if arguments.name is None:
-        raise InputError(f"run_study: name a study; there are: {', '.join(STUDIES)}")
+        raise InputError(f"{program()}: name a study; there are: {', '.join(STUDIES)}")
     if arguments.name not in STUDIES:
-        raise InputError(f"run_study: no study {arguments.name!r}; there are: {', '.join(STUDIES)}")
+        raise InputError(f"{program()}: no study {arguments.name!r}; there are: {', '.join(STUDIES)}")
     if arguments.out is None:
-        raise InputError("run_study: --out is missing; name a folder for the results")
+        raise InputError(f"{program()}: --out is missing; name a folder for the results")
     if arguments.jobs < 1 or arguments.seed < 0:
-        raise InputError("run_study: --jobs must be at least 1 and --seed at least 0; correct the number")
+        raise InputError(f"{program()}: --jobs must be at least 1 and --seed at least 0; correct the number")
     data = {"avd": arguments.avd, "bigbird": arguments.bigbird} if arguments.name in STUDIES_OF_DATA else {}
     if not data and (arguments.avd or arguments.bigbird):
-        raise InputError(f"run_study: {arguments.name} reads no data set; leave --avd and --bigbird out")
+        raise InputError(f"{program()}: {arguments.name} reads no data set; leave --avd and --bigbird out")
     from semantic_slam_lab.repetitions import scheduler
 
     study = importlib.import_module(STUDIES[arguments.name])

@@ -1,0 +1,13 @@
+"""The configurations that come with the package."""
+
+from pathlib import Path
+
+CONFIGURATIONS = Path(__file__).parent / "configurations"
+"""In a checkout this is config/."""
+DEFAULT_CONFIGURATION = CONFIGURATIONS / "default.yaml"
+
+
+def configuration_file(name: str) -> Path:
+    """File that ``name`` says: its path, or the name of a configuration that is shipped, such as ``open_world``."""
+    path, shipped = Path(name), CONFIGURATIONS / f"{name}.yaml"
+    return shipped if shipped.is_file() and not path.is_file() else path
