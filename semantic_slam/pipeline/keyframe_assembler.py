@@ -24,7 +24,7 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, point_between, start
+from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, motion_slopes, point_between, start
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
@@ -55,7 +55,7 @@ class KeyframeAssembler:
             self.dropped[f"{topics.ODOMETRY}: pose is not finite"] += 1
             return
         if self._newest is None:
-            point = self._last_keyframe = start(sample)
+            point = self._last_keyframe = start(sample, with_slopes=self._configuration.odometry.estimate_bias)
         else:
             point = self._newest.advance(sample)
         if not self._odometry.has_reached(sample.stamp_ns):
@@ -129,6 +129,7 @@ class KeyframeAssembler:
             odometry=between(self._last_keyframe.pose, point.pose),
             odometry_covariance=motion_covariance(self._last_keyframe, point, self._configuration.odometry),
             measurements=named,
+            odometry_slopes=motion_slopes(self._last_keyframe, point),
         )
         self._next_index += 1
         self._last_keyframe = point
