@@ -12,11 +12,13 @@ from typing import Any, Protocol, Self
 
 import yaml
 from rosbags.rosbag2 import Reader
+from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
-from semantic_slam.bag.definitions import extended_typestore
+from semantic_slam.bag.definitions import extended_typestore, is_ours, older_typestore
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage, breaks_off_cleanly
 from semantic_slam.bag.names import absolute
+from semantic_slam.bag.older_messages import current_bytes
 from semantic_slam.errors import InputError
 from semantic_slam.messages.typestore import typestore
 
@@ -70,6 +72,7 @@ class BagReader:
         self.unfinished = ""  # that its recorder was killed; all that it wrote can be read
         self._stack = ExitStack()
         self._sources: list[Source] = []
+        self._older: dict[str, Typestore | None] = {}  # by type name; None: recorded by our definition
 
     def __enter__(self) -> Self:
         """Raises InputError when nothing of the bag can be read."""
@@ -105,7 +108,10 @@ class BagReader:
         return {name: text for source in self._sources for name, text in source.definitions.items()}
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
-        """Messages of these topics (relative or absolute names), or all; raises TruncatedBagError at the damage."""
+        """Messages of these topics (relative or absolute names), or all; raises TruncatedBagError at the damage.
+
+        Those of our own types that an older version recorded are given by this version's definition.
+        """
         names = None if topics is None else {absolute(topic) for topic in topics}
         given = 0
         for source in self._sources:
@@ -118,16 +124,16 @@ class BagReader:
                 if message is None:
                     break
                 given += 1
-                yield message
+                yield self._by_our_definition(message)
         if self.damage:
             raise self._truncated(self.damage, given)
 
     def check_definitions(self) -> None:
-        """Raises InputError when a type of ours was recorded with another definition than this version's."""
+        """Raises InputError when a type of ours was recorded with a definition that this version cannot read."""
         _ = self._store
 
     def decode(self, cdr: bytes, type_name: str) -> Any:
-        """Message from its bytes, by our definition or by the one embedded in the bag; raises InputError."""
+        """Message from bytes of :meth:`messages`, by our definition or the one in the bag; raises InputError."""
         self.check_definitions()
         store = typestore() if type_name in typestore().types else self._store  # ours has its decoders compiled already
         if type_name not in store.types:
@@ -147,6 +153,22 @@ class BagReader:
                 while block := file.read(1 << 20):
                     digest.update(block)
         return digest.hexdigest()
+
+    def _by_our_definition(self, message: RawMessage) -> RawMessage:
+        """The message itself, or what an older definition recorded as ours has it; raises InputError where none can."""
+        older = self._older_typestore(message.type_name) if is_ours(message.type_name) else None
+        if older is None:
+            return message
+        try:
+            return message._replace(cdr=current_bytes(message.cdr, message.type_name, older))
+        except SerdeError:
+            return message  # its bytes are at fault, which those tell who decode them
+
+    def _older_typestore(self, type_name: str) -> Typestore | None:
+        if type_name not in self._older:
+            text = self.definitions.get(type_name, "")
+            self._older[type_name] = older_typestore(type_name, text) if text else None
+        return self._older[type_name]
 
     @cached_property
     def _store(self) -> Typestore:

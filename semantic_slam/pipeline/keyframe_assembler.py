@@ -24,7 +24,7 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, point_between, start
+from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, motion_slopes, point_between, start
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
@@ -59,7 +59,8 @@ class KeyframeAssembler:
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
         """The point at the next sample; the first one is where the first keyframe's motion starts."""
         if self._newest is None:
-            self._newest = self._last_keyframe = start(sample)
+            biases = self._configuration.odometry.estimate_bias
+            self._newest = self._last_keyframe = start(sample, with_slopes=biases)
         else:
             self._newest = self._newest.advance(sample)
         return self._newest
@@ -136,6 +137,7 @@ class KeyframeAssembler:
             odometry=between(self._last_keyframe.pose, point.pose),
             odometry_covariance=motion_covariance(self._last_keyframe, point, self._configuration.odometry),
             measurements=named,
+            odometry_slopes=motion_slopes(self._last_keyframe, point),
         )
         self._next_index += 1
         self._last_keyframe = point

@@ -4,75 +4,23 @@ Values are made from the annotations and the layouts alone, and none is its fiel
 carries comes back as its default, or not at all.
 """
 
-from collections.abc import Iterator
-from dataclasses import Field, dataclass, fields, is_dataclass, replace
-from itertools import count
-from typing import Any, get_type_hints
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
+from worlds.distinct_values import SIZES, of
 from worlds.same_values import assert_same
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.object_table import OPTIONAL, QUANTITIES
 from semantic_slam.inference.protocol import Components
-from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.messages.codec import CODECS, decode, encode, from_message, to_message
-from semantic_slam.messages.layout import Layout, element_types
-from semantic_slam.messages.measurements import FIELD_NAMES
+from semantic_slam.messages.layout import element_types
 from semantic_slam.messages.typestore import definitions_folder
 
-SIZES = {letter: 2 + row for row, letter in enumerate("BCDEFHKLMNOPSTX")}
-"""Rows of each dimension: all different, so that no array passes for one of other dimensions."""
-STANDARD = {"pose": (7,), "covariance": (6, 6), "odometry": (7,), "odometry_covariance": (6, 6)}
-STANDARD |= {"initial_pose": (7,), "initial_covariance": (6, 6)}
-"""Arrays that travel in messages of the standard packages."""
-MESSAGE_NAMES = {ours: name for name, ours in FIELD_NAMES.items()} | {"object_ids": "object_id"}
-PARTS_OF_LINEAGES = {"steps": SIZES["S"], "lineages": SIZES["S"]}
 CARRIERS = sorted(CODECS, key=lambda kind: kind.__name__)
-
-
-def distinctive(kind: type, layout: Layout, element: dict[str, str], numbers: Iterator[int]) -> Any:
-    """An instance whose every field has a value of its own."""
-    hints = get_type_hints(kind)
-    return kind(**{item.name: value_of(item, hints[item.name], layout, element, numbers) for item in fields(kind)})
-
-
-def value_of(item: "Field[Any]", hint: Any, layout: Layout, element: dict[str, str], numbers: Iterator[int]) -> Any:
-    if hint in (int, float, str):
-        return hint(next(numbers))
-    if hint is bool:
-        return item.default is not True
-    if is_dataclass(hint):
-        codec = CODECS.get(hint)
-        own = (codec.layout, element_types(codec.type_name)) if codec else (layout, element)
-        return distinctive(hint, *own, numbers)
-    if item.name in PARTS_OF_LINEAGES:
-        return tuple(lineage_part(item.name, numbers) for _ in range(SIZES["S"]))
-    name = item.name if item.name in {*layout, *STANDARD} else MESSAGE_NAMES[item.name]
-    shape = [size_of(key) for key in layout.get(name, STANDARD.get(name, ()))]
-    if element.get(name) == "string":
-        return tuple(f"{name} {next(numbers)}" for _ in range(shape[0]))
-    values = np.reshape([next(numbers) for _ in range(np.prod(shape))], shape)
-    return values % 2 == 0 if element.get(name) == "bool" else values.astype(element.get(name, "float64"))
-
-
-def size_of(key: str | int) -> int:
-    if isinstance(key, int):
-        return key
-    return SIZES[key.removesuffix("+1")] + key.endswith("+1")
-
-
-def lineage_part(name: str, numbers: Iterator[int]) -> Any:
-    step = LineageStep((next(numbers), next(numbers)), (next(numbers), next(numbers)), next(numbers))
-    return step if name == "steps" else (step, step)
-
-
-def of(kind: type) -> Any:
-    codec = CODECS[kind]
-    element = element_types(codec.type_name) if codec.layout else {}
-    return distinctive(kind, codec.layout, element, count(1))
 
 
 def sent_and_received(value: Any) -> Any:
