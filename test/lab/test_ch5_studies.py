@@ -12,7 +12,6 @@ from semantic_slam_lab.studies.ch5.refinement import refinement_numbers
 from semantic_slam_lab.studies.ch5.tracks import SIGMA_STEP, Drive, Located, located
 from semantic_slam_lab.studies.ch5.views import named, validation_views
 from semantic_slam_lab.studies.latent_slam.maps import unannotated, with_classes, with_instances
-from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.geometry import se2
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
@@ -110,16 +109,16 @@ def test_views_by_name_keep_their_features(shipped: Shipped) -> None:
     np.testing.assert_array_equal(chosen.features[chosen.instance == 0], views.features[views.instance == 2])
 
 
+@pytest.mark.render
 def test_validation_views_lie_between_those_that_trained() -> None:
-    skip_unless_rendering_works()
     views = validation_views(["cooler_01"], 1, every_deg=120)
     angles = np.rad2deg([view.azimuth_rad for view in views]) % 12.0
     np.testing.assert_allclose(angles, 6.0, atol=1e-6)
     assert all(view.mask.any() for view in views)
 
 
+@pytest.mark.render
 def test_learned_factor_mends_a_track(shipped: Shipped) -> None:
-    skip_unless_rendering_works()
     run = located(known(shipped, goods_names(NUM_GOODS))[5], 0, 0, models=("map",))
     assert run.ratio("map") < 0.8
     assert set(run.estimates) == {"map", "map_descriptor_known"}

@@ -27,7 +27,6 @@ from semantic_slam_lab.simulation.standing import (
     standing_place,
     write_standing,
 )
-from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report
@@ -101,8 +100,8 @@ def test_a_bare_bags_own_map_prior_comes_before_the_folders(tmp_path: Path) -> N
     assert map_prior_path(tmp_path) == tmp_path / "objects.json"
 
 
+@pytest.mark.render
 def test_the_same_seed_writes_the_same_bytes(tmp_path: Path) -> None:
-    skip_unless_rendering_works()
     settings = StandingSettings(num_frames=2, width=160, height=120)
     first, again, other = (
         write_standing(tmp_path / name, seed, settings) for name, seed in (("a", 0), ("b", 0), ("c", 1))

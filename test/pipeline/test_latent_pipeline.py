@@ -174,6 +174,7 @@ def test_a_run_is_bound_to_its_latent_space(record: Record) -> None:
         load_latent_model(replace(SETTINGS, space="latent-0"))
 
 
+@pytest.mark.ros
 def test_the_service_answers_from_the_newest_belief(record: Record, crop: tuple) -> None:
     pixels, box, number = crop
     rclpy.init()

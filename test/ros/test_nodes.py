@@ -16,6 +16,8 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.pipeline.offline import run_bag
 
+pytestmark = pytest.mark.ros
+
 NUM_FRAMES = 10
 FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parent / "faulty_backends.py")]
 EXPECTED_TO_DIE = [

@@ -20,6 +20,7 @@ class HarmonicModel:
     symmetric: bool = False  # even orders alone: both sides of an object look the same
     seed: int = 0
     class_names: tuple[str, ...] = ("first", "second")
+    space: str = ""  # no file holds it
     mixing: np.ndarray = field(init=False)
     offset: np.ndarray = field(init=False)
 
