@@ -1,9 +1,11 @@
 """Every test run has its own ROS domain, on this machine only, with rclpy's field checks on."""
 
 import os
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
-from prerequisites import PREREQUISITES
+from prerequisites import DATA, PREREQUISITES
 
 DOMAINS = 100
 
@@ -20,3 +22,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     for marker, reason in PREREQUISITES.items():
         if item.get_closest_marker(marker) and (missing := reason()):
             pytest.skip(missing)
+
+
+@pytest.fixture
+def data_set() -> Callable[[str], Path]:
+    """Where a set of real data lies, by its folder's name; the test is skipped where only other sets do."""
+
+    def folder(name: str) -> Path:
+        path = Path(os.environ[DATA]) / name
+        return path if path.is_dir() else pytest.skip(f"{path} is not there; {DATA} names a folder without {name}")
+
+    return folder
