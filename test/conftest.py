@@ -1,4 +1,4 @@
-"""Every test run has its own ROS domain, on this machine only, with rclpy's field checks on."""
+"""Every test run has its own ROS domain, on this machine only; tests that this machine cannot run are skipped."""
 
 import os
 from collections.abc import Callable
@@ -12,6 +12,8 @@ DOMAINS = 100
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % DOMAINS)
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+# As in the nodes, and before NumPy is loaded: its threads wait for each other by spinning, and the matrices are small.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 pytest.register_assert_rewrite("contracts", "worlds")  # so that their assertions show both sides when they fail
 

@@ -171,6 +171,7 @@ def test_claims_are_measured() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario, given_paths = given_scenario()
     monkeypatch.setattr(statistics, "QUICK_RUNS", {"given": 1, "exact_map": 1, "random": 1})
@@ -188,6 +189,7 @@ def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.Mo
     assert page.count("data:image/png;base64,") == 4 and 'src="http' not in page
 
 
+@pytest.mark.slow
 def test_example_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(example, "QUICK_REPETITIONS", 1)
     monkeypatch.setattr(example, "SHOWN", (1, 2, 3, 4))
@@ -203,4 +205,4 @@ def test_example_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_command_knows_the_studies() -> None:
-    assert {"example", "statistics"} <= set(run_study.STUDIES)
+    assert {"ch4_example", "ch4_statistics"} <= set(run_study.STUDIES)

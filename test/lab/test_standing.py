@@ -149,12 +149,14 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
     yield json.loads((out / "report.json").read_text())
 
 
+@pytest.mark.slow
 def test_every_frame_becomes_a_keyframe(report: dict[str, Any]) -> None:
     assert report["bag"]["n_keyframes"] == FRAMES == len(report["keyframes"])
     assert report["dropped"] == {}
     assert report["metrics"]["ate_m"] < 0.1
 
 
+@pytest.mark.slow
 def test_correlated_views_say_it_once_and_independent_ones_fifty_times(report: dict[str, Any]) -> None:
     """From view 5 to view 50 at most 1 nat, and at least five times as much when every view counts as new."""
     correlated, independent = report["comparisons"]

@@ -58,6 +58,7 @@ def test_has_torchvisions_keys_and_size() -> None:
     assert sum(tensor.numel() for tensor in network.parameters()) == 61_100_840
 
 
+@pytest.mark.slow
 def test_chosen_components_are_the_features(weights_file: Path) -> None:
     image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
     detections = Detections(0, "camera", np.array([[10.0, 10.0, 200.0, 200.0]]), ("thing",), np.ones(1), ("",))

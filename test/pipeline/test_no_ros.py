@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 WITHOUT_ROS = """
 import importlib, pkgutil, sys
 for name in ("rclpy", "std_msgs", "semantic_slam_msgs", "ament_index_python"):
@@ -14,6 +16,7 @@ for module in pkgutil.walk_packages(semantic_slam.__path__, "semantic_slam."):
 """
 
 
+@pytest.mark.slow
 def test_the_rooms_below_ros_import_without_it():
     result = subprocess.run([sys.executable, "-c", WITHOUT_ROS], capture_output=True, text=True, timeout=120)
     assert result.returncode == 0, result.stderr

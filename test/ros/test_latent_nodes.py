@@ -13,7 +13,7 @@ from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.pipeline.offline import run_bag
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 6
 

@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from semantic_slam.ros.liveliness import LEASE_S, Watch
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 BACKEND = """
 import rclpy

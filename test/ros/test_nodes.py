@@ -16,7 +16,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.pipeline.offline import run_bag
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 10
 FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parent / "faulty_backends.py")]

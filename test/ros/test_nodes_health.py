@@ -18,7 +18,7 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.node_set import NodeSpec
 from semantic_slam.ros.transport import Outlet, receive, ros_type
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 WITHIN_S = 5.0
 START_S = 120.0
