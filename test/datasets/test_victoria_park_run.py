@@ -6,6 +6,7 @@ from pathlib import Path
 
 import gtsam
 import numpy as np
+import pytest
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report, import_dataset
