@@ -1,4 +1,4 @@
-"""A small descriptor model in closed form: harmonics of the azimuth whose amplitudes are linear in the descriptor."""
+"""A small descriptor model with exact means and derivatives: harmonics of the azimuth, linear in the descriptor."""
 
 from dataclasses import dataclass, field
 
