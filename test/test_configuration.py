@@ -129,6 +129,7 @@ def test_parameters_of_ros_itself_are_accepted(ros: None) -> None:
     assert configuration == Configuration()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -150,6 +151,7 @@ def test_one_file_of_the_configuration_may_address_every_node() -> None:
     assert "parameter bag is empty" in result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parameter", "named"), [("pruning.ratio:=0.5", "pruning.ratio"), ("weights.method:=guess", "weights.method")]
 )

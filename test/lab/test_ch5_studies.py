@@ -53,6 +53,7 @@ def test_views_without_noise_are_explained_perfectly(shipped: Shipped) -> None:
     assert numbers["nees"] < 1e-6
 
 
+@pytest.mark.slow
 def test_noise_as_large_as_stated_is_consistent(shipped: Shipped) -> None:
     """NEES 1 only if the information of the ascent is that of the noise."""
     numbers = likelihood._of_known(shipped.model, predicted(shipped, known(shipped, goods_names(48)), 1.0), 0)
@@ -85,6 +86,7 @@ def test_untagged_instances_are_classified(shipped: Shipped) -> None:
     assert all(claim.measured for claim in grounding.claims(accuracy))
 
 
+@pytest.mark.slow
 def test_pages_have_their_pictures(shipped: Shipped, tmp_path: Path) -> None:
     names = known(shipped, goods_names(16))
     views = predicted(shipped, names, 0.3)
@@ -117,6 +119,7 @@ def test_validation_views_lie_between_those_that_trained() -> None:
     assert all(view.mask.any() for view in views)
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_learned_factor_mends_a_track(shipped: Shipped) -> None:
     run = located(known(shipped, goods_names(NUM_GOODS))[5], 0, 0, models=("map",))
@@ -124,6 +127,7 @@ def test_learned_factor_mends_a_track(shipped: Shipped) -> None:
     assert set(run.estimates) == {"map", "map_descriptor_known"}
 
 
+@pytest.mark.slow
 def test_refinement_is_judged_on_tracks_that_it_has_not_seen(shipped: Shipped) -> None:
     """In the model's own world there is nothing to refine: errors and likelihoods stay about what they were."""
     goods = goods_names(NUM_GOODS)

@@ -102,6 +102,7 @@ def test_rooms_hold_two_different_instances_of_four_classes() -> None:
     assert sorted(Counter(class_named(item.class_name) for item in placed).values()) == [2, 2, 2, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_command_writes_goods_and_their_classes(tmp_path: Path) -> None:
     command = [

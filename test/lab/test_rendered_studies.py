@@ -97,6 +97,7 @@ def test_reliability_bins_add_up():
     assert confidence[7] == pytest.approx(0.5) and right[7] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_views_do_not_depend_on_the_number_of_processes_and_a_recoloured_side_changes_them():
     places = np.array([[0.0, 1.4], [1.4, 0.0]])

@@ -123,6 +123,7 @@ def room_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_scene(tmp_path_factory.mktemp("avd"), 0, SceneSettings(width=360, height=270, tour_only=True))
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_rendered_poses_and_objects_agree(room_folder: Path) -> None:
     """Centres of fully visible objects project into their boxes, and the depth there ends at their surface."""
@@ -145,11 +146,13 @@ def test_rendered_poses_and_objects_agree(room_folder: Path) -> None:
     assert shares > 0.95  # another object may hide the very middle
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_rendered_floor_is_at_zero(room_folder: Path) -> None:
     assert avd.floor_height(avd.read_scene(room_folder)) == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_rendered_scene_has_rebuilt_frames_and_true_poses(room_folder: Path) -> None:
     scene = avd.read_scene(room_folder)
@@ -161,6 +164,7 @@ def test_rendered_scene_has_rebuilt_frames_and_true_poses(room_folder: Path) -> 
         np.testing.assert_allclose(image.T_map_camera, true, atol=tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_rendered_room_becomes_a_bag_of_the_promised_kind(room_folder: Path, tmp_path: Path) -> None:
     result = avd_import.import_avd(room_folder, tmp_path / "bag", seed=2)
@@ -172,6 +176,7 @@ def test_rendered_room_becomes_a_bag_of_the_promised_kind(room_folder: Path, tmp
     assert result.odometry_samples == len(stops) > result.keyframes
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_scene_folder_is_not_overwritten(room_folder: Path) -> None:
     with pytest.raises(InputError, match="exists already"):
@@ -185,6 +190,7 @@ def turntables(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_turntables_are_read_by_the_loader_of_the_real_format(turntables: Path) -> None:
     folders = bigbird.object_folders(turntables)
@@ -199,6 +205,7 @@ def test_turntables_are_read_by_the_loader_of_the_real_format(turntables: Path) 
         assert view.box[2] < view.image.shape[1]  # wholly in the picture
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_faces_appear_at_their_azimuth(turntables: Path) -> None:
     """Colour: the chest's dark front at 0 degrees, its left side with the iron band at 90, plain boards elsewhere."""
@@ -207,6 +214,7 @@ def test_faces_appear_at_their_azimuth(turntables: Path) -> None:
     assert brightness[0] < brightness[90] < min(brightness[180], brightness[270])
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_shared_backs_look_alike_and_fronts_do_not(turntables: Path) -> None:
     wooden = {

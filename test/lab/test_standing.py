@@ -100,6 +100,7 @@ def test_a_bare_bags_own_map_prior_comes_before_the_folders(tmp_path: Path) -> N
     assert map_prior_path(tmp_path) == tmp_path / "objects.json"
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_the_same_seed_writes_the_same_bytes(tmp_path: Path) -> None:
     settings = StandingSettings(num_frames=2, width=160, height=120)

@@ -75,6 +75,7 @@ def test_chosen_components_are_the_features(weights_file: Path) -> None:
     assert some.predictive_entropy[0] > np.log(10.0)  # over all thousand classes, of an untrained network
 
 
+@pytest.mark.slow
 def test_a_missing_tensor_is_an_error(weights_file: Path, tmp_path: Path) -> None:
     tensors = torch.load(weights_file, weights_only=True)
     del tensors["classifier.6.bias"]

@@ -44,6 +44,7 @@ def test_one_view_per_direction_is_enough_to_fit() -> None:
     np.testing.assert_allclose(first, second, atol=0.12)
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_class_and_escapes_names(tmp_path: Path) -> None:
     samples = {"<b>bold</b>": single_views(3, 2), "two": single_views(4, 2)}
     model, report = fit_samples(samples, FEATURES)

@@ -147,6 +147,7 @@ def test_what_a_wall_hides_is_not_missed() -> None:
     assert left[5.0] < 0.4
 
 
+@pytest.mark.slow
 def test_near_copies_merge_and_are_counted() -> None:
     room = make_room(32, seed=0, clutter=0.3)
     _, merged = run(room)
