@@ -1,9 +1,37 @@
-"""Every test run has its own ROS domain, on this machine only, with rclpy's field checks on."""
+"""Every test run has its own ROS domain, on this machine only; tests that this machine cannot run are skipped."""
 
 import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from prerequisites import DATA, PREREQUISITES
 
 DOMAINS = 100
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % DOMAINS)
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+# As in the nodes, and before NumPy is loaded: its threads wait for each other by spinning, and the matrices are small.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+pytest.register_assert_rewrite("contracts", "worlds")  # so that their assertions show both sides when they fail
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what this machine cannot run, before fixtures try, and say what is missing."""
+    for marker, reason in PREREQUISITES.items():
+        if item.get_closest_marker(marker) and (missing := reason()):
+            pytest.skip(missing)
+
+
+@pytest.fixture
+def data_set() -> Callable[[str], Path]:
+    """Where a set of real data lies, by its folder's name; the test is skipped where only other sets do."""
+
+    def folder(name: str) -> Path:
+        path = Path(os.environ[DATA]) / name
+        return path if path.is_dir() else pytest.skip(f"{path} is not there; {DATA} names a folder without {name}")
+
+    return folder

@@ -14,6 +14,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.ros.parameters import changed_parameters, declare_configuration, leaves, refuse_undeclared
 
 CONFIG = Path(__file__).parents[1] / "config"
+SHIPPED = sorted(path for path in CONFIG.glob("*.yaml") if path.stem != "labels_example")
 
 
 def flattened(values: dict, prefix: str = "") -> dict:
@@ -49,21 +50,24 @@ def test_default_yaml_lists_every_parameter_with_its_default() -> None:
     assert undocumented == []
 
 
-@pytest.mark.parametrize("name", ["default", "da_bsp", "victoria_park", "open_world"])
-def test_shipped_configurations_are_valid(name: str) -> None:
-    load_configuration(CONFIG / f"{name}.yaml")
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_configurations_are_valid_and_change_something(path: Path) -> None:
+    changed = changed_parameters(load_configuration(path))
+    assert bool(changed) == (path.stem != "default")
 
 
 def test_da_bsp_differs_in_the_semantic_model_only() -> None:
     assert changed_parameters(load_configuration(CONFIG / "da_bsp.yaml")) == {"semantic_model.kind": "none"}
 
 
+@pytest.mark.ros
 def test_ros_parameters_default_to_the_dataclass(ros: None) -> None:
     configuration, descriptors = declared()
     assert configuration == Configuration()
     assert all(descriptor.description and descriptor.read_only for descriptor in descriptors.values())
 
 
+@pytest.mark.ros
 def test_ros_parameters_have_the_ranges_of_the_dataclass(ros: None) -> None:
     _, descriptors = declared()
     assert descriptors["pruning.ratio"].floating_point_range[0].from_value == 1.0
@@ -71,12 +75,14 @@ def test_ros_parameters_have_the_ranges_of_the_dataclass(ros: None) -> None:
     assert "laplace" in descriptors["weights.method"].additional_constraints
 
 
+@pytest.mark.ros
 def test_ros_parameters_reach_nested_fields(ros: None) -> None:
     configuration, _ = declared(pruning__ratio=10, perception__extrinsics=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
     assert configuration.pruning.ratio == 10.0  # an integer may stand for a number
     assert configuration.perception.extrinsics[2] == 1.0
 
 
+@pytest.mark.ros
 def test_changed_parameters_rebuild_the_configuration(ros: None) -> None:
     changed = from_dict({"seed": 3, "initial_pose": {"sigma": [1.0, 2.0, 0.5]}})
     overrides = {name.replace(".", "__"): value for name, value in changed_parameters(changed).items()}
@@ -111,15 +117,19 @@ def test_impossible_values_are_refused(values: dict, text: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["pruning.ration", "associaton", "prunning.ratio"])
+@pytest.mark.ros
 def test_mistyped_parameter_is_refused(ros: None, name: str) -> None:
     with pytest.raises(InputError, match=f"unknown parameter '{re.escape(name)}'"):
         declared(**{name.replace(".", "__"): 10.0})
 
 
+@pytest.mark.ros
 def test_parameters_of_ros_itself_are_accepted(ros: None) -> None:
-    declared(use_sim_time=True, qos_overrides__odom__subscription__depth=3)
+    configuration, _ = declared(use_sim_time=True, qos_overrides__odom__subscription__depth=3)
+    assert configuration == Configuration()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -141,6 +151,7 @@ def test_one_file_of_the_configuration_may_address_every_node() -> None:
     assert "parameter bag is empty" in result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parameter", "named"), [("pruning.ratio:=0.5", "pruning.ratio"), ("weights.method:=guess", "weights.method")]
 )

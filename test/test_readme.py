@@ -16,6 +16,7 @@ def test_examples_are_the_tested_ones(name: str) -> None:
     assert (ROOT / "examples" / name).read_text(encoding="utf-8").strip() in README
 
 
+@pytest.mark.slow
 def test_the_offline_example_runs(tmp_path: Path) -> None:
     command = [sys.executable, "examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()

@@ -13,6 +13,9 @@ from semantic_slam.errors import InputError
 
 Result = TypeVar("Result")
 
+CONNECT_TIMEOUT = "10s"
+"""For a scheduler to answer: one that was just started on a busy machine takes seconds."""
+
 
 def keyed_generator(*key: str | int) -> np.random.Generator:
     """The same numbers for the same key, whatever else is drawn and on whichever machine."""
@@ -41,7 +44,7 @@ def scheduler(address: str | None) -> Iterator[None]:
     except ImportError:
         raise InputError("--scheduler needs Dask; install it with: pip install dask distributed") from None
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as fault:
         reason = " ".join(str(fault).split())
         raise InputError(

@@ -72,6 +72,7 @@ def test_nothing_is_replaced_while_the_belief_of_the_past_stays() -> None:
     np.testing.assert_allclose(np.logaddexp.reduce(again.log_posteriors) - np.log(50), found, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make, fixes", [(GeometricTracks, (2, 6)), (EvidenceTracks, (2, 6)), (EvidenceTracks, ())])
 def test_incremental_equals_fresh_samples_of_the_last_posterior(make: type[SampledTracks], fixes: tuple) -> None:
     """Position fixes along the way change what is believed of the whole track."""

@@ -83,6 +83,7 @@ def test_identities_are_ground_truth_only(small, tmp_path, monkeypatch):
     assert len(bag["/odom"]) == 3
 
 
+@pytest.mark.slow
 def test_all_of_the_real_file_is_imported(tmp_path, monkeypatch, capsys):
     run_command(monkeypatch, "victoria_park", "--out", tmp_path / "bag")
     bag = read_bag(tmp_path / "bag")

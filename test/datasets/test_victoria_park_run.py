@@ -6,6 +6,7 @@ from pathlib import Path
 
 import gtsam
 import numpy as np
+import pytest
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report, import_dataset
@@ -71,6 +72,7 @@ def batch_solution(log, configuration):
     )
 
 
+@pytest.mark.slow
 def test_first_keyframes_replay_report_and_agree_with_the_batch_solution(tmp_path, monkeypatch):
     bag, out = tmp_path / "bag", tmp_path / "out"
     monkeypatch.setattr(sys, "argv", ["import_dataset", "victoria_park", "--out", str(bag)])

@@ -158,6 +158,7 @@ def test_every_method_maps_three_objects(model) -> None:
             assert row.metrics["nll"] < 0.3
 
 
+@pytest.mark.slow
 def test_a_result_and_its_page(model, monkeypatch, tmp_path) -> None:
     recording = make_recording(model, 3)
     monkeypatch.setattr(study, "record_scene", lambda room, limit: replace(recording, scene=room))

@@ -21,7 +21,6 @@ from semantic_slam_lab.studies.avd_bigbird.models import (
 )
 from semantic_slam_lab.studies.avd_bigbird.realisations import METHODS, Problem, realisation
 from semantic_slam_lab.studies.rendered.models import fit_model
-from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.classification.classifier import Scores
 from semantic_slam.errors import InputError
@@ -119,8 +118,9 @@ def test_a_data_set_for_a_study_without_one_is_refused(tmp_path: Path, monkeypat
         data.open_sources(tmp_path, tmp_path, None, 0, True)
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_a_small_run_on_given_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    skip_unless_rendering_works()
     small = SceneSettings(width=240, height=180, tour_only=True)
     monkeypatch.setattr(data, "_render_scene", lambda folder, seed, quick: make_scene(folder, seed, small))
     monkeypatch.setattr(data, "QUICK_STEP_DEG", 60)

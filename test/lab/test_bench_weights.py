@@ -46,6 +46,7 @@ def test_samples_shared_by_associations_and_samples_of_their_own_have_one_mean()
     _agree(separate, shared)
 
 
+@pytest.mark.slow
 def test_the_printed_loop_has_the_mean_of_the_vectorised_samples() -> None:
     world = grid_world(1, num_detections=2, noise=KNOWN_START)
     vectorised = _batches(world, shared_weights, 2)
@@ -56,6 +57,7 @@ def test_the_printed_loop_has_the_mean_of_the_vectorised_samples() -> None:
     _agree(looped, vectorised[:, likely])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("aligned", [False, True])
 def test_the_engine_agrees_with_the_reference_where_the_sampler_does_not(aligned: bool) -> None:
     found = [weights_accuracy.errors(seed, aligned, FEW) for seed in range(3)]

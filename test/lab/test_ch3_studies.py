@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from semantic_slam_lab import repetitions
 from semantic_slam_lab.commands import run_study
 from semantic_slam_lab.repetitions import keyed_generator, repeat, scheduler
 from semantic_slam_lab.studies.ch3 import localization, model_uncertainty
@@ -78,6 +79,7 @@ def test_random_scenarios_differ_and_are_models() -> None:
         np.testing.assert_allclose(model.scores.sum(axis=1), 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", [model_uncertainty, localization])
 def test_study_leaves_result_and_page(study: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "QUICK_REALISATIONS", 2)
@@ -108,11 +110,12 @@ def test_work_goes_to_a_dask_cluster() -> None:
         np.testing.assert_allclose(one["ours"], other["ours"])
 
 
-def test_no_scheduler_there_is_one_line(tmp_path: Path) -> None:
+def test_no_scheduler_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(repetitions, "CONNECT_TIMEOUT", "1s")
     with pytest.raises(InputError, match="no Dask scheduler"), scheduler("tcp://127.0.0.1:9"):
         pass
 
 
 def test_command_knows_the_studies() -> None:
-    assert {"model_uncertainty", "localization"} <= set(run_study.STUDIES)
-    assert run_study.parse(["localization", "--scheduler", "tcp://a:1"]).scheduler == "tcp://a:1"
+    assert {"ch3_model_uncertainty", "ch3_localization"} <= set(run_study.STUDIES)
+    assert run_study.parse(["ch3_localization", "--scheduler", "tcp://a:1"]).scheduler == "tcp://a:1"

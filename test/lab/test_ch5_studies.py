@@ -12,7 +12,6 @@ from semantic_slam_lab.studies.ch5.refinement import refinement_numbers
 from semantic_slam_lab.studies.ch5.tracks import SIGMA_STEP, Drive, Located, located
 from semantic_slam_lab.studies.ch5.views import named, validation_views
 from semantic_slam_lab.studies.latent_slam.maps import unannotated, with_classes, with_instances
-from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.geometry import se2
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
@@ -54,6 +53,7 @@ def test_views_without_noise_are_explained_perfectly(shipped: Shipped) -> None:
     assert numbers["nees"] < 1e-6
 
 
+@pytest.mark.slow
 def test_noise_as_large_as_stated_is_consistent(shipped: Shipped) -> None:
     """NEES 1 only if the information of the ascent is that of the noise."""
     numbers = likelihood._of_known(shipped.model, predicted(shipped, known(shipped, goods_names(48)), 1.0), 0)
@@ -86,6 +86,7 @@ def test_untagged_instances_are_classified(shipped: Shipped) -> None:
     assert all(claim.measured for claim in grounding.claims(accuracy))
 
 
+@pytest.mark.slow
 def test_pages_have_their_pictures(shipped: Shipped, tmp_path: Path) -> None:
     names = known(shipped, goods_names(16))
     views = predicted(shipped, names, 0.3)
@@ -110,21 +111,23 @@ def test_views_by_name_keep_their_features(shipped: Shipped) -> None:
     np.testing.assert_array_equal(chosen.features[chosen.instance == 0], views.features[views.instance == 2])
 
 
+@pytest.mark.render
 def test_validation_views_lie_between_those_that_trained() -> None:
-    skip_unless_rendering_works()
     views = validation_views(["cooler_01"], 1, every_deg=120)
     angles = np.rad2deg([view.azimuth_rad for view in views]) % 12.0
     np.testing.assert_allclose(angles, 6.0, atol=1e-6)
     assert all(view.mask.any() for view in views)
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_learned_factor_mends_a_track(shipped: Shipped) -> None:
-    skip_unless_rendering_works()
     run = located(known(shipped, goods_names(NUM_GOODS))[5], 0, 0, models=("map",))
     assert run.ratio("map") < 0.8
     assert set(run.estimates) == {"map", "map_descriptor_known"}
 
 
+@pytest.mark.slow
 def test_refinement_is_judged_on_tracks_that_it_has_not_seen(shipped: Shipped) -> None:
     """In the model's own world there is nothing to refine: errors and likelihoods stay about what they were."""
     goods = goods_names(NUM_GOODS)

@@ -15,7 +15,6 @@ from semantic_slam_lab.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam_lab.simulation.renderer import Renderer, camera_model
 from semantic_slam_lab.simulation.textures import SIZE
 from semantic_slam_lab.simulation.turntable import CAMERAS, table_from_camera
-from worlds.rendering import skip_unless_rendering_works
 
 
 def test_names_go_through_the_classes_in_turn() -> None:
@@ -52,10 +51,10 @@ def test_surfaces_face_outwards_inside_the_stated_size(class_name: str) -> None:
         assert ((surface.texture >= 0.0) & (surface.texture <= 1.0)).all()
 
 
+@pytest.mark.render
 @pytest.mark.parametrize("name", ["drum_01", "engine_01"])
 def test_sides_appear_at_their_azimuth(name: str) -> None:
     """The middle of a view from 0, 90, 180, 270 degrees is the picture of front, left, back and right, upright."""
-    skip_unless_rendering_works()
     model = model_named(name)
     xml, assets = scene_xml([PlacedObject(1, name, name, 0.0, 0.0, 0.0)], room=None)
     world_from_table = np.eye(4)
@@ -103,8 +102,9 @@ def test_rooms_hold_two_different_instances_of_four_classes() -> None:
     assert sorted(Counter(class_named(item.class_name) for item in placed).values()) == [2, 2, 2, 2]
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_command_writes_goods_and_their_classes(tmp_path: Path) -> None:
-    skip_unless_rendering_works()
     command = [
         sys.executable,
         "-m",

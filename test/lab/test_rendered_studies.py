@@ -13,7 +13,6 @@ from semantic_slam_lab.studies.rendered.models import fit_model, grid, map_place
 from semantic_slam_lab.studies.rendered.realisations import ALL, Problem, realisation
 from semantic_slam_lab.studies.rendered.tracks import NUM_VIEWS, SEEN_FROM_Y_M, inside, random_tracks
 from semantic_slam_lab.studies.rendered.views import CLASSES, LEAST_RANGE_M, Subject, camera_pose, measure
-from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.classification.classifier import Scores
 
@@ -98,8 +97,9 @@ def test_reliability_bins_add_up():
     assert confidence[7] == pytest.approx(0.5) and right[7] == 0.0
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_views_do_not_depend_on_the_number_of_processes_and_a_recoloured_side_changes_them():
-    skip_unless_rendering_works()
     places = np.array([[0.0, 1.4], [1.4, 0.0]])
     plain = measure(Subject("crate"), places, (0, 1), 1, "plain")
     again = measure(Subject("crate"), places, (0, 1), 1, "again")
@@ -110,8 +110,9 @@ def test_views_do_not_depend_on_the_number_of_processes_and_a_recoloured_side_ch
     assert np.allclose(plain[1].mean(axis=0), red[1].mean(axis=0), atol=0.02)  # its front
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_result_and_page_of_a_tiny_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    skip_unless_rendering_works()
     monkeypatch.setattr(study, "QUICK_TRACKS", 2)
     monkeypatch.setattr(study, "QUICK_GRID_STEP_M", 1.1)
     data, page = study.run(tmp_path, quick=True, jobs=1, seed=0)

@@ -19,7 +19,6 @@ from semantic_slam_lab.simulation.scene import SceneSettings, camera_poses, make
 from semantic_slam_lab.simulation.textures import PICTURES, draw
 from semantic_slam_lab.simulation.tour import VIEWS_PER_POSITION, drive, ring, sees, tour
 from semantic_slam_lab.simulation.turntable import CAMERAS, TurntableSettings, write_turntables
-from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.datasets import avd, avd_import, bigbird
 from semantic_slam.datasets.avd_objects import true_objects
@@ -121,10 +120,11 @@ def test_machine_without_rendering_gets_one_line(monkeypatch: pytest.MonkeyPatch
 
 @pytest.fixture(scope="module")
 def room_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    skip_unless_rendering_works()
     return make_scene(tmp_path_factory.mktemp("avd"), 0, SceneSettings(width=360, height=270, tour_only=True))
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_rendered_poses_and_objects_agree(room_folder: Path) -> None:
     """Centres of fully visible objects project into their boxes, and the depth there ends at their surface."""
     scene = avd.read_scene(room_folder)
@@ -146,10 +146,14 @@ def test_rendered_poses_and_objects_agree(room_folder: Path) -> None:
     assert shares > 0.95  # another object may hide the very middle
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_rendered_floor_is_at_zero(room_folder: Path) -> None:
     assert avd.floor_height(avd.read_scene(room_folder)) == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_rendered_scene_has_rebuilt_frames_and_true_poses(room_folder: Path) -> None:
     scene = avd.read_scene(room_folder)
     poses = camera_poses(ring(), 0)
@@ -160,6 +164,8 @@ def test_rendered_scene_has_rebuilt_frames_and_true_poses(room_folder: Path) -> 
         np.testing.assert_allclose(image.T_map_camera, true, atol=tolerance)
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_rendered_room_becomes_a_bag_of_the_promised_kind(room_folder: Path, tmp_path: Path) -> None:
     result = avd_import.import_avd(room_folder, tmp_path / "bag", seed=2)
     assert result.keyframes >= 60
@@ -170,6 +176,8 @@ def test_rendered_room_becomes_a_bag_of_the_promised_kind(room_folder: Path, tmp
     assert result.odometry_samples == len(stops) > result.keyframes
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_scene_folder_is_not_overwritten(room_folder: Path) -> None:
     with pytest.raises(InputError, match="exists already"):
         make_scene(room_folder.parent, 0)
@@ -177,12 +185,13 @@ def test_scene_folder_is_not_overwritten(room_folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def turntables(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    skip_unless_rendering_works()
     root = tmp_path_factory.mktemp("bigbird")
     write_turntables(root, tuple(MODELS), TurntableSettings(step_deg=90, width=160, height=120))
     return root
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_turntables_are_read_by_the_loader_of_the_real_format(turntables: Path) -> None:
     folders = bigbird.object_folders(turntables)
     assert [folder.name for folder in folders] == sorted(MODELS)
@@ -196,6 +205,8 @@ def test_turntables_are_read_by_the_loader_of_the_real_format(turntables: Path) 
         assert view.box[2] < view.image.shape[1]  # wholly in the picture
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_faces_appear_at_their_azimuth(turntables: Path) -> None:
     """Colour: the chest's dark front at 0 degrees, its left side with the iron band at 90, plain boards elsewhere."""
     views = {view.angle_deg: view for view in bigbird.turntable_views(turntables / "chest", (CAMERAS[0].name,))}
@@ -203,6 +214,8 @@ def test_faces_appear_at_their_azimuth(turntables: Path) -> None:
     assert brightness[0] < brightness[90] < min(brightness[180], brightness[270])
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_shared_backs_look_alike_and_fronts_do_not(turntables: Path) -> None:
     wooden = {
         name: {view.angle_deg: view for view in bigbird.turntable_views(turntables / name, ("NP2",))}

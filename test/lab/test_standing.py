@@ -27,7 +27,6 @@ from semantic_slam_lab.simulation.standing import (
     standing_place,
     write_standing,
 )
-from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report
@@ -101,8 +100,9 @@ def test_a_bare_bags_own_map_prior_comes_before_the_folders(tmp_path: Path) -> N
     assert map_prior_path(tmp_path) == tmp_path / "objects.json"
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_the_same_seed_writes_the_same_bytes(tmp_path: Path) -> None:
-    skip_unless_rendering_works()
     settings = StandingSettings(num_frames=2, width=160, height=120)
     first, again, other = (
         write_standing(tmp_path / name, seed, settings) for name, seed in (("a", 0), ("b", 0), ("c", 1))
@@ -150,12 +150,14 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
     yield json.loads((out / "report.json").read_text())
 
 
+@pytest.mark.slow
 def test_every_frame_becomes_a_keyframe(report: dict[str, Any]) -> None:
     assert report["bag"]["n_keyframes"] == FRAMES == len(report["keyframes"])
     assert report["dropped"] == {}
     assert report["metrics"]["ate_m"] < 0.1
 
 
+@pytest.mark.slow
 def test_correlated_views_say_it_once_and_independent_ones_fifty_times(report: dict[str, Any]) -> None:
     """From view 5 to view 50 at most 1 nat, and at least five times as much when every view counts as new."""
     correlated, independent = report["comparisons"]

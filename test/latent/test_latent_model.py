@@ -1,25 +1,28 @@
-"""The latent model as inference sees it: derivatives, ascents, calibration, classes."""
+"""The latent model as inference sees it: the contract, ascents, calibration, classes."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from contracts.descriptor_model import DescriptorModelContract
+from worlds.harmonic_model import HarmonicModel
 from worlds.latent_toy import (
     DIMENSIONS,
     FEATURES,
     INSTANCES,
     SIGMA,
     random_network,
-    toy_directions,
     toy_model,
     toy_views,
 )
 
+from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.latent.feature_views import turned
 from semantic_slam.latent.grounding import ground, nearest_class
 from semantic_slam.latent.latent_model import LatentModel
+from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.training.latent.ascent import (
     DescriptorEstimate,
@@ -43,9 +46,6 @@ from semantic_slam.training.latent.evaluation import (
     own_descriptors,
 )
 from semantic_slam.training.latent.torch_network import exported, imported, tanh_network
-from semantic_slam.viewpoint.model import Viewpoints
-
-STEP = 1e-6
 
 
 @pytest.fixture(scope="module")
@@ -53,38 +53,26 @@ def model() -> LatentModel:
     return toy_model()
 
 
-def test_fulfils_the_contract(model: LatentModel) -> None:
-    contract: DescriptorModel = model
-    prediction = contract.predict(toy_directions(5), np.zeros((5, DIMENSIONS)))
-    assert prediction.mean.shape == prediction.sigma.shape == (5, FEATURES)
-    assert prediction.by_direction.shape == (5, FEATURES, 2)
-    assert prediction.by_descriptor.shape == (5, FEATURES, DIMENSIONS)
-    assert contract.prior.mean.shape == (1, DIMENSIONS)
-    assert contract.encode(prediction.mean).sigma.shape == (5, DIMENSIONS)
-    assert contract.class_log_likelihood(contract.prior).shape == (1, 0)
+class TestLatentModel(DescriptorModelContract):
+    @pytest.fixture
+    def model(self) -> DescriptorModel:
+        return toy_model()
 
 
-def test_derivatives_are_those_of_finite_differences(model: LatentModel) -> None:
-    looked, descriptors = toy_directions(20), np.random.default_rng(3).normal(size=(20, DIMENSIONS))
-    prediction = model.predict(looked, descriptors)
-    for column in range(2):
-        sides = []
-        for sign in (1.0, -1.0):
-            moved = [looked.azimuth_rad.copy(), looked.elevation_rad.copy()]
-            moved[column] += sign * STEP
-            sides.append(model.predict(Viewpoints(moved[0], moved[1], looked.range_m), descriptors).mean)
-        numeric = (sides[0] - sides[1]) / (2.0 * STEP)
-        np.testing.assert_allclose(prediction.by_direction[:, :, column], numeric, atol=1e-7)
-    for column in range(DIMENSIONS):
-        shift = STEP * np.eye(DIMENSIONS)[column]
-        numeric = model.mean(looked, descriptors + shift) - model.mean(looked, descriptors - shift)
-        np.testing.assert_allclose(prediction.by_descriptor[:, :, column], numeric / (2.0 * STEP), atol=1e-7)
+class TestShippedModel(DescriptorModelContract):
+    @pytest.fixture
+    def model(self) -> DescriptorModel:
+        shipped = load_latent_model(SemanticModelConfiguration(kind="latent"))
+        assert shipped is not None and shipped.class_names
+        return shipped
 
 
-def test_only_the_direction_of_view_counts(model: LatentModel) -> None:
-    looked, descriptors = toy_directions(4), np.zeros((4, DIMENSIONS))
-    once_round = Viewpoints(looked.azimuth_rad + 2.0 * np.pi, looked.elevation_rad, 5.0 * looked.range_m)
-    np.testing.assert_allclose(model.mean(looked, descriptors), model.mean(once_round, descriptors), atol=1e-12)
+class TestHarmonicModel(DescriptorModelContract):
+    """The tests' own model in closed form stands where the learned one does."""
+
+    @pytest.fixture
+    def model(self) -> DescriptorModel:
+        return HarmonicModel()
 
 
 def test_numpy_and_torch_are_the_same_function() -> None:

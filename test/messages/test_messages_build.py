@@ -41,6 +41,7 @@ def test_codec_reads_what_rclpy_writes() -> None:
     assert read == ReplayProgress(stamp_ns=5, frames=7, finished=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NODES + COMMANDS)
 def test_executable_explains_itself(name: str) -> None:
     result = subprocess.run([name, "--help"], capture_output=True, text=True, timeout=120)

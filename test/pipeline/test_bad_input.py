@@ -65,6 +65,7 @@ def test_good_input_drops_nothing(command):
     assert report["dropped"] == {}
 
 
+@pytest.mark.slow
 def test_a_truncated_mcap_is_reported_up_to_the_damage(tmp_path):
     bag = write_bag(tmp_path / "bag", noisy(input_entries(24)))  # 0.6 MB, in blocks of 128 kB
     data = (bag / "bag.mcap").read_bytes()

@@ -63,6 +63,7 @@ def crop(record: Record) -> tuple[np.ndarray, np.ndarray, int]:
     return pixels, measured.boxes[widest], int(record.truth.associations[stamp][measured.detection_ids[widest]])
 
 
+@pytest.mark.slow
 def test_the_lost_robot_finds_itself_without_classes(report: Path) -> None:
     found = json.loads((report / "report.json").read_text())
     assert found["config"]["semantic_model"]["kind"] == "latent"
@@ -174,6 +175,7 @@ def test_a_run_is_bound_to_its_latent_space(record: Record) -> None:
         load_latent_model(replace(SETTINGS, space="latent-0"))
 
 
+@pytest.mark.ros
 def test_the_service_answers_from_the_newest_belief(record: Record, crop: tuple) -> None:
     pixels, box, number = crop
     rclpy.init()

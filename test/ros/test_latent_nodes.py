@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
 from worlds.node_runs import Replay, beliefs, run
 
@@ -11,6 +12,8 @@ from semantic_slam.configuration import SemanticModelConfiguration, load_configu
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.pipeline.offline import run_bag
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 6
 

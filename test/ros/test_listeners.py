@@ -12,6 +12,8 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.bag_player import RECORDERS
 from semantic_slam.ros.transport import Outlet, ros_type
 
+pytestmark = pytest.mark.ros
+
 TOPIC = topics.ODOMETRY
 
 

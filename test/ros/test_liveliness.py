@@ -14,6 +14,8 @@ from rclpy.node import Node
 
 from semantic_slam.ros.liveliness import LEASE_S, Watch
 
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
 BACKEND = """
 import rclpy
 from rclpy.node import Node

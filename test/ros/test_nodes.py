@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
-from worlds.node_runs import Replay, beliefs, run
+from worlds.node_runs import Replay, assert_same, beliefs, run
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.pipeline.offline import run_bag
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 10
 FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parent / "faulty_backends.py")]
@@ -123,17 +125,3 @@ def test_three_backends_agree_with_offline(slow_replay: list[HybridBelief], refe
 def test_lossless_replay_with_a_slow_backend_loses_nothing(slow_replay: list[HybridBelief]) -> None:
     assert [belief.keyframe for belief in slow_replay] == list(range(NUM_FRAMES))
     assert slow_replay[-1].dropped == 0
-
-
-def assert_same(live: list[HybridBelief], reference: list[HybridBelief]) -> None:
-    """Equal at every keyframe, hypothesis by hypothesis: weights within 1e-9, poses within 1e-6."""
-    assert [belief.stamp_ns for belief in live] == [belief.stamp_ns for belief in reference]
-    for ours, theirs in zip(live, reference, strict=True):
-        order, expected = np.argsort(ours.hypothesis_ids), np.argsort(theirs.hypothesis_ids)
-        np.testing.assert_array_equal(ours.hypothesis_ids[order], theirs.hypothesis_ids[expected])
-        np.testing.assert_array_equal(ours.associations[order], theirs.associations[expected])
-        weights = np.exp(ours.log_weights[order])
-        np.testing.assert_allclose(weights, np.exp(theirs.log_weights[expected]), rtol=0.0, atol=1e-9)
-        np.testing.assert_allclose(ours.poses[order], theirs.poses[expected], rtol=0.0, atol=1e-6)
-        np.testing.assert_allclose(ours.object_poses, theirs.object_poses, rtol=0.0, atol=1e-6)
-        np.testing.assert_allclose(ours.class_probabilities, theirs.class_probabilities, rtol=0.0, atol=1e-9)

@@ -18,6 +18,8 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.node_set import NodeSpec
 from semantic_slam.ros.transport import Outlet, receive, ros_type
 
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
 WITHIN_S = 5.0
 START_S = 120.0
 SENT = (topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)

@@ -34,6 +34,7 @@ def test_a_standing_robot_sees_one_class_from_one_direction() -> None:
     np.testing.assert_allclose(np.rad2deg(samples["desk"].azimuth_rad), 99.0, atol=1.0)
 
 
+@pytest.mark.slow
 def test_one_view_per_direction_is_enough_to_fit() -> None:
     model, report = fit_samples({"one": single_views(1)}, FEATURES)
     assert report["one"]["mean_squared_whitened_residual"] == pytest.approx(3.0, abs=0.8)
@@ -43,8 +44,9 @@ def test_one_view_per_direction_is_enough_to_fit() -> None:
     np.testing.assert_allclose(first, second, atol=0.12)
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_class_and_escapes_names(tmp_path: Path) -> None:
-    samples = {"<b>bold</b>": single_views(3), "two": single_views(4)}
+    samples = {"<b>bold</b>": single_views(3, 2), "two": single_views(4, 2)}
     model, report = fit_samples(samples, FEATURES)
     write_page(tmp_path / "page.html", model, samples, report)
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -53,6 +55,7 @@ def test_the_page_shows_every_class_and_escapes_names(tmp_path: Path) -> None:
     assert "http" not in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [

@@ -233,6 +233,7 @@ def test_tags_pull_instances_of_a_class_together() -> None:
     assert spread_within(tags) < spread_within({})
 
 
+@pytest.mark.slow
 def test_changes_of_viewpoint_are_seen_without_any_pose() -> None:
     """Features (cos, sin) of each azimuth plus an instance's own: a change turns them, wherever the front is."""
     views = toy_views(toy_model(), per_instance=60)

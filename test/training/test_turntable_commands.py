@@ -76,6 +76,7 @@ def test_views_know_their_direction_and_their_object(turntables: Path) -> None:
     assert view.mask.min() == 255
 
 
+@pytest.mark.slow
 def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     weights, models = tmp_path / "network.safetensors", tmp_path / "models.safetensors"
     trained = call(
@@ -123,6 +124,7 @@ def test_help_of_train_classifier_tells_the_defaults() -> None:
         assert f"(default: {value})" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["train_classifier", "fit_viewpoint_models"])
 def test_a_folder_without_turntables_is_bad_input(command: str, tmp_path: Path) -> None:
     result = call(command, "--turntables", str(tmp_path), "--out", str(tmp_path / "out.safetensors"))

@@ -1,4 +1,4 @@
-"""A small input bag: a robot drives towards two boxes, with tiny images, depth, odometry, detections and truth.
+"""A small input bag of a robot that drives straight at two boxes: places, odometry, depth and extrinsics are exact.
 
 The messages come as a list that a test may spoil before it is written.
 """

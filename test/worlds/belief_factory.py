@@ -1,4 +1,4 @@
-"""A made-up run that looks like a real one: a lost robot among aliased objects, and what an engine believes of it.
+"""A made-up run of a lost robot among aliased objects: truth, lineages and weights are exactly what a script says.
 
 Nothing here infers anything. Hypotheses are the true path seen from wrong places, and their weights follow a
 script: six lineages, one of them left from keyframe 13 on.

@@ -1,4 +1,4 @@
-"""Exact answers of chapter 3 (schema exact-ch3/1), asked of the classifiers that everything else uses."""
+"""Fixtures of chapter 3 (schema exact-ch3/1): every answer is known exactly, and asked of the classifiers in use."""
 
 import warnings
 from typing import Any

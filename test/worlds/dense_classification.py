@@ -1,4 +1,4 @@
-"""Chapter 3 written down with whole matrices, for comparison: nothing grows, nothing is shared with the package."""
+"""Random problems of chapter 3: their answers are exact, from whole matrices that share nothing with the package."""
 
 from typing import Any
 

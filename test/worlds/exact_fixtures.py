@@ -1,4 +1,4 @@
-"""Fixtures with exact answers, run through the engine of the nodes."""
+"""Fixtures of chapter 4: weights and moments of every hypothesis are known exactly, and asked of the nodes' engine."""
 
 import itertools
 from dataclasses import dataclass

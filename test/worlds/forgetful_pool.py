@@ -1,4 +1,4 @@
-"""Backends of which one is lost, as a manager meets it."""
+"""Backends of which the first is lost, before a keyframe that is known."""
 
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates

@@ -1,4 +1,4 @@
-"""A small descriptor model in closed form: harmonics of the azimuth whose amplitudes are linear in the descriptor."""
+"""A small descriptor model with exact means and derivatives: harmonics of the azimuth, linear in the descriptor."""
 
 from dataclasses import dataclass, field
 
@@ -20,6 +20,7 @@ class HarmonicModel:
     symmetric: bool = False  # even orders alone: both sides of an object look the same
     seed: int = 0
     class_names: tuple[str, ...] = ("first", "second")
+    space: str = ""  # no file holds it
     mixing: np.ndarray = field(init=False)
     offset: np.ndarray = field(init=False)
 

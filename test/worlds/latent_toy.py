@@ -1,4 +1,4 @@
-"""A latent world without pictures: features that truly follow a smooth network of direction and descriptor."""
+"""A latent world without pictures: features follow a known network of direction and descriptor, with known noise."""
 
 from itertools import pairwise
 

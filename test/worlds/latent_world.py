@@ -1,4 +1,4 @@
-"""The planar world with features of a descriptor model in closed form; every object has its own descriptor."""
+"""The planar world and the open room with features of the harmonic model: the descriptor of every object is known."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""A linear observation model over planar positions: with it the engine's beliefs are exact."""
+"""A linear observation model over planar positions: beliefs and evidence are known in closed form."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
@@ -63,3 +65,17 @@ def beliefs(bag: Path) -> list[HybridBelief]:
     """All beliefs of a belief bag, in the order of their log time."""
     with BagReader(bag) as reader:
         return [decode(message.cdr, message.type_name) for message in reader.messages([topics.BELIEF])]
+
+
+def assert_same(live: list[HybridBelief], reference: list[HybridBelief]) -> None:
+    """Equal at every keyframe, hypothesis by hypothesis: weights within 1e-9, poses within 1e-6."""
+    assert [belief.stamp_ns for belief in live] == [belief.stamp_ns for belief in reference]
+    for ours, theirs in zip(live, reference, strict=True):
+        order, expected = np.argsort(ours.hypothesis_ids), np.argsort(theirs.hypothesis_ids)
+        np.testing.assert_array_equal(ours.hypothesis_ids[order], theirs.hypothesis_ids[expected])
+        np.testing.assert_array_equal(ours.associations[order], theirs.associations[expected])
+        weights = np.exp(ours.log_weights[order])
+        np.testing.assert_allclose(weights, np.exp(theirs.log_weights[expected]), rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(ours.poses[order], theirs.poses[expected], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(ours.object_poses, theirs.object_poses, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(ours.class_probabilities, theirs.class_probabilities, rtol=0.0, atol=1e-9)

@@ -1,4 +1,4 @@
-"""A small simulated room without a map: clutter, misses and identical objects, seen by range and bearing."""
+"""A small room without a map, with clutter, misses and identical objects: truth and every association are known."""
 
 from dataclasses import dataclass
 

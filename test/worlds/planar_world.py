@@ -1,4 +1,4 @@
-"""A small planar world with exact models: keyframes, truth and the run's announcement."""
+"""A small planar world that follows the engine's own models: poses, objects, classes and associations are known."""
 
 from dataclasses import dataclass
 

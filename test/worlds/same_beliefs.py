@@ -1,4 +1,4 @@
-"""When two beliefs say the same."""
+"""When two beliefs say the same, whichever world they are of."""
 
 import dataclasses
 

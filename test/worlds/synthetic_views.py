@@ -1,4 +1,4 @@
-"""Views of a class with smooth features, whose noise is known."""
+"""Views of a class with smooth features: mean and spread are known in every direction."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Small bags as a user records them: types of packages that are not installed, raw images, TF."""
+"""Small bags as a user records them, with raw images, TF and types that are not installed; all poses are exact."""
 
 from dataclasses import dataclass
 from functools import cache

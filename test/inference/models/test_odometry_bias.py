@@ -110,6 +110,7 @@ def population_after(room: Room) -> TrackedStates:
     return pool._backends[0].held[best].component.tracked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias", [(0.04, -0.06), (0.0, 0.0)], ids=["biased", "right"])
 def test_the_bias_is_found(bias: tuple[float, float]) -> None:
     """Odometry alone, exact, would leave 0.01 / (0.25 sqrt(K)) rad/m and 0.02 / (0.25 sqrt(K)): no less is claimed."""

@@ -188,6 +188,7 @@ def test_sampled_continuations_follow_the_smoothed_posterior() -> None:
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.05)
 
 
+@pytest.mark.slow
 def test_evidence_and_classes_are_those_of_an_integral_over_the_heading(
     correlated: CorrelatedModel, shipped: GaussianProcessModel
 ) -> None:
@@ -309,12 +310,14 @@ def test_views_that_leave_the_window_are_counted_in_the_belief() -> None:
     np.testing.assert_array_equal(belief.forgotten_views, np.maximum(seen - 2, 0))
 
 
+@pytest.mark.slow
 def test_the_number_of_backends_changes_nothing() -> None:
     world = lost_world()
     for single, divided in zip(beliefs(world, 1), beliefs(world, 2), strict=True):
         assert_same(single, divided)
 
 
+@pytest.mark.slow
 def test_a_hypothesis_rebuilt_from_its_lineage_is_the_same() -> None:
     world = lost_world()
     pool = ForgetfulPool(2, dies_at=4)
