@@ -14,7 +14,7 @@ LEAST_VALID = 0.5
 """Share of a strip's readings without which it tells nothing: what is out of range looks like what is unreadable."""
 
 
-def line_of_sight(depth_m: NDArray[np.float32], camera: CameraModel, T_base_camera: Array) -> Array:
+def farthest_free_ranges(depth_m: NDArray[np.float32], camera: CameraModel, T_base_camera: Array) -> Array:
     """(B, 2) bearing [rad] and range [m], from the body's origin in its x-y plane, of the farthest surface of strips.
 
     The farthest one, because an object's height is not known: what is lower than it hides nothing.
