@@ -56,13 +56,14 @@ def command() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network
-    from semantic_slam.report.viewpoint_page import write_page
     from semantic_slam.training.viewpoint.fit import fit_samples
+    from semantic_slam.training.viewpoint.page import write_page
     from semantic_slam.viewpoint.store import save_model
 
     perception = PerceptionConfiguration(network=str(arguments.weights or ""))
     samples, left_out = _samples(arguments, perception)
-    model, report = fit_samples(samples, load_network(perception).class_names)
+    fitted = fit_samples(samples, load_network(perception).class_names)
+    model, report = fitted.model, fitted.report
     provenance = {
         "command": "fit_viewpoint_models",
         "seed": arguments.seed,
@@ -73,7 +74,7 @@ def command() -> None:
     save_model(model, arguments.out, provenance)
     report_path, page = arguments.out.with_suffix(".json"), arguments.out.with_suffix(".html")
     report_path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    write_page(page, model, samples, report)
+    write_page(page, fitted, samples)
     for reason, count in sorted(left_out.items()):
         print(f"left out: {reason} ({count})")
     for name, numbers in report.items():
@@ -98,7 +99,7 @@ def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, 
             views = with_classes(views, arguments.classes)
         settings = FitSettings(draws=arguments.draws, seed=arguments.seed)
         return measure_views(views, load_network(perception), settings), {}
-    from semantic_slam.pipeline.known_poses import views_of_bag
+    from semantic_slam.training.viewpoint.known_poses import views_of_bag
 
     if arguments.bag:
         return views_of_bag(arguments.bag, perception)

@@ -16,7 +16,7 @@ from worlds.rendering import skip_unless_rendering_works
 
 from semantic_slam.geometry import se2
 from semantic_slam.inference.map_prior import MapPrior, ObjectPrior
-from semantic_slam.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.latent.refinement import RefinementSettings
 from semantic_slam.viewpoint.model import Viewpoints
 

@@ -10,14 +10,13 @@ from semantic_slam.latent.change_model import (
     LARGEST_LOG_SIGMA,
     SMALLEST_LOG_SIGMA,
     ChangeModel,
-    changes,
-    draw_pairs,
     encoded_change,
 )
 from semantic_slam.latent.direction import NUM_INPUTS
-from semantic_slam.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.descent import descend
+from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.gradient_descent import descend
 from semantic_slam.training.latent.torch_network import exported, tanh_network
+from semantic_slam.training.latent.view_pairs import changes, draw_pairs
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from semantic_slam.latent.feature_views import repeated, taken, turned
+from semantic_slam.training.latent.feature_views import repeated, taken, turned
 from semantic_slam.training.latent.joint_training import CropViews, Indices, JointModel
 
 DIRECTIONS = 24

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from semantic_slam.latent.feature_views import taken, turned
 from semantic_slam.training.latent.contrast_training import contrast
+from semantic_slam.training.latent.feature_views import taken, turned
 from semantic_slam.training.latent.joint_training import CropViews, Indices, JointModel
 from semantic_slam.viewpoint.model import Viewpoints
 

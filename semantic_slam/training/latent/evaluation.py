@@ -8,15 +8,15 @@ from scipy.special import logsumexp
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.latent.feature_views import FeatureViews, repeated, turned
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.ascent import (
+from semantic_slam.training.latent.estimation import (
     DescriptorEstimate,
     ascend_azimuth,
     azimuth_in_doubt,
     azimuth_raster,
     infer_descriptors,
 )
+from semantic_slam.training.latent.feature_views import FeatureViews, repeated, turned
 from semantic_slam.viewpoint.model import Viewpoints
 
 RASTER_RAD = np.deg2rad(np.arange(-180.0, 180.0, 2.0))

@@ -10,7 +10,7 @@ from torch import nn
 
 from semantic_slam.latent.direction import NUM_INPUTS, encoded
 from semantic_slam.latent.extractor import FeatureExtractor
-from semantic_slam.training.latent.descent import descend, num_batches, shuffled
+from semantic_slam.training.latent.gradient_descent import descend, num_batches, shuffled
 from semantic_slam.training.latent.latent_prior import PRIORS
 from semantic_slam.training.latent.torch_network import tanh_network
 from semantic_slam.viewpoint.model import Viewpoints

@@ -10,10 +10,10 @@ from torch import nn
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.direction import encoded
-from semantic_slam.latent.feature_views import FeatureViews
-from semantic_slam.latent.grounding import tagged_rows
 from semantic_slam.latent.smooth_network import SmoothNetwork
-from semantic_slam.training.latent.descent import descend, drawn
+from semantic_slam.training.latent.class_grounding import tagged_rows
+from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.gradient_descent import descend, drawn
 from semantic_slam.training.latent.latent_prior import PRIORS
 from semantic_slam.training.latent.torch_network import exported, imported, tanh_network
 

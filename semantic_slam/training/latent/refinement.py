@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.direction import encoded
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.descent import descend, drawn
+from semantic_slam.training.latent.gradient_descent import descend, drawn
 from semantic_slam.training.latent.torch_network import exported, imported
 from semantic_slam.viewpoint.model import Viewpoints
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.extractor import FeatureExtractor
-from semantic_slam.training.latent.descent import descend, num_batches, shuffled
+from semantic_slam.training.latent.gradient_descent import descend, num_batches, shuffled
 
 Bytes = NDArray[np.uint8]
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.perception.crops import MARGIN, square_crop
 from semantic_slam.training.augmentation import room_crop
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.model import Viewpoints
 

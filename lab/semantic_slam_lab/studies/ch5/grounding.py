@@ -10,11 +10,11 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.latent.feature_views import FeatureViews, taken
-from semantic_slam.latent.grounding import ground, nearest_class
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
-from semantic_slam.training.latent.ascent import infer_descriptors
+from semantic_slam.training.latent.class_grounding import ground, nearest_class
+from semantic_slam.training.latent.estimation import infer_descriptors
+from semantic_slam.training.latent.feature_views import FeatureViews, taken
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.simulation.goods import goods_class
 from semantic_slam_lab.studies.ch5.models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, trained

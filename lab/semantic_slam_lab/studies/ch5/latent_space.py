@@ -9,12 +9,12 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from numpy.typing import NDArray
 from sklearn.linear_model import Ridge
+from sklearn.manifold import TSNE
 from sklearn.metrics import silhouette_score
-from sklearn.space import TSNE
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.latent_model import LatentModel
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.latent.view_crops import plain_crops
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam_lab.repetitions import keyed_generator

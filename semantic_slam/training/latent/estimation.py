@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.latent.feature_views import repeated, turned
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
 from semantic_slam.training.latent.climbing import Climbed, Terms, climb
+from semantic_slam.training.latent.feature_views import repeated, turned
 from semantic_slam.viewpoint.model import Viewpoints
 
 ITERATIONS = 25

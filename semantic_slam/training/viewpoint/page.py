@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.training.viewpoint.calibration import left_out_residuals
+from semantic_slam.training.viewpoint.fit import FittedModels
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.gaussian_process import GRID, GaussianProcessModel, even_azimuths
 from semantic_slam.viewpoint.model import Viewpoints
-from semantic_slam.viewpoint.samples import ClassSamples
 
 STYLE = (
     "body{font:16px system-ui,sans-serif;margin:2rem auto;max-width:70rem;padding:0 1rem;color:#1a2330}"
@@ -21,11 +21,12 @@ STYLE = (
 )
 
 
-def write_page(path: Path, model: GaussianProcessModel, samples: Mapping[str, ClassSamples], report: Any) -> None:
+def write_page(path: Path, fitted: FittedModels, samples: Mapping[str, ClassSamples]) -> None:
     """Self-contained HTML; names are escaped."""
+    model, report = fitted.model, fitted.report
     sections = [
         f"<h2>{html.escape(name)}</h2>{_table(report[name], model.num_features)}"
-        f'<img alt="{html.escape(name)}: coverage, fit, residuals" src="{_picture(model, name, samples[name])}">'
+        f'<img alt="{html.escape(name)}: coverage, fit, residuals" src="{_picture(fitted, name, samples[name])}">'
         for name in model.class_names
     ]
     text = (
@@ -51,14 +52,14 @@ def _table(numbers: Mapping[str, Any], num_features: int) -> str:
     return f'<div class="wide"><table><tr>{head}<tr>{"".join(f"<td>{value}" for value in rows.values())}</table></div>'
 
 
-def _picture(model: GaussianProcessModel, name: str, samples: ClassSamples) -> str:
+def _picture(fitted: FittedModels, name: str, samples: ClassSamples) -> str:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 7), layout="constrained")
     grid = figure.add_gridspec(2, 3)
     _coverage(figure.add_subplot(grid[0, 0], projection="polar"), samples.azimuth_rad)
-    _fit(figure.add_subplot(grid[0, 1:]), model, name, samples)
-    standardised = left_out_residuals(samples, model.feature_names).standardised
+    _fit(figure.add_subplot(grid[0, 1:]), fitted.model, name, samples)
+    standardised = fitted.left_out[name].standardised
     _residuals(figure.add_subplot(grid[1, 1:]), samples, standardised)
     _calibration(figure.add_subplot(grid[1, 0]), standardised)
     buffer = io.BytesIO()

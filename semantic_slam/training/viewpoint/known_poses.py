@@ -14,7 +14,7 @@ from semantic_slam.evaluation.trajectory import interpolate
 from semantic_slam.inference.map_prior import MapPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.viewpoint.samples import ClassSamples
+from semantic_slam.training.viewpoint.samples import ClassSamples
 
 LEAST_VIEWS = 8
 """Views of a class from which on a model is fitted to it."""
