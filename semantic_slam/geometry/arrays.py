@@ -26,3 +26,8 @@ def squared_norms(vectors: Array) -> Array:
 def row_sums(values: Array) -> Array:
     """(...,) of (..., n), likewise."""
     return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))
+
+
+def diagonals(matrices: Array) -> Array:
+    """(B, n) of contiguous (B, n, n), to write to as well."""
+    return matrices.reshape(len(matrices), matrices.shape[1] ** 2)[:, :: matrices.shape[1] + 1]
