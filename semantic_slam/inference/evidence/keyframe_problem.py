@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, row_sums, squared_norms
+from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.observation import Linearisation, ObservationModel
 from semantic_slam.inference.states.state_space import StateSpace
 
@@ -51,10 +52,9 @@ class Assignments:
     objects: Index  # (B, n) into its objects, -1 clutter
     classes: Index | None = None  # (B, n); None: geometry alone
 
-    def take(self, selection: Any) -> "Assignments":
+    def take(self, selection: Selection) -> "Assignments":
         """The rows of a selection."""
-        classes = None if self.classes is None else self.classes[selection]
-        return Assignments(self.parents[selection], self.objects[selection], classes)
+        return take(self, selection)
 
 
 class KeyframeProblem:

@@ -11,6 +11,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index, diagonals, row_sums
 from semantic_slam.geometry.levenberg_marquardt import MAX_ITERATIONS, LeastSquares, Minimum, minimise
+from semantic_slam.geometry.rows import take
 
 RANKING_ITERATIONS = 12
 """For modes that only rank partial associations: those near the best have converged by then."""
@@ -30,7 +31,7 @@ class Mode:
 
     def take(self, rows: Index) -> "Mode":
         """Some of the problems."""
-        return Mode(self.y[rows], self.hessian[rows], self.log_evidence[rows])
+        return take(self, rows)
 
 
 def find_modes(

@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from semantic_slam.training.latent.feature_views import repeated, taken, turned
+from semantic_slam.geometry.rows import take
+from semantic_slam.training.latent.feature_views import repeated, turned
 from semantic_slam.training.latent.joint_training import CropViews, Indices, JointModel
 
 DIRECTIONS = 24
@@ -29,7 +30,7 @@ def contrast(
 ) -> torch.Tensor:
     """Mean negative log posterior of the truth among the candidates [nats]."""
     features, sharp = model.sharpness * features, model.sharpness
-    looked = taken(views.viewpoints, rows)
+    looked = take(views.viewpoints, rows)
     e = model.descriptors[torch.from_numpy(views.instance[rows])]
     e = e + DESCRIPTOR_NOISE * torch.randn_like(e)
     turns = generator.uniform(-np.pi, np.pi, (len(rows), DIRECTIONS))

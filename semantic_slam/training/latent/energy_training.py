@@ -9,8 +9,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.rows import take
 from semantic_slam.training.latent.contrast_training import contrast
-from semantic_slam.training.latent.feature_views import taken, turned
+from semantic_slam.training.latent.feature_views import turned
 from semantic_slam.training.latent.joint_training import CropViews, Indices, JointModel
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -30,7 +31,7 @@ def energy(
     model: JointModel, features: torch.Tensor, views: CropViews, rows: Indices, generator: np.random.Generator
 ) -> torch.Tensor:
     """Data term (Eq. 5.16), the extractor's (Eq. 5.17), and contrast."""
-    looked = taken(views.viewpoints, rows)
+    looked = take(views.viewpoints, rows)
     e = model.descriptors[torch.from_numpy(views.instance[rows])]
     terms = [_bowl_term(model, features, looked, e, pose, latent, generator) for pose, latent in PERTURBED]
     ordered = ORDER_WEIGHT * _order_term(features, views.crops[rows])

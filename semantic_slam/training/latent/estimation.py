@@ -1,15 +1,16 @@
 """What features say of a direction of view or of a descriptor (Eq. 5.6), and how sure the model is of it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.levenberg_marquardt import Minimum, minimise
+from semantic_slam.geometry.rows import take
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
-from semantic_slam.training.latent.feature_views import repeated, taken, turned
+from semantic_slam.training.latent.feature_views import repeated, turned
 from semantic_slam.viewpoint.model import Viewpoints
 
 ITERATIONS = 25
@@ -124,7 +125,7 @@ class _SeenObjects:
         return energy, gradient, np.matmul(slope.transpose(0, 2, 1), slope) + np.diag(prior.sigma[0] ** -2)
 
     def select(self, selection: Index) -> "_SeenObjects":
-        return replace(self, viewpoints=taken(self.viewpoints, selection), features=self.features[selection])
+        return take(self, selection, ("viewpoints", "features"))
 
 
 def azimuth_in_doubt(
@@ -166,13 +167,7 @@ class _DoubtfulViews:
         return energy, gradient, hessian
 
     def select(self, selection: Index) -> "_DoubtfulViews":
-        return _DoubtfulViews(
-            self.model,
-            taken(self.viewpoints, selection),
-            self.mean[selection],
-            self.precision[selection],
-            self.features[selection],
-        )
+        return take(self, selection, ("viewpoints", "mean", "precision", "features"))
 
 
 def azimuth_raster(
@@ -184,8 +179,7 @@ def azimuth_raster(
     block = 64
     for start in range(0, len(features), block):
         rows = np.arange(start, min(start + block, len(features)))
-        looked = Viewpoints(viewpoints.azimuth_rad[rows], viewpoints.elevation_rad[rows], viewpoints.range_m[rows])
-        directions = turned(repeated(looked, len(offsets)), np.tile(offsets, len(rows)))
+        directions = turned(repeated(take(viewpoints, rows), len(offsets)), np.tile(offsets, len(rows)))
         mean = model.mean(directions, np.repeat(descriptors[rows], len(offsets), axis=0))
         residual = (np.repeat(features[rows], len(offsets), axis=0) - mean) / sigma
         raster[rows] = -0.5 * (residual**2).sum(axis=1).reshape(len(rows), -1)

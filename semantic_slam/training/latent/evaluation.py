@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from scipy.special import logsumexp
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.geometry.rows import take
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.training.latent.estimation import (
     DescriptorEstimate,
@@ -153,7 +154,7 @@ def identification_of_groups(
                     for offset, weight in zip(offsets, prior, strict=True)
                 ]
             )
-            right.append(int(logsumexp(scores, axis=0).argmax()) == truth)
+            right.append(int(log_sum_exp(scores, axis=0).argmax()) == truth)
     return np.array(right)
 
 
@@ -203,6 +204,5 @@ def nees_tempered_by_others(model: LatentModel, inferred: Inferred) -> Consisten
 def _squared_in_doubt(model: LatentModel, inferred: Inferred) -> Array:
     """(N,) squared error of the azimuth over its variance, view by view."""
     views, own = inferred.views, inferred.of_object
-    of_view = DescriptorEstimate(*(values[views.instance] for values in (own.mean, own.sigma, own.covariance)))
-    estimate = azimuth_in_doubt(model, views.viewpoints, of_view, views.features)
+    estimate = azimuth_in_doubt(model, views.viewpoints, take(own, views.instance), views.features)
     return np.asarray(wrap_angle(estimate.azimuth_rad - views.viewpoints.azimuth_rad) ** 2 / estimate.variance)

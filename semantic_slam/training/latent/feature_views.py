@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.rows import take
 from semantic_slam.viewpoint.model import Viewpoints
 
 Indices = NDArray[np.int_]
@@ -25,16 +26,11 @@ class FeatureViews:
 
     def chosen(self, rows: NDArray[np.bool_] | Indices) -> "FeatureViews":
         """The views of a mask or of indices."""
-        return FeatureViews(self.names, self.instance[rows], taken(self.viewpoints, rows), self.features[rows])
+        return take(self, rows, ("instance", "viewpoints", "features"))
 
     def with_features(self, features: Array) -> "FeatureViews":
         """The same views seen by another extractor."""
         return FeatureViews(self.names, self.instance, self.viewpoints, features)
-
-
-def taken(viewpoints: Viewpoints, rows: NDArray[np.bool_] | Indices) -> Viewpoints:
-    """The directions of a mask or of indices."""
-    return Viewpoints(viewpoints.azimuth_rad[rows], viewpoints.elevation_rad[rows], viewpoints.range_m[rows])
 
 
 def turned(viewpoints: Viewpoints, by_rad: Array | float) -> Viewpoints:
