@@ -22,7 +22,7 @@ setup(
     package_data={
         f"{NAME}.messages": ["definitions/*.msg"],
         f"{NAME}.report": ["templates/*"],
-        NAME: ["weights/*"],
+        NAME: ["py.typed", "weights/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -51,7 +51,8 @@ def command() -> None:
     names = class_names_of(views)
     network = train(views, names, configuration)
     accuracy = accuracy_by_azimuth(network, views, names, configuration.seed)
-    provenance = {"command": "train_classifier", "training": dataclasses.asdict(configuration), "accuracy": accuracy}
+    training = dataclasses.asdict(configuration)
+    provenance: dict[str, object] = {"command": "train_classifier", "training": training, "accuracy": accuracy}
     save_compact_network(network, names, provenance, arguments.out)
     shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in accuracy.items())
     print(f"{arguments.out}: classes {', '.join(names)}; accuracy {shares}")

@@ -165,12 +165,9 @@ def _motions(recording: Recording, noise: OdometryConfiguration, generator: np.r
 
 
 def _joined(frame: SemanticMeasurements, parts: list[SemanticMeasurements]) -> SemanticMeasurements:
-    return replace(
-        frame,
-        labels=tuple(label for part in parts for label in part.labels),
-        track_ids=("",) * sum(len(part) for part in parts),
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in OF_DETECTIONS},
-    )
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in OF_DETECTIONS}
+    labels = tuple(label for part in parts for label in part.labels)
+    return replace(frame, labels=labels, track_ids=("",) * len(labels), **columns)
 
 
 def _alarm(
