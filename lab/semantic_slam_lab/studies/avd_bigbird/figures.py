@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
@@ -119,7 +119,7 @@ def _log_mgr(logs: Array, true_class: int) -> Array:
     return np.asarray(logs.max(axis=-1) - logs[..., true_class])
 
 
-def _fan(axis: Any, values: Array, colour: str) -> None:
+def _fan(axis: Axes, values: Array, colour: str) -> None:
     steps = np.arange(values.shape[1])
     for low in BANDS:
         axis.fill_between(
@@ -129,7 +129,7 @@ def _fan(axis: Any, values: Array, colour: str) -> None:
     axis.spines[["top", "right"]].set_visible(False)
 
 
-def _picture(axis: Any, picture: Bytes, title: str) -> None:
+def _picture(axis: Axes, picture: Bytes, title: str) -> None:
     axis.imshow(picture)
     axis.set(xticks=[], yticks=[])
     axis.set_title(title, fontsize=9)

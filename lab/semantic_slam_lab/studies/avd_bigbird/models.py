@@ -24,6 +24,8 @@ from semantic_slam_lab.studies.avd_bigbird.data import SceneTrack, in_object_fra
 from semantic_slam_lab.studies.rendered.models import fit_model
 
 Bytes = NDArray[np.uint8]
+FeatureSets = dict[str, tuple[tuple[int, ...], Array]]
+"""Name -> the scores chosen as features, and the (F,) ranking of all scores that they follow from."""
 
 INPUT_MAP = "unit_circle"
 CAMERA = "NP1"
@@ -62,7 +64,7 @@ def measure_track(scene: AvdScene, track: SceneTrack, seed: int) -> Array:
     return np.stack([measure_crop(scene.image(name), box, ("scene", seed, name)) for name, box in views])
 
 
-def feature_sets(measured: Sequence[TurntableScores], seed: int) -> dict[str, tuple[tuple[int, ...], Array]]:
+def feature_sets(measured: Sequence[TurntableScores], seed: int) -> FeatureSets:
     """Name -> four scores and the (F,) ranking they follow from: the greatest on average, and a forest's choice."""
     mean = np.concatenate([of.samples.mean(axis=1) for of in measured])
     labels = np.repeat(np.arange(len(measured)), [len(of.samples) for of in measured])

@@ -1,10 +1,11 @@
 """The latent space (Figs. 5.1a, 5.4): encoded views by instance, and what the model expects to see from where."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from numpy.typing import NDArray
@@ -174,7 +175,7 @@ def _nearest_pictures(views: FeatureViews, pictures: Bytes, name: str) -> Bytes:
     return pictures[nearest]
 
 
-def _show(axes: Any, pictures: Bytes, label: str) -> None:
+def _show(axes: Sequence[Axes], pictures: Bytes, label: str) -> None:
     for axis, picture in zip(axes, pictures, strict=True):
         axis.imshow(picture)
         axis.set(xticks=[], yticks=[])
