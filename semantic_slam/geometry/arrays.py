@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 Flags = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+"""Pictures and crops, RGB in the last axis."""
 T = TypeVar("T", bound=np.generic)
 
 

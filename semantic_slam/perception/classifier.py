@@ -3,10 +3,9 @@
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.configuration import PerceptionConfiguration
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.collaborators import CoverageCheck, FeatureExtractor, RangeBearingSensor, crop_features
 from semantic_slam.perception.crops import box_fault, square_crop
@@ -91,7 +90,7 @@ class Classifier:
         features = crop_features(self._extractor, frame.image, boxes)
         return features, np.zeros((*features.shape, features.shape[1]))
 
-    def _in_coverage(self, features: Array, covariances: Array) -> NDArray[np.bool_]:
+    def _in_coverage(self, features: Array, covariances: Array) -> Flags:
         """(D,) whether some class model shows such a feature in some direction; true without models to ask."""
         if self._coverage is None:
             return np.ones(len(features), dtype=np.bool_)

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.range_bearing import RangeBearing
@@ -26,7 +26,7 @@ class FeatureExtractor(Protocol):
     def num_features(self) -> int:
         """F, components of the feature."""
 
-    def features(self, crops: NDArray[np.uint8]) -> Array:
+    def features(self, crops: Bytes) -> Array:
         """(N, F) of (N, size, size, 3) RGB bytes."""
 
 
@@ -37,7 +37,7 @@ class CoverageCheck(Protocol):
         """Whether some class shows a feature (F,) with its dropout covariance (F, F) in some direction."""
 
 
-def crop_features(extractor: FeatureExtractor, image: NDArray[np.uint8], boxes: Array) -> Array:
+def crop_features(extractor: FeatureExtractor, image: Bytes, boxes: Array) -> Array:
     """(D, F) learned features of the objects in (D, 4) boxes of an RGB image."""
     size = extractor.input_size
     crops = np.array([square_crop(image, box, size) for box in boxes], dtype=np.uint8)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array, Bytes
+
 
 @dataclass(frozen=True)
 class CameraModel:
@@ -26,9 +28,9 @@ class Detections:
 
     stamp_ns: int  # of the image
     frame_id: str  # the camera's optical frame
-    boxes: NDArray[np.float64]  # (D, 4) x_min y_min x_max y_max, pixels
+    boxes: Array  # (D, 4) x_min y_min x_max y_max, pixels
     labels: tuple[str, ...]  # "" when the detector gives none
-    scores: NDArray[np.float64]  # (D,) 0..1
+    scores: Array  # (D,) 0..1
     track_ids: tuple[str, ...]  # "" when unknown
 
     def __len__(self) -> int:
@@ -40,7 +42,7 @@ class Frame:
     """One image with its detections, ready to be measured."""
 
     stamp_ns: int
-    image: NDArray[np.uint8]  # (height, width, 3) RGB
+    image: Bytes  # (height, width, 3) RGB
     depth_m: NDArray[np.float32] | None  # (height, width) along the optical axis, NaN where invalid; None: no depth
     camera: CameraModel
     detections: Detections

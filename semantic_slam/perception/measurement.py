@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags, Index
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class SemanticMeasurements:
     bearings_rad: Array  # (D,) seen from the body's origin with depth, from sensor_position without
     geometric_covariances: Array  # (D, 2, 2) of [range, bearing]
     sensor_position: Array  # (3,) camera in the body frame, metres
-    in_coverage: NDArray[np.bool_]  # (D,)
+    in_coverage: Flags  # (D,)
     dropped: int = 0  # inputs the classifier has not used so far
     free_range_scan: Array = field(
         default_factory=lambda: np.zeros((0, 2))
@@ -47,7 +47,7 @@ class SemanticMeasurements:
     def __len__(self) -> int:
         return len(self.detection_ids)
 
-    def take(self, rows: NDArray[np.int_]) -> "SemanticMeasurements":
+    def take(self, rows: Index) -> "SemanticMeasurements":
         """Some of the detections."""
         some: dict[str, Any] = {name: getattr(self, name)[rows] for name in OF_DETECTIONS}
         some |= {name: tuple(getattr(self, name)[row] for row in rows) for name in ("labels", "track_ids")}

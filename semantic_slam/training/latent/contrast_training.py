@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from torch import nn
 
+from semantic_slam.geometry.arrays import Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.training.latent.feature_views import repeated, turned
-from semantic_slam.training.latent.joint_training import CropViews, Indices, JointModel
+from semantic_slam.training.latent.joint_training import CropViews, JointModel
 
 DIRECTIONS = 24
 """Other azimuths of the same instance that a view is told from; half of them near, as those are the hard ones."""
@@ -26,7 +27,7 @@ DESCRIPTOR_NOISE = 0.1
 
 
 def contrast(
-    model: JointModel, features: torch.Tensor, views: CropViews, rows: Indices, generator: np.random.Generator
+    model: JointModel, features: torch.Tensor, views: CropViews, rows: Index, generator: np.random.Generator
 ) -> torch.Tensor:
     """Mean negative log posterior of the truth among the candidates [nats]."""
     features, sharp = model.sharpness * features, model.sharpness

@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.viewpoint.model import Viewpoints
-
-Indices = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -17,14 +14,14 @@ class FeatureViews:
     """N views of instances by their index in ``names``."""
 
     names: tuple[str, ...]
-    instance: Indices  # (N,)
+    instance: Index  # (N,)
     viewpoints: Viewpoints
     features: Array  # (N, F)
 
     def __len__(self) -> int:
         return len(self.instance)
 
-    def chosen(self, rows: NDArray[np.bool_] | Indices) -> "FeatureViews":
+    def chosen(self, rows: Flags | Index) -> "FeatureViews":
         """The views of a mask or of indices."""
         return take(self, rows, ("instance", "viewpoints", "features"))
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Bytes
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.training.latent.calibration import calibrated
@@ -23,8 +23,6 @@ from semantic_slam.training.latent.torch_network import exported
 from semantic_slam.training.latent.turntable_split import TurntableSplit
 from semantic_slam.training.latent.view_crops import feature_views, plain_crops, room_crops
 from semantic_slam.training.views import ObjectView
-
-Bytes = NDArray[np.uint8]
 
 FORMULATIONS = ("map", "energy")
 CALIBRATION_DRAWS = 3

@@ -1,9 +1,8 @@
 """Pairs of views of one instance: what the model over changes of viewpoint is fitted to and judged on."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.training.latent.feature_views import FeatureViews
@@ -16,7 +15,7 @@ NEAR_RAD, LEAST_TURN_RAD = float(np.deg2rad(45.0)), float(np.deg2rad(1.0))
 
 def draw_pairs(
     views: FeatureViews, count: int, largest_rad: float, generator: np.random.Generator
-) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+) -> tuple[Index, Index]:
     """Rows of two views each of one instance, whose azimuths differ by ``largest_rad`` at most; up to ``count``."""
     order = np.argsort(views.instance, kind="stable")
     starts = np.searchsorted(views.instance[order], np.arange(len(views.names) + 1))
@@ -27,14 +26,14 @@ def draw_pairs(
     return first[near][:count], second[near][:count]
 
 
-def changes(views: FeatureViews, first: NDArray[np.int_], second: NDArray[np.int_]) -> Array:
+def changes(views: FeatureViews, first: Index, second: Index) -> Array:
     """(B, 2) change of azimuth, within half a turn, and of elevation from one view to another."""
     azimuth, elevation = views.viewpoints.azimuth_rad, views.viewpoints.elevation_rad
     turn = wrap_angle(azimuth[second] - azimuth[first])
     return np.stack([turn, elevation[second] - elevation[first]], axis=1)
 
 
-def change_peaks(model: ChangeModel, views: FeatureViews, first: NDArray[np.int_], second: NDArray[np.int_]) -> Array:
+def change_peaks(model: ChangeModel, views: FeatureViews, first: Index, second: Index) -> Array:
     """(B,) error [rad] of the change of azimuth at which the second view's likelihood peaks, all around."""
     turns = np.deg2rad(np.arange(-180.0, 180.0, 3.0))
     truth = changes(views, first, second)

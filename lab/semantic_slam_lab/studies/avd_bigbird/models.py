@@ -15,7 +15,7 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.datasets.avd import AvdScene
 from semantic_slam.datasets.bigbird import turntable_views
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.mc_dropout import class_probability_samples
 from semantic_slam.perception.weights import load_network
@@ -23,7 +23,6 @@ from semantic_slam_lab.repetitions import keyed_generator, repeat
 from semantic_slam_lab.studies.avd_bigbird.data import SceneTrack, in_object_frame
 from semantic_slam_lab.studies.rendered.models import fit_model
 
-Bytes = NDArray[np.uint8]
 FeatureSets = dict[str, tuple[tuple[int, ...], Array]]
 """Name -> the scores chosen as features, and the (F,) ranking of all scores that they follow from."""
 

@@ -13,7 +13,7 @@ from sklearn.linear_model import Ridge
 from sklearn.manifold import TSNE
 from sklearn.metrics import silhouette_score
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.latent.view_crops import plain_crops
@@ -24,8 +24,6 @@ from semantic_slam_lab.studies.ch5.models import DEFAULT, FORMULATIONS, WORDS, c
 from semantic_slam_lab.studies.ch5.pages import framed, numbers_table
 from semantic_slam_lab.studies.ch5.views import measured, validation_views
 from semantic_slam_lab.studies.result import Claim, Figure, write_result
-
-Bytes = NDArray[np.uint8]
 
 NAME = "ch5_latent_space"
 QUICK_INSTANCES = 8
