@@ -101,7 +101,7 @@ def _is_whole(chunk: bytes) -> bool:
     if len(chunk) < CHUNK_HEADER.size:
         return False
     _, _, size, _, _ = CHUNK_HEADER.unpack_from(chunk)
-    return len(_decompressed(chunk)) == size
+    return bool(len(_decompressed(chunk)) == size)
 
 
 def _flat_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:

@@ -6,8 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.classification.growing import Indices
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.perception.uncertainty import sample_covariance
 
@@ -61,7 +60,7 @@ class SequentialClassifier(ABC):
     def empty(self, num_tracks: int) -> Self:
         """A classifier of the same settings for ``num_tracks`` tracks, that has seen nothing."""
 
-    def replace(self, rows: Indices, other: Self, source: Indices) -> None:
+    def replace(self, rows: Index, other: Self, source: Index) -> None:
         """Take tracks ``source`` of ``other`` (or of itself), which has seen the same, for those at ``rows``."""
         self.log_posteriors[rows] = other.log_posteriors[source]
         self.log_evidence[rows] = other.log_evidence[source]

@@ -1,11 +1,8 @@
 """Arrays and factors that grow by a view and lose their oldest one, without being made anew."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-
-Indices = NDArray[np.int_]
 
 FIRST_CAPACITY = 8
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semantic_slam.classification.growing import GrowingArray, GrowingMatrix, Indices
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.classification.growing import GrowingArray, GrowingMatrix
+from semantic_slam.geometry.arrays import Array, Index
 
 RELATIVE_FLOOR = 1e-12
 """Least conditional variance, as a share of the processes' greatest: below it a difference of doubles means nothing.
@@ -71,7 +71,7 @@ class GrowingGaussian:
         self._root.drop_first()
         self._whitened_residual.drop_first()
 
-    def replace(self, rows: Indices, other: "GrowingGaussian", source: Indices) -> None:
+    def replace(self, rows: Index, other: "GrowingGaussian", source: Index) -> None:
         """Take entries ``source`` of ``other``, of the same length, for the ``rows`` of the first batch axis."""
         self._root.values[rows] = other._root.values[source]
         self._whitened_residual.values[rows] = other._whitened_residual.values[source]

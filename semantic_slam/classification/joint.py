@@ -5,12 +5,11 @@ from typing import Self
 import numpy as np
 
 from semantic_slam.classification.classifier import SequentialClassifier, View
-from semantic_slam.classification.growing import Indices
 from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.recursive import Coupling
 from semantic_slam.classification.track import NextView, TrackViews
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 
 
 class JointClassifier(SequentialClassifier):
@@ -56,7 +55,7 @@ class JointClassifier(SequentialClassifier):
         self._keep_window()
         return self._weigh(log_likelihoods[:, None, :])
 
-    def replace(self, rows: Indices, other: Self, source: Indices) -> None:
+    def replace(self, rows: Index, other: Self, source: Index) -> None:
         super().replace(rows, other, source)
         self._views.replace(rows, other._views, source)
         self._measurements.replace(rows, other._measurements, source)

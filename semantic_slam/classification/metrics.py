@@ -1,9 +1,8 @@
 """How good class posteriors are, from their logarithms (Eqs. 3.44-3.46)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 
 
 def msde(log_posteriors: Array, true_class: int) -> Array:
@@ -17,6 +16,6 @@ def log_mgr(log_posteriors: Array, true_class: int) -> Array:
     return np.asarray(log_posteriors.max(axis=-1) - log_posteriors[..., true_class])
 
 
-def correct(log_posteriors: Array, true_class: int) -> NDArray[np.bool_]:
+def correct(log_posteriors: Array, true_class: int) -> Flags:
     """(..., C) to (...,) whether the true class is the most likely one; its mean is Eq. 3.46."""
     return np.asarray(log_posteriors.argmax(axis=-1) == true_class)

@@ -6,11 +6,11 @@ from typing import Literal, Self
 import numpy as np
 
 from semantic_slam.classification.classifier import SequentialClassifier, View
-from semantic_slam.classification.growing import GrowingArray, Indices
+from semantic_slam.classification.growing import GrowingArray
 from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock, floored_cholesky
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.track import NextView, TrackViews
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 
 Coupling = Literal["full", "per_component"]
 """Of the scores' components by Sigma_z: as it is, or its diagonal alone."""
@@ -74,7 +74,7 @@ class RecursiveClassifier(SequentialClassifier):
         self._keep_window()
         return average
 
-    def replace(self, rows: Indices, other: Self, source: Indices) -> None:
+    def replace(self, rows: Index, other: Self, source: Index) -> None:
         super().replace(rows, other, source)
         self._views.replace(rows, other._views, source)
         self._scores.replace(rows, other._scores, source)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from semantic_slam.classification.classifier import normalised
-from semantic_slam.classification.growing import Indices
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import log_sum_exp
 
 
@@ -13,8 +12,8 @@ def effective_size(log_weights: Array) -> float:
     return float(np.exp(-log_sum_exp(2.0 * log_weights)))
 
 
-def rejection_control(log_weights: Array, generator: np.random.Generator) -> tuple[Indices, Array]:
-    """Indices of the samples to be replaced by fresh ones of the target, and then the log weights of all.
+def rejection_control(log_weights: Array, generator: np.random.Generator) -> tuple[Index, Array]:
+    """Index of the samples to be replaced by fresh ones of the target, and then the log weights of all.
 
     A sample is kept with a chance of its weight over the mean one, and then has no less than the mean weight: that
     leaves the kept ones properly weighted. Kept and fresh ones are two estimates of the same average, and count by
@@ -32,7 +31,7 @@ def rejection_control(log_weights: Array, generator: np.random.Generator) -> tup
     return fresh, renewed
 
 
-def systematic_resampling(log_weights: Array, generator: np.random.Generator) -> tuple[Indices, Indices]:
+def systematic_resampling(log_weights: Array, generator: np.random.Generator) -> tuple[Index, Index]:
     """Samples to be lost, and for each the one to be copied in its place; all weigh the same afterwards."""
     count = len(log_weights)
     edges = np.cumsum(np.exp(log_weights)) * count

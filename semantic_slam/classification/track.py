@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from semantic_slam.classification.growing import GrowingArray, Indices
+from semantic_slam.classification.growing import GrowingArray
 from semantic_slam.classification.processes import ClassProcesses, Marginals
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class TrackViews:
         self._scaled.drop_first()
         self._whitened.drop_first()
 
-    def replace(self, rows: Indices, other: "TrackViews", source: Indices) -> None:
+    def replace(self, rows: Index, other: "TrackViews", source: Index) -> None:
         """Take tracks ``source`` of ``other``, with as many views, for those at ``rows``."""
         self._scaled.values[rows] = other._scaled.values[source]
         self._whitened.values[rows] = other._whitened.values[source]

@@ -71,13 +71,14 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network
-    from semantic_slam.report.viewpoint_page import write_page
     from semantic_slam.training.viewpoint.fit import fit_samples
+    from semantic_slam.training.viewpoint.page import write_page
     from semantic_slam.viewpoint.store import save_model
 
     perception = PerceptionConfiguration(network=str(arguments.weights or ""))
     samples, left_out = _samples(arguments, perception)
-    model, report = fit_samples(samples, load_network(perception).class_names)
+    fitted = fit_samples(samples, load_network(perception).class_names)
+    model, report = fitted.model, fitted.report
     provenance = {
         "command": "fit_viewpoint_models",
         "seed": arguments.seed,
@@ -87,7 +88,7 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     }
     save_model(model, model_path, provenance)
     report_path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    write_page(page, model, samples, report)
+    write_page(page, fitted, samples)
     lines = [f"left out: {reason} ({count})" for reason, count in sorted(left_out.items())]
     for name, numbers in report.items():
         lines.append(
@@ -111,7 +112,7 @@ def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, 
             views = with_classes(views, arguments.classes)
         settings = FitSettings(draws=arguments.draws, seed=arguments.seed)
         return measure_views(views, load_network(perception), settings), {}
-    from semantic_slam.pipeline.known_poses import views_of_bag
+    from semantic_slam.training.viewpoint.known_poses import views_of_bag
 
     if arguments.bag:
         return views_of_bag(arguments.bag, perception)

@@ -53,7 +53,8 @@ def command() -> None:
     names = class_names_of(views)
     network = train(views, names, configuration)
     accuracy = accuracy_by_azimuth(network, views, names, configuration.seed)
-    provenance = {"command": "train_classifier", "training": dataclasses.asdict(configuration), "accuracy": accuracy}
+    training = dataclasses.asdict(configuration)
+    provenance: dict[str, object] = {"command": "train_classifier", "training": training, "accuracy": accuracy}
     with claimed(arguments.out, inputs, arguments.overwrite) as out:
         save_compact_network(network, names, provenance, out)
     shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in accuracy.items())

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 Flags = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+"""Pictures and crops, RGB in the last axis."""
 T = TypeVar("T", bound=np.generic)
 
 
@@ -26,3 +28,8 @@ def squared_norms(vectors: Array) -> Array:
 def row_sums(values: Array) -> Array:
     """(...,) of (..., n), likewise."""
     return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))
+
+
+def diagonals(matrices: Array) -> Array:
+    """(B, n) of contiguous (B, n, n), to write to as well."""
+    return matrices.reshape(len(matrices), matrices.shape[1] ** 2)[:, :: matrices.shape[1] + 1]

@@ -2,13 +2,10 @@
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.network import normalised
-
-Bytes = NDArray[np.uint8]
 
 BLOCK = 512
 """Crops at a time."""

@@ -12,6 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.latent.grounding import Grounding
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
@@ -130,7 +131,7 @@ def _grounding(arrays: Arrays, class_names: Sequence[str]) -> Grounding | None:
     return Grounding(tuple(str(name) for name in class_names), mean, sigma)
 
 
-def _array(arrays: Arrays, name: str, dimensions: int) -> NDArray[np.float64]:
+def _array(arrays: Arrays, name: str, dimensions: int) -> Array:
     value = np.asarray(arrays[name], dtype=np.float64)
     if value.ndim != dimensions or not np.all(np.isfinite(value)):
         raise ValueError(f"'{name}' has a wrong shape or is not finite")

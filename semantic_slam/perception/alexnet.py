@@ -1,10 +1,9 @@
 """AlexNet in plain torch, with the module names of torchvision, so that its state dicts load strictly."""
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
+from semantic_slam.geometry.arrays import Bytes
 from semantic_slam.perception.network import normalised
 
 ARCHITECTURE = "alexnet"
@@ -52,7 +51,7 @@ class AlexNet(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
         """Dropout and linear layers, (N, 9216) to (N, 1000)."""
         return self.classifier
 
-    def normalise(self, crops: NDArray[np.uint8]) -> torch.Tensor:
+    def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, 224, 224, 3) RGB bytes with ImageNet's channel means and deviations."""
         return normalised(crops, (0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 

@@ -1,55 +1,55 @@
 """Frame in, semantic measurements out: crops, dropout passes or learned features, range and bearing."""
 
 from collections import Counter
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.configuration import Configuration
-from semantic_slam.geometry.arrays import Array
-from semantic_slam.latent.load import load_extractor
+from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.perception import uncertainty
+from semantic_slam.perception.collaborators import CoverageCheck, FeatureExtractor, RangeBearingSensor, crop_features
 from semantic_slam.perception.crops import box_fault, square_crop
 from semantic_slam.perception.frame import Frame
-from semantic_slam.perception.free_range_scan import line_of_sight
+from semantic_slam.perception.free_range_scan import farthest_free_ranges
 from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.range_bearing import RangeBearing, elevation, range_and_bearing
-from semantic_slam.perception.weights import load_network
-from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
-from semantic_slam.viewpoint.load import load_model
-from semantic_slam.viewpoint.novelty import KnownViews
-
-if TYPE_CHECKING:
-    from semantic_slam.latent.extractor import FeatureExtractor
+from semantic_slam.perception.network import ClassifierNetwork
+from semantic_slam.perception.range_bearing import RangeBearing, elevation
 
 
 class Classifier:
-    """Measures the detections of frames with the configured network; holds no state but its counters.
+    """Measures the detections of frames with what it is handed; holds no state but its counters.
 
     ``dropped`` counts, by reason, the detections that could not be used.
     """
 
-    def __init__(self, configuration: Configuration) -> None:
-        """Load the network and the class models. Raises InputError when their files are missing or wrong."""
-        self._configuration = configuration.perception
-        self._seed = configuration.seed
-        self._loaded = load_network(configuration.perception)
-        self._extractor = load_extractor(configuration.semantic_model)
-        model = load_model(configuration.semantic_model)
-        self._known = KnownViews(model) if isinstance(model, GaussianProcessModel) else None
+    def __init__(
+        self,
+        network: ClassifierNetwork,
+        settings: PerceptionConfiguration,
+        *,
+        seed: int,
+        range_bearing_sensor: RangeBearingSensor,
+        extractor: FeatureExtractor | None = None,
+        coverage: CoverageCheck | None = None,
+    ) -> None:
+        """Without ``extractor`` the class probabilities are the feature; without ``coverage`` all views count as known.
+
+        ``seed`` is that of every dropout mask.
+        """
+        self._network, self._settings, self._seed = network, settings, seed
+        self._range_bearing_sensor, self._extractor, self._coverage = range_bearing_sensor, extractor, coverage
         self.dropped: Counter[str] = Counter()
 
     @property
     def class_names(self) -> tuple[str, ...]:
         """(C,) what the columns of the class probability samples mean."""
-        return self._loaded.class_names
+        return self._network.class_names
 
     @property
     def num_features(self) -> int:
         """F, components of the semantic feature: one per reported class, or those of a learned extractor."""
-        return len(self._loaded.components) if self._extractor is None else self._extractor.num_features
+        return len(self._network.components) if self._extractor is None else self._extractor.num_features
 
     def measure(self, frame: Frame, sequence: int, T_base_camera: Array) -> SemanticMeasurements:
         """Measurements of the frame's usable detections; ``T_base_camera`` is the (7,) pose of the optical frame."""
@@ -57,13 +57,11 @@ class Classifier:
         boxes = frame.detections.boxes[kept].reshape(-1, 4)
         samples, total_entropy, model_part = self._dropout_samples(frame, kept)
         features, covariances = self._features(frame, boxes, samples)
-        geometry = [
-            range_and_bearing(box, frame.depth_m, frame.camera, T_base_camera, self._configuration) for box in boxes
-        ]
+        sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
         return SemanticMeasurements(
             stamp_ns=frame.stamp_ns,
             sequence=sequence,
-            frame_id=self._configuration.base_frame,
+            frame_id=self._settings.base_frame,
             class_names=self.class_names,
             detection_ids=np.array(kept, dtype=np.uint32),
             boxes=boxes,
@@ -75,13 +73,13 @@ class Classifier:
             feature_covariances=covariances,
             predictive_entropy=total_entropy,
             mutual_information=model_part,
-            ranges_m=np.array([item.range_m for item in geometry], dtype=np.float64),
-            bearings_rad=np.array([item.bearing_rad for item in geometry], dtype=np.float64),
-            geometric_covariances=_stacked_covariances(geometry),
+            ranges_m=np.array([item.range_m for item in sensed], dtype=np.float64),
+            bearings_rad=np.array([item.bearing_rad for item in sensed], dtype=np.float64),
+            geometric_covariances=_stacked_covariances(sensed),
             sensor_position=np.asarray(T_base_camera[:3], dtype=np.float64),
             in_coverage=self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
-            free_range_scan=_sight(frame, T_base_camera),
+            free_range_scan=_free_range_scan(frame, T_base_camera),
             elevations_rad=np.array([elevation(box, frame.camera, T_base_camera) for box in boxes]),
         )
 
@@ -92,12 +90,12 @@ class Classifier:
         features = crop_features(self._extractor, frame.image, boxes)
         return features, np.zeros((*features.shape, features.shape[1]))
 
-    def _in_coverage(self, features: Array, covariances: Array) -> NDArray[np.bool_]:
+    def _in_coverage(self, features: Array, covariances: Array) -> Flags:
         """(D,) whether some class model shows such a feature in some direction; true without models to ask."""
-        if self._known is None or self._known.num_features != self.num_features:
+        if self._coverage is None:
             return np.ones(len(features), dtype=np.bool_)
         rows = zip(features, covariances, strict=True)
-        return np.array([self._known.explain(feature, covariance) for feature, covariance in rows], dtype=np.bool_)
+        return np.array([self._coverage.explain(feature, covariance) for feature, covariance in rows], dtype=np.bool_)
 
     def _usable_detections(self, frame: Frame) -> list[int]:
         height, width = frame.image.shape[:2]
@@ -111,13 +109,13 @@ class Classifier:
         return kept
 
     def _label_fault(self, label: str) -> str:
-        known = self._configuration.labels
+        known = self._settings.labels
         return f"unknown label '{label}'" if known and label not in known else ""
 
     def _dropout_samples(self, frame: Frame, kept: list[int]) -> tuple[Array, Array, Array]:
         """(D, T, C) samples of the reported components, and the two (D,) uncertainties over all outputs."""
-        network, columns = self._loaded.network, list(self._loaded.components)
-        passes = self._configuration.num_passes
+        network, columns = self._network.network, list(self._network.components)
+        passes = self._settings.num_passes
         samples = np.empty((len(kept), passes, len(columns)))
         total_entropy, model_part = np.empty(len(kept)), np.empty(len(kept))
         for row, index in enumerate(kept):
@@ -130,18 +128,12 @@ class Classifier:
         return samples, total_entropy, model_part
 
 
-def crop_features(extractor: "FeatureExtractor", image: NDArray[np.uint8], boxes: Array) -> Array:
-    """(D, F) learned features of the objects in (D, 4) boxes of an RGB image."""
-    size = extractor.input_size
-    crops = np.array([square_crop(image, box, size) for box in boxes], dtype=np.uint8)
-    features: Array = extractor.features(crops.reshape(len(boxes), size, size, 3))
-    return features
+def _free_range_scan(frame: Frame, T_base_camera: Array) -> Array:
+    """(B, 2) bearing [rad] and range [m] of the farthest surface in each direction; no rows without depth."""
+    if frame.depth_m is None:
+        return np.zeros((0, 2))
+    return farthest_free_ranges(frame.depth_m, frame.camera, T_base_camera)
 
 
-def _sight(frame: Frame, T_base_camera: Array) -> Array:
-    """(B, 2), of no rows without depth."""
-    return np.zeros((0, 2)) if frame.depth_m is None else line_of_sight(frame.depth_m, frame.camera, T_base_camera)
-
-
-def _stacked_covariances(geometry: list[RangeBearing]) -> Array:
-    return np.array([item.covariance for item in geometry], dtype=np.float64).reshape(-1, 2, 2)
+def _stacked_covariances(sensed: list[RangeBearing]) -> Array:
+    return np.array([item.covariance for item in sensed], dtype=np.float64).reshape(-1, 2, 2)

@@ -1,10 +1,9 @@
 """The project's own small network: 64 x 64 crops, 653 thousand parameters for five classes."""
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
+from semantic_slam.geometry.arrays import Bytes
 from semantic_slam.perception.network import normalised
 
 ARCHITECTURE = "compact"
@@ -44,7 +43,7 @@ class CompactNetwork(nn.Module):  # type: ignore[misc]  # torch is not followed 
         """Dropout and linear layers, (N, 1536) to (N, C)."""
         return self.classifier
 
-    def normalise(self, crops: NDArray[np.uint8]) -> torch.Tensor:
+    def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, 64, 64, 3) RGB bytes to about zero mean and unit spread."""
         return normalised(crops, (0.5, 0.5, 0.5), (0.25, 0.25, 0.25))
 

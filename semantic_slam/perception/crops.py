@@ -2,9 +2,8 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 
 MARGIN = 0.1
 """Background on either side of the box, as a fraction of its longer side."""
@@ -21,7 +20,7 @@ def box_fault(box: Array, width: int, height: int) -> str:
     return ""
 
 
-def square_crop(image: NDArray[np.uint8], box: Array, size: int) -> NDArray[np.uint8]:
+def square_crop(image: Bytes, box: Array, size: int) -> Bytes:
     """(size, size, 3) crop around a usable box, with its margin; the aspect ratio of the object is kept.
 
     What lies outside the image repeats the border. Shrinking averages, so that no texture aliases.
@@ -37,7 +36,7 @@ def square_crop(image: NDArray[np.uint8], box: Array, size: int) -> NDArray[np.u
     return np.asarray(cv2.resize(window, (size, size), interpolation=method), dtype=np.uint8)
 
 
-def _padded_window(image: NDArray[np.uint8], x: int, y: int, side: int) -> NDArray[np.uint8]:
+def _padded_window(image: Bytes, x: int, y: int, side: int) -> Bytes:
     height, width = image.shape[:2]
     left, top = max(-x, 0), max(-y, 0)
     right, bottom = max(x + side - width, 0), max(y + side - height, 0)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Bytes, Index
 from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
 from semantic_slam.geometry.row_selection import with_rows
 
@@ -69,7 +69,7 @@ class Frame:
     """One image with its detections, ready to be measured."""
 
     stamp_ns: int
-    image: NDArray[np.uint8]  # (height, width, 3) RGB
+    image: Bytes  # (height, width, 3) RGB
     depth_m: NDArray[np.float32] | None  # (height, width) along the optical axis, NaN where invalid; None: no depth
     camera: CameraModel
     detections: Detections

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import transform_points
 from semantic_slam.perception.frame import CameraModel
 
@@ -14,7 +14,7 @@ LEAST_VALID = 0.5
 """Share of a strip's readings without which it tells nothing: what is out of range looks like what is unreadable."""
 
 
-def line_of_sight(depth_m: NDArray[np.float32], camera: CameraModel, T_base_camera: Array) -> Array:
+def farthest_free_ranges(depth_m: NDArray[np.float32], camera: CameraModel, T_base_camera: Array) -> Array:
     """(B, 2) bearing [rad] and range [m], from the body's origin in its x-y plane, of the farthest surface of strips.
 
     The farthest one, because an object's height is not known: what is lower than it hides nothing.
@@ -39,12 +39,12 @@ def _by_strip(readings: Array) -> Array:
     return np.moveaxis(readings.reshape(NUM_ROWS, NUM_STRIPS, COLUMNS_OF_STRIP), 1, 0).reshape(NUM_STRIPS, -1)
 
 
-def _spread(length: int, count: int) -> NDArray[np.int_]:
+def _spread(length: int, count: int) -> Index:
     """(count,) pixels in the middles of equal parts."""
     return ((np.arange(count) + 0.5) * length / count).astype(int)
 
 
-def _rays(columns: NDArray[np.int_], rows: NDArray[np.int_], camera: CameraModel) -> Array:
+def _rays(columns: Index, rows: Index, camera: CameraModel) -> Array:
     """(rows x columns, 3) points at a depth of one metre, in the optical frame, lens distortion removed."""
     u, v = np.meshgrid(columns.astype(np.float64), rows.astype(np.float64))
     intrinsics = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])

@@ -4,10 +4,9 @@ import hashlib
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.network import DropoutNetwork
 
 
@@ -22,7 +21,7 @@ def dropout_generator(seed: int, stamp_ns: int, detection_index: int) -> np.rand
 
 
 def class_probability_samples(
-    network: DropoutNetwork, crop: NDArray[np.uint8], num_passes: int, generator: np.random.Generator
+    network: DropoutNetwork, crop: Bytes, num_passes: int, generator: np.random.Generator
 ) -> Array:
     """(T, C) class probabilities of one (size, size, 3) crop, one row per dropout pass.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
 from semantic_slam.geometry.row_selection import with_rows
 
@@ -37,7 +37,7 @@ class SemanticMeasurements:
     bearings_rad: Array  # (D,) seen from the body's origin with depth, from sensor_position without
     geometric_covariances: Array  # (D, 2, 2) of [range, bearing]
     sensor_position: Array  # (3,) camera in the body frame, metres
-    in_coverage: NDArray[np.bool_]  # (D,)
+    in_coverage: Flags  # (D,)
     dropped: int = 0  # inputs the classifier has not used so far
     free_range_scan: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (B, 2) bearing [rad], range [m] of the
     # farthest surface that the depth image shows in each direction, from the body's origin; none without depth

@@ -5,8 +5,9 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
+
+from semantic_slam.geometry.arrays import Bytes
 
 
 class DropoutNetwork(Protocol):
@@ -23,7 +24,7 @@ class DropoutNetwork(Protocol):
     def head(self) -> nn.Sequential:
         """Layers from a descriptor to the logits; its nn.Dropout layers are the source of model uncertainty."""
 
-    def normalise(self, crops: NDArray[np.uint8]) -> torch.Tensor:
+    def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, size, size, 3) RGB bytes to the (N, 3, size, size) input of the trunk."""
 
 
@@ -36,7 +37,7 @@ class ClassifierNetwork:
     components: tuple[int, ...]  # (C,) indices into the network's outputs
 
 
-def normalised(crops: NDArray[np.uint8], mean: tuple[float, ...], scale: tuple[float, ...]) -> torch.Tensor:
+def normalised(crops: Bytes, mean: tuple[float, ...], scale: tuple[float, ...]) -> torch.Tensor:
     """(N, H, W, 3) bytes to (N, 3, H, W) float32, (value / 255 - mean) / scale per channel."""
     images = torch.from_numpy(np.ascontiguousarray(crops)).permute(0, 3, 1, 2).to(torch.float32) / 255.0
     shift = torch.tensor(mean).view(1, 3, 1, 1)

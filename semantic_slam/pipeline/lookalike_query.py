@@ -5,19 +5,16 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.lookalike import ELEVATION_RAD, Lookalikes, lookalikes
 from semantic_slam.latent.load import load_extractor, load_latent_model
 from semantic_slam.latent.model import DescriptorModel
-from semantic_slam.perception.classifier import crop_features
+from semantic_slam.perception.collaborators import FeatureExtractor, crop_features
 from semantic_slam.perception.crops import box_fault
-
-Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -55,8 +52,10 @@ class LookalikeQuery:
         return model
 
     @cached_property
-    def _extractor(self):  # type: ignore[no-untyped-def]  # torch is not followed by mypy
-        return load_extractor(self.settings)
+    def _extractor(self) -> FeatureExtractor:
+        extractor = load_extractor(self.settings)
+        assert extractor is not None  # where there is a model, for which one asks first
+        return extractor
 
 
 def picture(data: bytes, origin: str) -> Bytes:

@@ -21,9 +21,9 @@ from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import sensor_pose
-from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.inference_stage import InferenceStage
@@ -121,7 +121,7 @@ class OfflineRun:
         self._inference, self._writer = inference, writer
         self._frames = FrameAssembler(configuration, has_depth=bool(found.depth))
         self._keyframes = KeyframeAssembler(configuration, has_identities=bool(found.identities))
-        self._classifier = Classifier(configuration) if found.has_images else None
+        self._classifier = build_classifier(configuration) if found.has_images else None
         self._undecodable: Counter[str] = Counter()
         self._handlers = self._make_handlers(configuration)
         self._last_stamp_ns = 0

@@ -16,10 +16,10 @@ def revision() -> str:
     """Version of this package, with the git revision when it runs from a checkout."""
     root = Path(semantic_slam.__file__).resolve().parents[1]  # a symlink install imports through build/
     if not (root / ".git").exists():
-        return semantic_slam.__version__
+        return str(semantic_slam.__version__)
     command = ["git", "-C", str(root), "describe", "--always", "--dirty"]
     try:
         found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
     except (OSError, subprocess.SubprocessError):
-        return semantic_slam.__version__
+        return str(semantic_slam.__version__)
     return f"{semantic_slam.__version__}+{found}"

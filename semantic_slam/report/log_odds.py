@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import logsumexp
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.inference.belief import HybridBelief
 
 
@@ -19,7 +19,7 @@ def log_class_probabilities(belief: HybridBelief, object_id: int) -> Array:
         return np.full(len(belief.class_names), np.nan)
     with np.errstate(divide="ignore"):
         of_hypotheses = np.log(belief.hypothesis_class_probabilities[:, rows[0]])
-    return np.asarray(logsumexp(belief.log_weights[:, None] + of_hypotheses, axis=0))
+    return np.asarray(log_sum_exp(belief.log_weights[:, None] + of_hypotheses, axis=0))
 
 
 def top_two(beliefs: Sequence[HybridBelief], object_id: int) -> tuple[str, str] | None:

@@ -53,8 +53,8 @@ class BagPlayer(PipelineNode):
         self._finished = threading.Event()
         self._sent = 0
         self._stamp_ns = 0
-        with BagReader(self._bag) as bag:
-            self._playlist = Playlist(bag.topics, remaps, is_installed)
+        with BagReader(self._bag) as reader:
+            self._playlist = Playlist(reader.topics, remaps, is_installed)
         for line in self._playlist.notes:
             self.get_logger().info(f"{self._bag}: {line}")
         self._outlets = {
@@ -114,7 +114,7 @@ class BagPlayer(PipelineNode):
         for topic in latched:
             self._outlets[topic].wait_for_acknowledgement()
 
-    def _send_rest(self, bag: BagReader, bar: tqdm) -> None:  # type: ignore[type-arg]
+    def _send_rest(self, bag: BagReader, bar: tqdm) -> None:
         pace = Pace(self._rate)
         for message in bag.messages([topic for topic, item in self._playlist.items.items() if not item.is_latched]):
             if not rclpy.ok():
@@ -131,16 +131,16 @@ class BagPlayer(PipelineNode):
         self._clock_outlet.send(serialize(clock))
         self._outlets[message.topic].send(message.cdr)
 
-    def _wait_for_credit(self, bar: tqdm) -> None:  # type: ignore[type-arg]
+    def _wait_for_credit(self, bar: tqdm) -> None:
         if self._rate == 0.0 and self._has_manager() and not self._credit.wait(self._sent, rclpy.ok):
             done = self._credit.frames_done
             self.get_logger().warning(f"no progress for {STALL_S:.0f} s at frame {done}; sending on")
         bar.update(self._credit.frames_done - bar.n)
 
     def _has_manager(self) -> bool:
-        return self.count_publishers(self._manager_topic) > 0
+        return bool(self.count_publishers(self._manager_topic) > 0)
 
-    def _end_of_bag(self, bar: tqdm) -> None:  # type: ignore[type-arg]
+    def _end_of_bag(self, bar: tqdm) -> None:
         for outlet in self._outlets.values():
             outlet.wait_for_acknowledgement()
         if self._classifier_progress is not None:
@@ -150,7 +150,7 @@ class BagPlayer(PipelineNode):
             bar.update(self._credit.frames_done - bar.n)
         bar.update(self._credit.frames_done - bar.n)
 
-    def _progress_bar(self, bag: BagReader) -> tqdm:  # type: ignore[type-arg]
+    def _progress_bar(self, bag: BagReader) -> tqdm:
         frames = sum(bag.counts[topic] for topic, item in self._playlist.items.items() if item.is_frame)
         return tqdm(total=frames, unit="frame", desc=self._bag.name, file=sys.stderr, dynamic_ncols=True)
 

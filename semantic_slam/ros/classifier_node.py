@@ -21,8 +21,8 @@ from semantic_slam.messages.codec import decode, encode, to_message
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.sensor import TransformTree, sensor_pose
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import Frame
+from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
@@ -40,7 +40,7 @@ class ClassifierNode(PipelineNode):
         super().__init__("classifier")
         configuration = declare_configuration(self)
         self._perception = configuration.perception
-        self._classifier = Classifier(configuration)
+        self._classifier = build_classifier(configuration)
         self._assembler = FrameAssembler(configuration, bool(self.declare_parameter("has_depth", True).value))
         self._transforms = TransformTree()
         self._dropped: Counter[str] = Counter()

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Iterator
-from functools import reduce
+from operator import attrgetter
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -17,19 +17,23 @@ SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
 """Which rclpy reads itself."""
 
 
-def leaves(cls: Any = Configuration, prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
+def leaves(cls: type = Configuration, prefix: str = "") -> Iterator[tuple[str, "dataclasses.Field[Any]", Any]]:
     """(dotted name, dataclass field, default) of every parameter."""
     for item in dataclasses.fields(cls):
-        default = item.default if item.default is not dataclasses.MISSING else item.default_factory()
+        default = _default(item)
         if dataclasses.is_dataclass(default):
             yield from leaves(type(default), f"{prefix}{item.name}.")
         else:
             yield prefix + item.name, item, default
 
 
+def _default(item: "dataclasses.Field[Any]") -> Any:
+    return item.default if item.default_factory is dataclasses.MISSING else item.default_factory()
+
+
 def changed_parameters(configuration: Configuration) -> dict[str, Any]:
     """Dotted names and values of the parameters that are not at their defaults."""
-    values = {name: reduce(getattr, name.split("."), configuration) for name, _, _ in leaves()}
+    values = {name: attrgetter(name)(configuration) for name, _, _ in leaves()}
     return {
         name: list(values[name]) if isinstance(default, tuple) else values[name]
         for name, _, default in leaves()
@@ -61,7 +65,7 @@ def refuse_undeclared(node: Node) -> None:
             )
 
 
-def descriptor(item: Any, default: Any) -> ParameterDescriptor:
+def descriptor(item: "dataclasses.Field[Any]", default: Any) -> ParameterDescriptor:
     """Description and limits of a field. Typing is dynamic so that ``1`` may stand for ``1.0``."""
     limits = item.metadata
     result = ParameterDescriptor(description=limits["description"], read_only=True, dynamic_typing=True)
@@ -77,7 +81,7 @@ def descriptor(item: Any, default: Any) -> ParameterDescriptor:
     return result
 
 
-def _declared(node: Node, name: str, item: Any, default: Any) -> Any:
+def _declared(node: Node, name: str, item: "dataclasses.Field[Any]", default: Any) -> Any:
     start = list(default) if isinstance(default, tuple) else default
     try:
         value = node.declare_parameter(name, start, descriptor(item, default)).value

@@ -24,7 +24,7 @@ QUIET_TICK_S = 0.1
 QUIET_TICKS = 3
 
 
-class PipelineNode(Node):
+class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
     """A node whose subscriptions hand serialised messages to a worker thread."""
 
     def __init__(self, name: str) -> None:

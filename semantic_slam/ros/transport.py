@@ -72,7 +72,8 @@ class Outlet:
         give_up = time.monotonic() + PATIENCE_S
         while True:
             try:
-                return self._publisher.publish(data)
+                self._publisher.publish(data)
+                return
             except RuntimeError:  # the history is full: a reader takes nothing
                 if not self._node.context.ok():
                     return

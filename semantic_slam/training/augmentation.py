@@ -4,11 +4,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.training.views import ObjectView
 
-Bytes = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 SMALLEST_OBJECT = 30

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
+from semantic_slam.geometry.arrays import Bytes, Flags
 
 LARGEST_CUTOUT = 128
 """Pixels; a cutout is shrunk to this, twice what the network sees."""
@@ -25,7 +24,7 @@ class ObjectView:
     angle_deg: int = 0  # of the table, what training and test views are told apart by
 
 
-def cut_out(image: Bytes, mask: NDArray[np.bool_]) -> tuple[Bytes, Bytes]:
+def cut_out(image: Bytes, mask: Flags) -> tuple[Bytes, Bytes]:
     """Tight cutout and mask of the object that ``mask`` (H, W) marks in ``image`` (H, W, 3); the mask is not empty."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.rows import take
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, even_azimuths, kernel
 
 LOG_2PI = float(np.log(2.0 * np.pi))
@@ -40,13 +41,7 @@ class Evidence:
 
     def rows(self, selection: slice) -> "Evidence":
         """Of some of the B."""
-        return Evidence(
-            self.log_likelihood[selection],
-            self.newest[selection],
-            self.innovation[selection],
-            self.variance[selection],
-            self.share,
-        )
+        return take(self, selection, ("log_likelihood", "newest", "innovation", "variance"))
 
 
 def joined(parts: list[Evidence]) -> Evidence:

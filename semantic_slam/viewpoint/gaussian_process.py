@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 GRID = 360
@@ -93,7 +92,7 @@ class GaussianProcessModel:
         """F, components of the feature."""
         return len(self.feature_names)
 
-    def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
+    def predict(self, classes: Index, viewpoints: Viewpoints) -> Prediction:
         """Mean, covariance and slope for (B,) class indices; only the azimuth matters to these models."""
         count, size = len(classes), len(self.feature_names)
         cell, t = _cell(viewpoints.azimuth_rad)
@@ -107,14 +106,14 @@ class GaussianProcessModel:
         jacobian[:, :, 0] = values[:, size : 2 * size]
         return Prediction(values[:, :size], values[:, 2 * size :].reshape(count, size, size), jacobian)
 
-    def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
+    def in_coverage(self, classes: Index, viewpoints: Viewpoints) -> Flags:
         """(B,) whether a training view of the class lies near this azimuth."""
         cell, t = _cell(viewpoints.azimuth_rad)
         nearest = np.where(t < 0.5, cell, (cell + 1) % GRID)
         return np.asarray(self._distance[nearest + GRID * classes] <= self._coverage_rad[classes])
 
 
-def _cell(azimuth_rad: Array) -> tuple[NDArray[np.int_], Array]:
+def _cell(azimuth_rad: Array) -> tuple[Index, Array]:
     """(B,) grid cell of each azimuth and the position 0..1 in it."""
     position = azimuth_rad * (GRID / (2.0 * np.pi))
     floor: Array = np.floor(position)

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.small_matrices import cholesky, forward
 
 
@@ -39,10 +38,10 @@ class ViewpointModel(Protocol):
     def num_features(self) -> int:
         """F, what a classifier's feature must have."""
 
-    def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
+    def predict(self, classes: Index, viewpoints: Viewpoints) -> Prediction:
         """Prediction for class ``classes[b]`` at viewpoint b; (B,) class indices."""
 
-    def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
+    def in_coverage(self, classes: Index, viewpoints: Viewpoints) -> Flags:
         """(B,) whether the model was fitted on views near this one."""
 
 

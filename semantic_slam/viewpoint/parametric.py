@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Flags, Index
 from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
@@ -22,7 +22,7 @@ class ParametricModel:
     class_names: tuple[str, ...] = ("class_1", "class_2")
     num_features: int = 2
 
-    def predict(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> Prediction:
+    def predict(self, classes: Index, viewpoints: Viewpoints) -> Prediction:
         """Eq. 4.22 for (B,) class indices 0 or 1."""
         sine, cosine = sine_cosine(viewpoints.azimuth_rad)
         sign = np.where(classes == 0, 1.0, -1.0)
@@ -35,6 +35,6 @@ class ParametricModel:
         covariance = np.array([[1.25, 0.5], [0.5, 1.0]]) / self.concentration**2
         return Prediction(mean, np.broadcast_to(covariance, (count, 2, 2)), jacobian)
 
-    def in_coverage(self, classes: NDArray[np.int_], viewpoints: Viewpoints) -> NDArray[np.bool_]:
+    def in_coverage(self, classes: Index, viewpoints: Viewpoints) -> Flags:
         """Always inside: the model holds for every viewpoint."""
         return np.ones(len(viewpoints.azimuth_rad), dtype=bool)

@@ -11,8 +11,8 @@ import torch
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.perception.alexnet import AlexNet
-from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
+from semantic_slam.pipeline.build_classifier import build_classifier
 
 TORCHVISION_SHAPES = {
     "features.0.weight": (64, 3, 11, 11),
@@ -71,9 +71,9 @@ def test_chosen_components_are_the_features(weights_file: Path) -> None:
     )
     frame = Frame(0, image, None, CameraModel(320, 240, 250.0, 250.0, 160.0, 120.0), detections)
     forward = np.array([0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5])
-    classifier = Classifier(configured(weights_file))
+    classifier = build_classifier(configured(weights_file))
     some = classifier.measure(frame, 0, forward)
-    every = Classifier(configured(weights_file, tuple(range(1000)))).measure(frame, 0, forward)
+    every = build_classifier(configured(weights_file, tuple(range(1000)))).measure(frame, 0, forward)
     assert classifier.class_names == ("imagenet_3", "imagenet_9", "imagenet_504")
     assert classifier.num_features == 3
     np.testing.assert_array_equal(some.class_probability_samples, every.class_probability_samples[:, :, [3, 9, 504]])
@@ -89,7 +89,7 @@ def test_a_missing_tensor_is_an_error(weights_file: Path, tmp_path: Path) -> Non
     path = tmp_path / "incomplete.pth"
     torch.save(tensors, path)
     with pytest.raises(InputError, match=r"incomplete\.pth: .*classifier\.6\.bias"):
-        Classifier(configured(path))
+        build_classifier(configured(path))
 
 
 class _Payload:
@@ -104,11 +104,11 @@ def test_a_file_with_code_is_refused_and_not_run(tmp_path: Path) -> None:
     path, victim = tmp_path / "evil.pth", tmp_path / "executed"
     path.write_bytes(pickle.dumps(_Payload(victim)))
     with pytest.raises(InputError, match=r"evil\.pth: "):
-        Classifier(configured(path))
+        build_classifier(configured(path))
     assert not victim.exists()
     torch.save({"features.0.weight": _Payload(victim)}, path)
     with pytest.raises(InputError, match=r"evil\.pth: ") as error:
-        Classifier(configured(path))
+        build_classifier(configured(path))
     assert not victim.exists()
     assert "\n" not in str(error.value)
 
@@ -116,9 +116,9 @@ def test_a_file_with_code_is_refused_and_not_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize("components", [(), (-1,), (1000,)])
 def test_components_must_be_imagenet_classes(weights_file: Path, components: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="alexnet_components"):
-        Classifier(configured(weights_file, components))
+        build_classifier(configured(weights_file, components))
 
 
 def test_alexnet_without_weights_says_what_to_do() -> None:
     with pytest.raises(InputError, match="torchvision state dict"):
-        Classifier(Configuration(perception=PerceptionConfiguration(architecture="alexnet")))
+        build_classifier(Configuration(perception=PerceptionConfiguration(architecture="alexnet")))

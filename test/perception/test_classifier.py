@@ -13,12 +13,12 @@ import torch
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.perception import uncertainty
-from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.compact_network import CompactNetwork
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
 from semantic_slam.perception.weights import save_compact_network, shipped_file
+from semantic_slam.pipeline.build_classifier import build_classifier
 
 NAMES = ("chest", "crate", "desk")
 CAMERA = CameraModel(320, 240, 250.0, 250.0, 160.0, 120.0)
@@ -50,7 +50,7 @@ def frame(boxes: list[list[float]], labels: list[str] | None = None, stamp_ns: i
 
 
 def test_shapes_and_meaning(configuration: Configuration) -> None:
-    classifier = Classifier(configuration)
+    classifier = build_classifier(configuration)
     measured = classifier.measure(frame(BOXES), 4, FORWARD)
     assert classifier.class_names == measured.class_names == NAMES
     assert classifier.num_features == 3
@@ -71,18 +71,20 @@ def test_shapes_and_meaning(configuration: Configuration) -> None:
 
 def test_a_detection_measures_the_same_alone_and_in_company(configuration: Configuration) -> None:
     """Only seed, stamp and index count: boxes without area around it change neither its index nor its samples."""
-    together = Classifier(configuration).measure(frame(BOXES), 0, FORWARD)
+    together = build_classifier(configuration).measure(frame(BOXES), 0, FORWARD)
     nothing = [0.0, 0.0, 0.0, 0.0]
-    alone = Classifier(configuration).measure(frame([nothing, BOXES[1], nothing]), 0, FORWARD)
+    alone = build_classifier(configuration).measure(frame([nothing, BOXES[1], nothing]), 0, FORWARD)
     assert alone.detection_ids.tolist() == [1]
     np.testing.assert_array_equal(alone.class_probability_samples[0], together.class_probability_samples[1])
 
 
 def test_draws_differ_by_seed_stamp_and_index(configuration: Configuration) -> None:
     same_box = [BOXES[1], BOXES[1]]
-    first = Classifier(configuration).measure(frame(same_box), 0, FORWARD).class_probability_samples
-    later = Classifier(configuration).measure(frame(same_box, stamp_ns=6), 0, FORWARD).class_probability_samples
-    other = Classifier(replace(configuration, seed=8)).measure(frame(same_box), 0, FORWARD).class_probability_samples
+    first = build_classifier(configuration).measure(frame(same_box), 0, FORWARD).class_probability_samples
+    later = build_classifier(configuration).measure(frame(same_box, stamp_ns=6), 0, FORWARD).class_probability_samples
+    other = (
+        build_classifier(replace(configuration, seed=8)).measure(frame(same_box), 0, FORWARD).class_probability_samples
+    )
     assert not np.array_equal(first[0], first[1])
     assert not np.array_equal(first[0], later[0])
     assert not np.array_equal(first[0], other[0])
@@ -94,10 +96,10 @@ def test_another_process_draws_the_same(configuration: Configuration) -> None:
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from test_classifier import *\n"
         "c = Configuration(seed=7, perception=PerceptionConfiguration(network=sys.argv[2], num_passes=20))\n"
-        "m = Classifier(c).measure(frame(BOXES), 0, FORWARD)\n"
+        "m = build_classifier(c).measure(frame(BOXES), 0, FORWARD)\n"
         "print(hashlib.sha256(m.class_probability_samples.tobytes()).hexdigest())\n"
     )
-    here = Classifier(configuration).measure(frame(BOXES), 0, FORWARD).class_probability_samples
+    here = build_classifier(configuration).measure(frame(BOXES), 0, FORWARD).class_probability_samples
     words = [sys.executable, "-c", script, str(Path(__file__).parent), configuration.perception.network]
     there = subprocess.run(words, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
     assert there.stdout.strip() == hashlib.sha256(here.tobytes()).hexdigest()
@@ -132,7 +134,7 @@ def test_unusable_boxes_are_counted_by_reason(configuration: Configuration) -> N
         [400.0, 10.0, 500.0, 60.0],
         [90.0, 80.0, 60.0, 120.0],
     ]
-    classifier = Classifier(configuration)
+    classifier = build_classifier(configuration)
     measured = classifier.measure(frame(boxes), 0, FORWARD)
     assert measured.detection_ids.tolist() == [0]
     assert dict(classifier.dropped) == {
@@ -146,14 +148,14 @@ def test_unusable_boxes_are_counted_by_reason(configuration: Configuration) -> N
 
 def test_unknown_labels_are_counted_by_name(configuration: Configuration) -> None:
     chosen = replace(configuration, perception=replace(configuration.perception, labels=("furniture",)))
-    classifier = Classifier(chosen)
+    classifier = build_classifier(chosen)
     measured = classifier.measure(frame(BOXES, ["furniture", "cat", "cat"]), 0, FORWARD)
     assert measured.labels == ("furniture",)
     assert dict(classifier.dropped) == {"unknown label 'cat'": 2}
 
 
 def test_no_detections_give_an_empty_measurement(configuration: Configuration) -> None:
-    measured = Classifier(configuration).measure(frame([]), 0, FORWARD)
+    measured = build_classifier(configuration).measure(frame([]), 0, FORWARD)
     assert len(measured) == 0
     assert measured.boxes.shape == (0, 4)
     assert measured.class_probability_samples.shape == (0, 20, 3)
@@ -165,14 +167,14 @@ def test_no_detections_give_an_empty_measurement(configuration: Configuration) -
 
 def test_boxes_over_the_border_and_of_one_pixel_are_measured(configuration: Configuration) -> None:
     boxes = [[-30.0, -30.0, 40.0, 40.0], [300.0, 200.0, 1e9, 1e9], [100.2, 100.2, 100.4, 100.4]]
-    measured = Classifier(configuration).measure(frame(boxes), 0, FORWARD)
+    measured = build_classifier(configuration).measure(frame(boxes), 0, FORWARD)
     assert len(measured) == 3
     assert np.isfinite(measured.features).all()
 
 
 def test_one_pass_has_no_spread(configuration: Configuration) -> None:
     single = replace(configuration, perception=replace(configuration.perception, num_passes=1))
-    measured = Classifier(single).measure(frame(BOXES), 0, FORWARD)
+    measured = build_classifier(single).measure(frame(BOXES), 0, FORWARD)
     np.testing.assert_array_equal(measured.feature_covariances, 0.0)
 
 
@@ -202,11 +204,11 @@ def test_wrong_weights_are_named(tmp_path: Path, content: bytes | None) -> None:
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=r"weights\.safetensors: ") as error:
-        Classifier(Configuration(perception=PerceptionConfiguration(network=str(path))))
+        build_classifier(Configuration(perception=PerceptionConfiguration(network=str(path))))
     assert "\n" not in str(error.value)
 
 
 def test_the_shipped_network_is_small_and_describes_itself() -> None:
-    classifier = Classifier(Configuration())
+    classifier = build_classifier(Configuration())
     assert len(classifier.class_names) >= 3
     assert shipped_file("compact_network.safetensors").stat().st_size < 5_000_000

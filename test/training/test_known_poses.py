@@ -9,10 +9,10 @@ import pytest
 from worlds.synthetic_views import FEATURES, looking_from, synthetic_samples
 
 from semantic_slam.configuration import PerceptionConfiguration
-from semantic_slam.pipeline.known_poses import views_of_bag
-from semantic_slam.report.viewpoint_page import write_page
 from semantic_slam.training.viewpoint.fit import fit_samples
-from semantic_slam.viewpoint.samples import ClassSamples
+from semantic_slam.training.viewpoint.known_poses import views_of_bag
+from semantic_slam.training.viewpoint.page import write_page
+from semantic_slam.training.viewpoint.samples import ClassSamples
 
 BAGS = Path(__file__).parents[2] / "bags"
 
@@ -36,19 +36,18 @@ def test_a_standing_robot_sees_one_class_from_one_direction() -> None:
 
 @pytest.mark.slow
 def test_one_view_per_direction_is_enough_to_fit() -> None:
-    model, report = fit_samples({"one": single_views(1)}, FEATURES)
-    assert report["one"]["mean_squared_whitened_residual"] == pytest.approx(3.0, abs=0.8)
-    many, _ = fit_samples({"one": synthetic_samples(0.0, seed=2)}, FEATURES)
+    fitted = fit_samples({"one": single_views(1)}, FEATURES)
+    assert fitted.report["one"]["mean_squared_whitened_residual"] == pytest.approx(3.0, abs=0.8)
+    many = fit_samples({"one": synthetic_samples(0.0, seed=2)}, FEATURES)
     azimuth = looking_from(np.linspace(0.0, 6.0, 20))
-    first, second = (m.predict(np.zeros(20, dtype=int), azimuth).mean for m in (model, many))
+    first, second = (m.predict(np.zeros(20, dtype=int), azimuth).mean for m in (fitted.model, many.model))
     np.testing.assert_allclose(first, second, atol=0.12)
 
 
 @pytest.mark.slow
 def test_the_page_shows_every_class_and_escapes_names(tmp_path: Path) -> None:
     samples = {"<b>bold</b>": single_views(3, 2), "two": single_views(4, 2)}
-    model, report = fit_samples(samples, FEATURES)
-    write_page(tmp_path / "page.html", model, samples, report)
+    write_page(tmp_path / "page.html", fit_samples(samples, FEATURES), samples)
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert text.count("data:image/png;base64,") == 2
     assert "&lt;b&gt;bold&lt;/b&gt;" in text and "<b>" not in text

@@ -13,7 +13,7 @@ import pytest
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
-from semantic_slam.perception.classifier import Classifier
+from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.training.classifier import TrainingConfiguration
 from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
@@ -86,7 +86,7 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     )
     assert trained.returncode == 0, trained.stderr
     assert "classes blue_box, red_box" in trained.stdout
-    classifier = Classifier(Configuration(perception=PerceptionConfiguration(network=str(weights))))
+    classifier = build_classifier(Configuration(perception=PerceptionConfiguration(network=str(weights))))
     assert classifier.class_names == ("blue_box", "red_box")
 
     fitted = call(

@@ -12,14 +12,15 @@ from worlds.synthetic_views import FEATURES, looking_from, synthetic_samples
 
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.training.viewpoint.calibration import held_out_report, residuals
+from semantic_slam.training.viewpoint.calibration import residuals
+from semantic_slam.training.viewpoint.fit import fit_samples
 from semantic_slam.training.viewpoint.regression import fit_class, left_out_means
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel, posterior
 from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.novelty import KnownViews
 from semantic_slam.viewpoint.parametric import ParametricModel
-from semantic_slam.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.store import read_model, read_provenance, save_model
 
 
@@ -90,7 +91,7 @@ class TestGaussianProcess(ViewpointModelContract):
         assert np.trace(aware.noise_covariance[0]) < 0.35 * np.trace(blind.noise_covariance[0])
 
     def test_held_out_report_is_calibrated(self) -> None:
-        report = held_out_report({"one": synthetic_samples(0.0, seed=3)}, FEATURES)["one"]
+        report = fit_samples({"one": synthetic_samples(0.0, seed=3)}, FEATURES).report["one"]
         assert report["mean_squared_whitened_residual"] == pytest.approx(3.0, abs=0.6)
         assert report["coverage"] == {"views": 60.0, "widest_gap_deg": pytest.approx(6.0)}
 

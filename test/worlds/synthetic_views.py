@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.model import Viewpoints
-from semantic_slam.viewpoint.samples import ClassSamples
 
 FEATURES = ("first", "second", "third")
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation, viewpoints_in_plane
@@ -102,7 +102,7 @@ class Circuit:
         ring = (radius + 1.5) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         return np.array(poses), np.column_stack([centre + ring, self._random.uniform(-np.pi, np.pi, OBJECTS)])
 
-    def _frame(self, k: int) -> tuple[list[PlanarDetection], Array]:
+    def _frame(self, k: int) -> tuple[list[PlanarDetection], Index]:
         """Detections of the nearest objects ahead."""
         relative = se2.between(np.broadcast_to(self.poses[k], self.objects.shape), self.objects)
         distance = np.hypot(relative[:, 0], relative[:, 1])

@@ -3,6 +3,7 @@
 import numpy as np
 
 from semantic_slam.configuration import from_dict
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.build import make_run_configuration
@@ -51,7 +52,7 @@ def keyframes_of(world: World) -> list[Keyframe]:
     ]
 
 
-def _in_map(mean: np.ndarray, variances: tuple[float, ...]) -> np.ndarray:
+def _in_map(mean: Array, variances: tuple[float, ...]) -> Array:
     return covariance_from_planar(rotate_covariance(mean, np.diag(variances)))
 
 

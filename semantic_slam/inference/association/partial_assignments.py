@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import forward
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
@@ -39,8 +40,7 @@ class PartialAssignments:
 
     def take(self, selection: Index) -> "PartialAssignments":
         """Some of them."""
-        own = (self.mean[selection], self.root[selection], self.shorter, self.origin[selection])
-        return PartialAssignments(self.space, self.predicted, self.rows.take(selection), *own)
+        return take(self, selection, ("rows", "mean", "root", "origin"))
 
     def extended(self, origin: Index, objects: Index) -> "PartialAssignments":
         """K with one detection more, each going on from its ``origin`` (K,) with one of the ``objects`` (K,).

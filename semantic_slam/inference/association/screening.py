@@ -3,12 +3,13 @@
 Those that it shows to be far off are dropped; those that hardly bend are ranked by it.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import backward
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, search_start
@@ -124,7 +125,7 @@ class _Newest:
     off: Array  # (B,) standard deviations by which the detection is off
 
     def take(self, rows: Index) -> "_Newest":
-        return _Newest(*(getattr(self, item.name)[rows] for item in fields(self)))
+        return take(self, rows)
 
 
 def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, seen: Any) -> _Newest:

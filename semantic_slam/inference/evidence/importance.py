@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from semantic_slam.geometry.arrays import Array, row_sums, squared_norms
+from semantic_slam.geometry.log_space import finite_log_sum_exp
 
 PRIOR_SHARE = 0.1
 """Share of the samples drawn from the prior: no weight can then exceed ten likelihoods."""
@@ -55,7 +56,7 @@ class Gaussians:
         if len(self.means) == 1:
             return np.zeros((1, len(y)))
         logs = self.log_densities(y)
-        return np.asarray(logs - log_sum(logs))
+        return np.asarray(logs - finite_log_sum_exp(logs, axis=-2))
 
     def without_prior(self) -> "Gaussians":
         """All but the last."""
@@ -146,7 +147,7 @@ def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> l
         means, roots = (np.array([getattr(mixtures[row], part) for row in rows]) for part in ("means", "roots"))
         points[rows] = _points(means, roots, counts)
         drawn = Gaussians(means, roots, np.log(np.array(counts) / total))
-        log_proposal[rows] = log_sum(drawn.log_densities(points[rows]))
+        log_proposal[rows] = finite_log_sum_exp(drawn.log_densities(points[rows]), axis=-2)
     log_weights = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(log_proposal.shape) - log_proposal
     log_weights -= 0.5 * squared_norms(points) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
     return [Samples(*own) for own in zip(points, log_weights, strict=True)]
@@ -166,12 +167,6 @@ def _points(means: Array, roots: Array, pairs: tuple[int, ...]) -> Array:
         half, centre = normal_points(count, means.shape[-1]) @ inverse[:, number], means[:, number, None]
         parts += [centre + half, centre - half]
     return np.concatenate(parts, axis=1)
-
-
-def log_sum(logs: Array) -> Array:
-    """(..., B) log of the sum of exponentials of (..., M, B) finite logs."""
-    largest = logs.max(axis=-2, keepdims=True)
-    return np.asarray(largest[..., 0, :] + np.log(np.exp(logs - largest).sum(axis=-2)))
 
 
 def normal_points(count: int, size: int) -> Array:

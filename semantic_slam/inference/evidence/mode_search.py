@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, squared_norms
+from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
 from semantic_slam.inference.evidence.importance import (
     PRIOR_SHARE,
     Gaussians,
@@ -21,7 +22,7 @@ from semantic_slam.inference.evidence.importance import (
     normal_points,
     proposal,
 )
-from semantic_slam.inference.evidence.laplace import LevenbergMarquardt, Mode
+from semantic_slam.inference.evidence.laplace import Mode, mode_at
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode, SampledMoments, WindowSamples
 from semantic_slam.inference.evidence.window import Region, Window, window_problem_of
 from semantic_slam.inference.evidence.window_problem import WindowProblem
@@ -211,12 +212,12 @@ def _search(chain: WindowProblem, start: Array) -> tuple[Mode, Index]:
         starts += [broadcast_copy(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
     owners = np.repeat(np.arange(len(chain)), len(starts))
     enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
-    descent = LevenbergMarquardt(chain.select(owners), np.stack(starts, axis=1).reshape(-1, chain.size))
+    search = LevenbergMarquardt(chain.select(owners), np.stack(starts, axis=1).reshape(-1, chain.size))
     for iterations, patience in ROUNDS:
-        descent.advance(iterations, enough)
-        rows = valleys(descent.mode(), owners, patience * NEGLIGIBLE)
-        descent, owners, enough = descent.select(rows), owners[rows], enough[rows]
-    return descent.finished(tolerance=EXACT), owners
+        search.advance(iterations, enough)
+        rows = valleys(mode_at(search.reached()), owners, patience * NEGLIGIBLE)
+        search, owners, enough = search.select(rows), owners[rows], enough[rows]
+    return mode_at(search.finished(tolerance=EXACT)), owners
 
 
 def valleys(rough: Mode, owners: Index, gate: float) -> Index:

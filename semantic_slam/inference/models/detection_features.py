@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 
 
@@ -29,8 +29,6 @@ class DetectionFeatures:
             np.array([item.elevation_rad for item in detections]),
         )
 
-    def take(self, index: Any) -> "DetectionFeatures":
+    def take(self, index: Selection) -> "DetectionFeatures":
         """Rows of a selection."""
-        return DetectionFeatures(
-            self.feature[index], self.variance[index], self.sensor[index], self.elevation_rad[index]
-        )
+        return take(self, index)

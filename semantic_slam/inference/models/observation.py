@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, row_sums, squared_norms
+from semantic_slam.geometry.rows import Selection
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.states.gaussian import GaussianPrior
 
@@ -49,7 +50,7 @@ class Innovation:
 class Detections(Protocol):
     """Detections as arrays, a row each."""
 
-    def take(self, index: Any) -> "Detections":
+    def take(self, index: Selection) -> "Detections":
         """Rows of a selection."""
 
 

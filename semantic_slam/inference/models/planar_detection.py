@@ -1,7 +1,7 @@
 """Detections as the planar observation model takes them: one by one, and as arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from math import log, sqrt
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.rows import Selection, take
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 
@@ -103,6 +104,6 @@ class PlanarDetections:
             np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
         )
 
-    def take(self, index: Any) -> "PlanarDetections":
+    def take(self, index: Selection) -> "PlanarDetections":
         """Rows of a selection."""
-        return PlanarDetections(*(getattr(self, item.name)[index] for item in fields(self)))
+        return take(self, index)

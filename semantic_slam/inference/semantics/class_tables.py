@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.independent_views import ClassLikelihoods, DrawnFeatures
@@ -82,9 +83,11 @@ class ClassTables:
             prior = given.log_class_prior[place]
             azimuths = (camera - np.arange(HEADINGS)) % HEADINGS
             after = table + seen.log_likelihood[:, azimuths]
-            by_class = _log_sum(after)
-            evidence = float(_log_sum(prior + by_class) - _log_sum(prior + _log_sum(table)))
-            draws = _log_sum(table[None] + seen.drawn[azimuths].transpose(1, 2, 0))  # (M, C)
+            by_class = finite_log_sum_exp(after)
+            evidence = float(
+                finite_log_sum_exp(prior + by_class) - finite_log_sum_exp(prior + finite_log_sum_exp(table))
+            )
+            draws = finite_log_sum_exp(table[None] + seen.drawn[azimuths].transpose(1, 2, 0))  # (M, C)
             best = int(np.argmax(prior + by_class))
             view = Viewpoints(*(value[azimuths[[int(after[best].argmax())]]] for value in vars(self._around).values()))
             covered = inside and bool(self._model.in_coverage(np.array([best]), view)[0])
@@ -98,16 +101,10 @@ class ClassTables:
         return seen.known[key]
 
 
-def _log_sum(values: Array) -> Array:
-    """Log of the sum of exponentials over the last axis."""
-    peak = values.max(axis=-1, keepdims=True)
-    return np.asarray(np.log(np.exp(values - peak).sum(axis=-1)) + peak[..., 0])
-
-
 def _unseen(component: Component, object_id: int, num_classes: int) -> Array:
     """(C, HEADINGS) log prior over headings: what a map states, or nothing."""
     log_heading, heading = np.zeros(HEADINGS), component.tracked_heading(object_id)
     if heading is not None:
         away = wrap_angle(STEP_RAD * np.arange(HEADINGS, dtype=np.float64) - heading[0])
         log_heading = -0.5 * away**2 / max(heading[1], STEP_RAD**2)
-    return np.tile(log_heading - _log_sum(log_heading), (num_classes, 1))
+    return np.tile(log_heading - finite_log_sum_exp(log_heading), (num_classes, 1))

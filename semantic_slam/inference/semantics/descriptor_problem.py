@@ -5,12 +5,13 @@ In v ~ N(0, I) tangent vectors and descriptors are linear, t = t* + T v and e = 
 features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), a damped Laplace approximation away.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import take
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_observation import LatentLinearisation, LatentObservation, azimuth_slopes
 from semantic_slam.inference.states.state_space import StateSpace
@@ -36,8 +37,7 @@ class DescriptorProblem:
 
     def select(self, selection: Index) -> "DescriptorProblem":
         """Some of the problems."""
-        names = ("active", "slots", "mean", "offset", "gain")
-        return replace(self, **{name: getattr(self, name)[selection] for name in names})
+        return take(self, selection, ("active", "slots", "mean", "offset", "gain"))
 
     def descriptors(self, v: Array) -> Array:
         """(B, n, L)."""

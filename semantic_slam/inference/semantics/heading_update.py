@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import take
 from semantic_slam.inference.evidence.laplace import find_modes
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_observation import LatentObservation
@@ -89,9 +90,7 @@ class _Directions:
 
     def select(self, selection: Index) -> "_Directions":
         """Some of them."""
-        names = ("mean", "root", "bearing_rad", "sigma_rad")
-        some = {name: getattr(self, name)[selection] for name in names}
-        return replace(self, seen=self.seen.take(selection), **some)
+        return take(self, selection, ("seen", "mean", "root", "bearing_rad", "sigma_rad"))
 
     def states(self, w: Array) -> Array:
         """(B, L + 1)."""

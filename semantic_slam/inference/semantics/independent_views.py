@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import viewpoints_in_plane
@@ -53,7 +54,7 @@ class DrawnFeatures:
 
     def take(self, rows: Index) -> "DrawnFeatures":
         """Some of them, or the same again."""
-        return DrawnFeatures(self.sensors[rows], self.features[rows], self.covariances[rows], self.offsets[rows])
+        return take(self, rows)
 
 
 class ClassLikelihoods:

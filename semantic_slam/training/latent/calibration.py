@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.latent.feature_views import FeatureViews
 from semantic_slam.latent.latent_model import FeatureNoise, LatentModel
 from semantic_slam.training.latent.evaluation import azimuth_nees, own_descriptors
+from semantic_slam.training.latent.feature_views import FeatureViews
 
 
 def feature_noise(model: LatentModel, views: FeatureViews) -> FeatureNoise:

@@ -4,20 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Index
 from semantic_slam.latent.change_model import (
     LARGEST_LOG_SIGMA,
     SMALLEST_LOG_SIGMA,
     ChangeModel,
-    changes,
-    draw_pairs,
     encoded_change,
 )
 from semantic_slam.latent.direction import NUM_INPUTS
-from semantic_slam.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.descent import descend
+from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.gradient_descent import descend
 from semantic_slam.training.latent.torch_network import exported, tanh_network
+from semantic_slam.training.latent.view_pairs import changes, draw_pairs
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ def fit_change_model(views: FeatureViews, settings: ChangeSettings) -> ChangeMod
     network = tanh_network((size + NUM_INPUTS, *settings.hidden, 2 * size))
     generator = np.random.default_rng((settings.seed, 17))
 
-    def loss_of(pair: NDArray[np.int_]) -> torch.Tensor:
+    def loss_of(pair: Index) -> torch.Tensor:
         first, second = pair
         before, after = views.features[first], views.features[second]
         inputs = torch.from_numpy(np.hstack([before, encoded_change(changes(views, first, second))])).float()

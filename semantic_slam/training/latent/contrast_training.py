@@ -10,8 +10,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from semantic_slam.latent.feature_views import repeated, taken, turned
-from semantic_slam.training.latent.joint_training import CropViews, Indices, JointModel
+from semantic_slam.geometry.arrays import Index
+from semantic_slam.geometry.rows import take
+from semantic_slam.training.latent.feature_views import repeated, turned
+from semantic_slam.training.latent.joint_training import CropViews, JointModel
 
 DIRECTIONS = 24
 """Other azimuths of the same instance that a view is told from; half of them near, as those are the hard ones."""
@@ -25,11 +27,11 @@ DESCRIPTOR_NOISE = 0.1
 
 
 def contrast(
-    model: JointModel, features: torch.Tensor, views: CropViews, rows: Indices, generator: np.random.Generator
+    model: JointModel, features: torch.Tensor, views: CropViews, rows: Index, generator: np.random.Generator
 ) -> torch.Tensor:
     """Mean negative log posterior of the truth among the candidates [nats]."""
     features, sharp = model.sharpness * features, model.sharpness
-    looked = taken(views.viewpoints, rows)
+    looked = take(views.viewpoints, rows)
     e = model.descriptors[torch.from_numpy(views.instance[rows])]
     e = e + DESCRIPTOR_NOISE * torch.randn_like(e)
     turns = generator.uniform(-np.pi, np.pi, (len(rows), DIRECTIONS))

@@ -7,11 +7,12 @@ bowl: left alone it forgets what tells far directions and other instances apart,
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from semantic_slam.latent.feature_views import taken, turned
+from semantic_slam.geometry.arrays import Bytes, Index
+from semantic_slam.geometry.rows import take
 from semantic_slam.training.latent.contrast_training import contrast
-from semantic_slam.training.latent.joint_training import CropViews, Indices, JointModel
+from semantic_slam.training.latent.feature_views import turned
+from semantic_slam.training.latent.joint_training import CropViews, JointModel
 from semantic_slam.viewpoint.model import Viewpoints
 
 BOWL_RAD = 0.25
@@ -27,10 +28,10 @@ NUDGE_RAD = 0.05
 
 
 def energy(
-    model: JointModel, features: torch.Tensor, views: CropViews, rows: Indices, generator: np.random.Generator
+    model: JointModel, features: torch.Tensor, views: CropViews, rows: Index, generator: np.random.Generator
 ) -> torch.Tensor:
     """Data term (Eq. 5.16), the extractor's (Eq. 5.17), and contrast."""
-    looked = taken(views.viewpoints, rows)
+    looked = take(views.viewpoints, rows)
     e = model.descriptors[torch.from_numpy(views.instance[rows])]
     terms = [_bowl_term(model, features, looked, e, pose, latent, generator) for pose, latent in PERTURBED]
     ordered = ORDER_WEIGHT * _order_term(features, views.crops[rows])
@@ -69,7 +70,7 @@ def _bowl_term(
     return (0.5 * (features - mean).square().sum(dim=1) - 0.5 * target).abs().mean()
 
 
-def _order_term(features: torch.Tensor, crops: NDArray[np.uint8]) -> torch.Tensor:
+def _order_term(features: torch.Tensor, crops: Bytes) -> torch.Tensor:
     """Hinge loss on triplets: what is closer as a picture is to be closer as a feature; squared differences both."""
     pixels = torch.from_numpy(crops.reshape(len(crops), -1)).float() / 255.0
     order = torch.randperm(len(crops))

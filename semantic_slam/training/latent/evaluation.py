@@ -4,19 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from scipy.special import logsumexp
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.latent.feature_views import FeatureViews, repeated, turned
+from semantic_slam.geometry.rows import take
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.ascent import (
+from semantic_slam.training.latent.estimation import (
     DescriptorEstimate,
     ascend_azimuth,
     azimuth_in_doubt,
     azimuth_raster,
     infer_descriptors,
 )
+from semantic_slam.training.latent.feature_views import FeatureViews, repeated, turned
 from semantic_slam.viewpoint.model import Viewpoints
 
 RASTER_RAD = np.deg2rad(np.arange(-180.0, 180.0, 2.0))
@@ -153,7 +154,7 @@ def identification_of_groups(
                     for offset, weight in zip(offsets, prior, strict=True)
                 ]
             )
-            right.append(int(logsumexp(scores, axis=0).argmax()) == truth)
+            right.append(int(log_sum_exp(scores, axis=0).argmax()) == truth)
     return np.array(right)
 
 
@@ -203,6 +204,5 @@ def nees_tempered_by_others(model: LatentModel, inferred: Inferred) -> Consisten
 def _squared_in_doubt(model: LatentModel, inferred: Inferred) -> Array:
     """(N,) squared error of the azimuth over its variance, view by view."""
     views, own = inferred.views, inferred.of_object
-    of_view = DescriptorEstimate(*(values[views.instance] for values in (own.mean, own.sigma, own.covariance)))
-    estimate = azimuth_in_doubt(model, views.viewpoints, of_view, views.features)
+    estimate = azimuth_in_doubt(model, views.viewpoints, take(own, views.instance), views.features)
     return np.asarray(wrap_angle(estimate.azimuth_rad - views.viewpoints.azimuth_rad) ** 2 / estimate.variance)

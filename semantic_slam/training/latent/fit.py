@@ -4,17 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Bytes
 from semantic_slam.latent.extractor import FeatureExtractor
-from semantic_slam.latent.feature_views import FeatureViews
-from semantic_slam.latent.grounding import ground
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.training.latent.calibration import calibrated
 from semantic_slam.training.latent.change_training import ChangeSettings, fit_change_model
+from semantic_slam.training.latent.class_grounding import ground
 from semantic_slam.training.latent.contrast_training import contrast
 from semantic_slam.training.latent.energy_training import energy, rescale_to_bowl
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
 from semantic_slam.training.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
 from semantic_slam.training.latent.principal_components import principal_components
@@ -23,8 +23,6 @@ from semantic_slam.training.latent.torch_network import exported
 from semantic_slam.training.latent.turntable_split import TurntableSplit
 from semantic_slam.training.latent.view_crops import feature_views, plain_crops, room_crops
 from semantic_slam.training.views import ObjectView
-
-Bytes = NDArray[np.uint8]
 
 FORMULATIONS = ("map", "energy")
 CALIBRATION_DRAWS = 3

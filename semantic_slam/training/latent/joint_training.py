@@ -5,18 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
+from semantic_slam.geometry.arrays import Bytes, Index
 from semantic_slam.latent.direction import NUM_INPUTS, encoded
 from semantic_slam.latent.extractor import FeatureExtractor
-from semantic_slam.training.latent.descent import descend, num_batches, shuffled
+from semantic_slam.training.latent.gradient_descent import descend, num_batches, shuffled
 from semantic_slam.training.latent.latent_prior import PRIORS
 from semantic_slam.training.latent.torch_network import tanh_network
 from semantic_slam.viewpoint.model import Viewpoints
-
-Bytes = NDArray[np.uint8]
-Indices = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -24,7 +21,7 @@ class CropViews:
     """N crops of instances seen from known directions."""
 
     crops: Bytes  # (N, size, size, 3)
-    instance: Indices  # (N,)
+    instance: Index  # (N,)
     viewpoints: Viewpoints
     num_instances: int
 
@@ -63,7 +60,7 @@ class JointModel(nn.Module):  # type: ignore[misc]  # torch is not followed by m
         return mean
 
 
-Loss = Callable[[JointModel, torch.Tensor, CropViews, Indices, np.random.Generator], torch.Tensor]
+Loss = Callable[[JointModel, torch.Tensor, CropViews, Index, np.random.Generator], torch.Tensor]
 """Of a batch: model, (B, F) features, all views, (B,) rows of the batch, random numbers."""
 
 
@@ -79,7 +76,7 @@ def train_jointly(model: JointModel, views: CropViews, loss_function: Loss, sett
     ]
     generator = np.random.default_rng((settings.seed, 5))
 
-    def loss_of(rows: Indices) -> torch.Tensor:
+    def loss_of(rows: Index) -> torch.Tensor:
         data_term = loss_function(model, model.features(views.crops[rows]), views, rows, generator)
         return data_term + settings.prior_weight * PRIORS[settings.prior](model.descriptors)
 

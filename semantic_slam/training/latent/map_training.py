@@ -5,15 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.latent.direction import encoded
-from semantic_slam.latent.feature_views import FeatureViews
-from semantic_slam.latent.grounding import tagged_rows
 from semantic_slam.latent.smooth_network import SmoothNetwork
-from semantic_slam.training.latent.descent import descend, drawn
+from semantic_slam.training.latent.class_grounding import tagged_rows
+from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.gradient_descent import descend, drawn
 from semantic_slam.training.latent.latent_prior import PRIORS
 from semantic_slam.training.latent.torch_network import exported, imported, tanh_network
 
@@ -74,7 +73,7 @@ def fit_map(views: FeatureViews, start: Fitted, settings: MapSettings, tags: Map
     targets, of_view = torch.from_numpy(views.features).float(), torch.from_numpy(views.instance)
     prior, generator = PRIORS[settings.prior], np.random.default_rng((settings.seed, 11))
 
-    def loss_of(chosen: NDArray[np.int_]) -> torch.Tensor:
+    def loss_of(chosen: Index) -> torch.Tensor:
         rows = torch.from_numpy(chosen)
         e = instances.descriptors[of_view[rows]]
         mean = decoder(torch.cat([directions[rows], e + settings.descriptor_noise * torch.randn_like(e)], dim=1))
@@ -109,7 +108,7 @@ def fit_encoder(views: FeatureViews, descriptors: Array, settings: EncoderSettin
     scale = torch.from_numpy(np.maximum(descriptors.std(axis=0), 1e-3)).float()
     generator = np.random.default_rng((settings.seed, 13))
 
-    def loss_of(chosen: NDArray[np.int_]) -> torch.Tensor:
+    def loss_of(chosen: Index) -> torch.Tensor:
         rows = torch.from_numpy(chosen)
         mean, log_sigma = network(features[rows]).split(dimensions, dim=1)
         residual = (targets[rows] - mean) / (scale * log_sigma.exp())

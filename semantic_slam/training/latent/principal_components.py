@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.utils.extmath import randomized_svd
 
-from semantic_slam.geometry.arrays import Array
-
-Bytes = NDArray[np.uint8]
+from semantic_slam.geometry.arrays import Array, Bytes
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.latent.direction import encoded
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.descent import descend, drawn
+from semantic_slam.training.latent.gradient_descent import descend, drawn
 from semantic_slam.training.latent.torch_network import exported, imported
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -68,7 +67,7 @@ def _follow(
         mean = decoder(torch.from_numpy(rows).float())
         return 0.5 * ((torch.from_numpy(wanted).float() - mean) / sigma).square().sum(dim=1).mean()
 
-    def loss_of(rows: NDArray[np.int_]) -> torch.Tensor:
+    def loss_of(rows: Index) -> torch.Tensor:
         rehearsed = _anywhere(original, settings, generator)
         known = misfit(rehearsed, original.decoder.value(rehearsed))
         return misfit(inputs[rows], seen.features[rows]) + settings.rehearsal * known

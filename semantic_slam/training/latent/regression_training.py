@@ -2,13 +2,10 @@
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes, Index
 from semantic_slam.latent.extractor import FeatureExtractor
-from semantic_slam.training.latent.descent import descend, num_batches, shuffled
-
-Bytes = NDArray[np.uint8]
+from semantic_slam.training.latent.gradient_descent import descend, num_batches, shuffled
 
 
 def fit_extractor(
@@ -22,7 +19,7 @@ def fit_extractor(
     wanted = torch.from_numpy(targets.astype(np.float32))
     generator = np.random.default_rng((seed, 3))
 
-    def loss_of(rows: NDArray[np.int_]) -> torch.Tensor:
+    def loss_of(rows: Index) -> torch.Tensor:
         return ((extractor(extractor.normalise(crops[rows])) - wanted[rows]) ** 2).mean()
 
     batches, total = shuffled(len(crops), batch_size, epochs, generator), epochs * num_batches(len(crops), batch_size)

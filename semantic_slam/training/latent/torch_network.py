@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
 
 
@@ -36,5 +36,5 @@ def imported(network: SmoothNetwork) -> nn.Sequential:
     return result
 
 
-def _array(tensor: torch.Tensor) -> NDArray[np.float64]:
+def _array(tensor: torch.Tensor) -> Array:
     return np.array(tensor.detach().double().numpy())

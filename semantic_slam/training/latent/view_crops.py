@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
-from semantic_slam.latent.feature_views import FeatureViews
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.crops import MARGIN, square_crop
 from semantic_slam.training.augmentation import room_crop
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.model import Viewpoints
-
-Bytes = NDArray[np.uint8]
 
 GREY = 128
 """Behind a plain crop."""
@@ -41,7 +39,7 @@ def _plain_crop(view: ObjectView, size: int) -> Bytes:
     return square_crop(canvas, box, size)
 
 
-def feature_views(views: Sequence[ObjectView], names: tuple[str, ...], features: NDArray[np.float64]) -> FeatureViews:
+def feature_views(views: Sequence[ObjectView], names: tuple[str, ...], features: Array) -> FeatureViews:
     """Directions and instances of the views beside their (draws * N, F) features, as ``room_crops`` orders them."""
     draws = len(features) // len(views)
     columns = np.array([(view.azimuth_rad, view.elevation_rad, view.range_m) for view in views])

@@ -1,5 +1,6 @@
 """How honest a fitted model is: residuals of views that it has not seen."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,9 +8,9 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.regression import fit_class, gaussian_nll, whitened_squared
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import Viewpoints
-from semantic_slam.viewpoint.samples import ClassSamples
 
 FOLDS = 3
 
@@ -59,11 +60,10 @@ def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Re
     )
 
 
-def held_out_report(samples: dict[str, ClassSamples], feature_names: tuple[str, ...]) -> dict[str, Any]:
-    """For each class its coverage and the residuals of views left out of the fit."""
+def report_of(samples: Mapping[str, ClassSamples], left_out: Mapping[str, Residuals]) -> dict[str, Any]:
+    """For each class its coverage and the figures of its residuals of views left out of the fit."""
     return {
-        name: {"coverage": coverage(data.azimuth_rad), **left_out_residuals(data, feature_names).summary()}
-        for name, data in samples.items()
+        name: {"coverage": coverage(data.azimuth_rad), **left_out[name].summary()} for name, data in samples.items()
     }
 
 

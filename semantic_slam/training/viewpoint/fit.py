@@ -14,11 +14,11 @@ from semantic_slam.perception.mc_dropout import class_probability_samples
 from semantic_slam.perception.network import ClassifierNetwork
 from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam.training.augmentation import room_crop
-from semantic_slam.training.viewpoint.calibration import held_out_report
+from semantic_slam.training.viewpoint.calibration import Residuals, left_out_residuals, report_of
 from semantic_slam.training.viewpoint.regression import fit_class
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
-from semantic_slam.viewpoint.samples import ClassSamples
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,22 @@ class FitSettings:
     seed: int = 0
 
 
-def fit_samples(
-    samples: dict[str, ClassSamples], feature_names: tuple[str, ...]
-) -> tuple[GaussianProcessModel, dict[str, Any]]:
-    """Model of every class, and a report on views left out of the fit."""
+@dataclass(frozen=True)
+class FittedModels:
+    """Models of all classes, and how honest they are about views that they were not fitted to."""
+
+    model: GaussianProcessModel
+    left_out: dict[str, Residuals]  # by class, of views left out of the fit
+    report: dict[str, Any]  # by class, what is kept as JSON
+
+
+def fit_samples(samples: dict[str, ClassSamples], feature_names: tuple[str, ...]) -> FittedModels:
+    """Model of every class, and its residuals of views left out of the fit."""
     names = tuple(samples)
     fits = [fit_class(samples[name]) for name in tqdm(names, desc="fitting", unit="class")]
-    return GaussianProcessModel(names, feature_names, fits), held_out_report(samples, feature_names)
+    left_out = {name: left_out_residuals(samples[name], feature_names) for name in names}
+    model = GaussianProcessModel(names, feature_names, fits)
+    return FittedModels(model, left_out, report_of(samples, left_out))
 
 
 def measure_views(

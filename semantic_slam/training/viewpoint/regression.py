@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.gaussian_process import ClassFit, even_azimuths, kernel, posterior
-from semantic_slam.viewpoint.samples import ClassSamples
 
 NOISE_AZIMUTHS = 72
 SMOOTHING_RAD = np.deg2rad(12.0)

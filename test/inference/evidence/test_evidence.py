@@ -6,6 +6,7 @@ from worlds.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
+from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
 from semantic_slam.inference.evidence.importance import WIDENED, Samples, adapted, effective_share, proposal
 from semantic_slam.inference.evidence.keyframe_problem import (
     Assignments,
@@ -13,7 +14,7 @@ from semantic_slam.inference.evidence.keyframe_problem import (
     PredictedBelief,
     search_start,
 )
-from semantic_slam.inference.evidence.laplace import LevenbergMarquardt, find_modes
+from semantic_slam.inference.evidence.laplace import find_modes, mode_at
 from semantic_slam.inference.evidence.prior_samples import sample_evidence
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
@@ -141,21 +142,21 @@ def test_nothing_to_keep_is_an_error() -> None:
         prune(np.array([-np.inf]), np.zeros(1, dtype=np.uint64), np.zeros(0), PruningConfiguration())
 
 
-def test_a_descent_goes_on_as_if_nobody_had_looked() -> None:
+def test_a_search_goes_on_as_if_nobody_had_looked() -> None:
     """In part, from where it was, whatever was beside it."""
     stack = planar_stack(np.diag([100.0, 100.0, 0.04, 0.05, 0.05, 0.0005]), PlanarVisibility(), semantics=False)
     many = stack.select(np.zeros(6, dtype=int))
     start = np.random.default_rng(3).normal(size=(6, stack.size))
-    descent = LevenbergMarquardt(many, start)
-    descent.advance(5, np.full(6, 1e-3))
+    search = LevenbergMarquardt(many, start)
+    search.advance(5, np.full(6, 1e-3))
     rows = np.array([4, 1])
-    part = descent.select(rows).finished(tolerance=1e-6)
+    part = mode_at(search.select(rows).finished(tolerance=1e-6))
     alone = find_modes(many.select(rows), start[rows])
     np.testing.assert_allclose(part.log_evidence, alone.log_evidence, atol=1e-5)
     for row, found in zip(rows, part.log_evidence, strict=True):
         single = LevenbergMarquardt(many.select(np.array([row])), start[[row]])
         single.advance(5, np.full(1, 1e-3))
-        assert single.finished(tolerance=1e-6).log_evidence[0] == found
+        assert mode_at(single.finished(tolerance=1e-6)).log_evidence[0] == found
 
 
 def test_a_mode_that_no_sample_is_of_stays_as_it_was() -> None:

@@ -158,7 +158,9 @@ def disturbed(recording: Recording, rates: Rates, generator: np.random.Generator
     return replace(recording, keyframes=tuple(keyframes), labels=tuple(labels))
 
 
-def _motions(recording: Recording, noise: OdometryConfiguration, generator: np.random.Generator) -> list[Any]:
+def _motions(
+    recording: Recording, noise: OdometryConfiguration, generator: np.random.Generator
+) -> list[dict[str, Any]]:
     """Odometry of each keyframe: the true motion since the one before, with an error of the stated covariance.
 
     The first keyframe is where the robot starts: it has not moved, and knows it.

@@ -8,7 +8,6 @@ All options of a variable need the same keys, so that each factor holds all land
 
 import time
 from dataclasses import dataclass, field
-from typing import Any
 
 import gtsam
 import numpy as np
@@ -125,7 +124,7 @@ class HybridDrive:
             fault=fault,
         )
 
-    def _moved(self, keyframe: Keyframe, graph: Any, values: gtsam.Values) -> Array:
+    def _moved(self, keyframe: Keyframe, graph: gtsam.HybridNonlinearFactorGraph, values: gtsam.Values) -> Array:
         k, known = keyframe.index, self._map
         if k == 0:
             graph.push_back(self._start)
@@ -142,7 +141,14 @@ class HybridDrive:
         return np.asarray(robot)
 
     def _sighting(
-        self, k: int, row: int, seen: SemanticMeasurements, predicted: Any, marginals: Any, graph: Any, values: Any
+        self,
+        k: int,
+        row: int,
+        seen: SemanticMeasurements,
+        predicted: gtsam.Values,
+        marginals: gtsam.Marginals,
+        graph: gtsam.HybridNonlinearFactorGraph,
+        values: gtsam.Values,
     ) -> _Sighting:
         polar = np.array([seen.ranges_m[row], seen.bearings_rad[row]])
         noise = seen.geometric_covariances[row]
@@ -159,7 +165,9 @@ class HybridDrive:
         graph.push_back(gtsam.HybridNonlinearFactor((choice, len(options)), options))
         return _Sighting(k, polar, (*near, NONE), choice)
 
-    def _near(self, k: int, polar: Array, noise: Array, predicted: Any, marginals: Any) -> tuple[int, ...]:
+    def _near(
+        self, k: int, polar: Array, noise: Array, predicted: gtsam.Values, marginals: gtsam.Marginals
+    ) -> tuple[int, ...]:
         """Landmarks inside the gate, nearest first."""
         found = []
         for n, landmark in enumerate(self._map.landmarks):
@@ -174,7 +182,7 @@ class HybridDrive:
                     found.append((float(squared), n))
         return tuple(n for _, n in sorted(found)[:MAX_OPTIONS])
 
-    def _born(self, k: int, polar: Array, noise: Array, predicted: Any, values: gtsam.Values) -> int:
+    def _born(self, k: int, polar: Array, noise: Array, predicted: gtsam.Values, values: gtsam.Values) -> int:
         number = len(self._map.landmarks)
         place = _pose(predicted, k)
         angle = place[2] + polar[1]
@@ -184,7 +192,7 @@ class HybridDrive:
         values.insert(_object(number), point)
         return number
 
-    def _new(self, predicted: Any, k: int, polar: Array) -> tuple[float, float]:
+    def _new(self, predicted: gtsam.Values, k: int, polar: Array) -> tuple[float, float]:
         """Intensity of a first detection, and existence of what it is of."""
         x, clutter = _pose(predicted, k), self._settings.clutter_per_frame / self._region.area_m2
         angle = x[2] + polar[1]
@@ -195,22 +203,22 @@ class HybridDrive:
         intensity, existence = birth(density, clutter, self._region.detection_probability)
         return float(intensity), float(existence)
 
-    def _log_ratio(self, n: int, k: int, predicted: Any) -> float:
+    def _log_ratio(self, n: int, k: int, predicted: gtsam.Values) -> float:
         r, detected = self._map.landmarks[n].existence, self._detected(n, k, predicted, [])
         least = LEAST_DETECTION_SHARE * self._region.detection_probability
         return float(np.log(r * max(detected, least)) - np.log1p(-min(r * detected, 1.0 - 1e-9)))
 
-    def _detected(self, n: int, k: int, values: Any, seen: list[Array]) -> float:
+    def _detected(self, n: int, k: int, values: gtsam.Values, seen: list[Array]) -> float:
         relative = se2.between(_pose(values, k), np.append(values.atPoint2(_object(n)), 0.0))[:2]
         polar = np.array(seen).reshape(-1, 2)
         inside = self._region.contains(relative, 0.01 * np.eye(2))
         hidden = self._region.not_occluded(relative, polar[:, 0], polar[:, 1])
         return float(self._region.detection_probability * inside * hidden)
 
-    def _option(self, k: int, near: tuple[int, ...], meant: int, polar: Array, noise: Array) -> Any:
+    def _option(self, k: int, near: tuple[int, ...], meant: int, polar: Array, noise: Array) -> gtsam.NoiseModelFactor:
         """Range and bearing of landmark ``meant``, which ignores the others; of none: nothing."""
 
-        def error(_: Any, values: gtsam.Values, jacobians: Any) -> Array:
+        def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
             if jacobians is not None:
                 jacobians[0] = np.zeros((2, 3))
                 for place in range(len(near)):
@@ -225,7 +233,7 @@ class HybridDrive:
         model = gtsam.noiseModel.Gaussian.Covariance(noise)
         return gtsam.CustomFactor(model, [_robot(k), *(_object(n) for n in near)], error)
 
-    def _updated(self, graph: Any, values: gtsam.Values) -> None:
+    def _updated(self, graph: gtsam.HybridNonlinearFactorGraph, values: gtsam.Values) -> None:
         smoother, known = self._map.smoother, self._map
         initial = gtsam.Values(smoother.linearizationPoint())
         initial.insert(values)
@@ -233,7 +241,7 @@ class HybridDrive:
         for key in values.keys():  # noqa: SIM118
             _copy(values, known.values, key)
 
-    def _start_unassigned(self, k: int, seen: SemanticMeasurements, estimate: Any) -> None:
+    def _start_unassigned(self, k: int, seen: SemanticMeasurements, estimate: gtsam.HybridValues) -> None:
         """A detection that is best of none starts a landmark after all."""
         graph, values = gtsam.HybridNonlinearFactorGraph(), gtsam.Values()
         for row, item in enumerate(self._map.sightings[k]):
@@ -290,11 +298,14 @@ def drive_with_hybrid_smoother(drive: Recording, rates: Rates, alarms: float) ->
     return solver.outcome(np.array(seconds), np.array(poses), np.array(covariances), fault)
 
 
-def _chosen(item: _Sighting, estimate: Any) -> int:
-    return item.options[0 if item.choice is None else estimate.atDiscrete(item.choice)]
+def _chosen(item: _Sighting, estimate: gtsam.HybridValues | None) -> int:
+    if item.choice is None:
+        return item.options[0]
+    assert estimate is not None  # where there are choices there is an estimate of them
+    return item.options[estimate.atDiscrete(item.choice)]
 
 
-def _factor(k: int, n: int, polar: Array, noise: Array) -> Any:
+def _factor(k: int, n: int, polar: Array, noise: Array) -> gtsam.NonlinearFactor:
     model = gtsam.noiseModel.Gaussian.Covariance(noise[::-1, ::-1].copy())
     return gtsam.BearingRangeFactor2D(_robot(k), _object(n), gtsam.Rot2(polar[1]), polar[0], model)
 

@@ -75,7 +75,7 @@ def configuration_of(method: str, alarms: float, misses: float) -> Configuration
     """Methods differ in what they know of classes and in how many hypotheses they keep."""
     with_classes = method in ("ours", "max_mixture")
     return Configuration(
-        association="open",
+        association="nearest_neighbour" if method == "nearest_neighbour" else "open",
         semantic_model=SemanticModelConfiguration(kind="gp_independent" if with_classes else "none"),
         open_world=front_end(alarms, misses),
         weights=WeightsConfiguration(max_candidates=100),
@@ -87,7 +87,7 @@ def configuration_of(method: str, alarms: float, misses: float) -> Configuration
 def drive_with(method: str, drive: Recording, rates: Rates, alarms: float) -> Outcome:
     """Run an engine over the drive; a run that loses every hypothesis ends early and says so."""
     configuration = configuration_of(method, alarms, rates.misses)
-    pool = StudyPool(method)
+    pool = StudyPool(1)
     pose, covariance = pose_vector_from_planar(drive.truth[0]), covariance_from_planar(np.diag(START_SIGMA) ** 2)
     manager = Engine(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
     beliefs: list[HybridBelief] = []

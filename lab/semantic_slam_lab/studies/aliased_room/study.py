@@ -3,13 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from semantic_slam.configuration import OdometryConfiguration, to_dict
 from semantic_slam_lab.repetitions import keyed_generator, repeat
 from semantic_slam_lab.studies.aliased_room.data import Rates, Recording, alarms_per_frame, disturbed, record_scene
 from semantic_slam_lab.studies.aliased_room.hybrid import drive_with_hybrid_smoother
-from semantic_slam_lab.studies.aliased_room.methods import configuration_of, drive_with
+from semantic_slam_lab.studies.aliased_room.methods import Outcome, configuration_of, drive_with
 from semantic_slam_lab.studies.aliased_room.pages import claims_of, figures_of, tables_of
 from semantic_slam_lab.studies.aliased_room.scores import Row, score, summary
 from semantic_slam_lab.studies.result import write_result
@@ -66,7 +65,7 @@ def one_run(recording: Recording, line: str, seed: int, draw: int) -> dict[str, 
     return {line: {method: [score(_driven(method, drive, rates, alarms), drive, draw)] for method in METHODS}}
 
 
-def _driven(method: str, drive: Recording, rates: Rates, alarms: float) -> Any:
+def _driven(method: str, drive: Recording, rates: Rates, alarms: float) -> Outcome:
     if method == "hybrid_smoother":
         return drive_with_hybrid_smoother(drive, rates, alarms)
     return drive_with(method, drive, rates, alarms)

@@ -2,20 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.report.palette import class_colours
 from semantic_slam_lab.studies.avd_bigbird.data import SceneTrack, in_object_frame
 from semantic_slam_lab.studies.avd_bigbird.models import TurntableScores
 from semantic_slam_lab.studies.rendered.figures import BANDS, COLOURS
-
-Bytes = NDArray[np.uint8]
 
 DPI = 110
 
@@ -28,12 +25,12 @@ def layout(file: Path, places_m: Array, track: SceneTrack, bias_m: Array, crops:
     grid = canvas.add_gridspec(2, columns, height_ratios=(4.0, 1.0))
     axis = canvas.add_subplot(grid[0, :])
     relative = in_object_frame(places_m, track.planar)
-    axis.scatter(*relative.T, s=5, color="#9bbbe0", label="cameras of the scene")
+    axis.scatter(relative[:, 0], relative[:, 1], s=5, color="#9bbbe0", label="cameras of the scene")
     axis.plot(*track.locations_m.T, "o", color="#1f5fae", label="views chosen")
     axis.plot(*(track.locations_m + bias_m).T, "x", color="#c0392b", label="where they are believed to be")
     for index, place in enumerate(track.locations_m):
         axis.annotate("", (0.82 * place), place, arrowprops={"arrowstyle": "->", "color": "#1f5fae"})
-        axis.text(*(1.08 * place), str(index), fontsize=9, ha="center", va="center")
+        axis.text(1.08 * place[0], 1.08 * place[1], str(index), fontsize=9, ha="center", va="center")
     axis.plot(0.0, 0.0, "ko", markersize=9)
     axis.set(aspect="equal", xlabel="x of the object (its front) [m]", ylabel="y of the object [m]")
     axis.legend(fontsize=8, loc="best")
@@ -112,14 +109,14 @@ def bias_maps(file: Path, maps: Array, half_width_m: float, bias_m: Array, class
 def mixed(values: Array, palette: Array) -> Array:
     """(..., 3) colours mixed by (..., F) values, that need not sum to one, from an (F, 3) palette."""
     shares = np.clip(values, 1e-6, None)
-    return np.clip(shares / shares.sum(axis=-1, keepdims=True) @ palette, 0.0, 1.0)
+    return np.asarray(np.clip(shares / shares.sum(axis=-1, keepdims=True) @ palette, 0.0, 1.0))
 
 
 def _log_mgr(logs: Array, true_class: int) -> Array:
     return np.asarray(logs.max(axis=-1) - logs[..., true_class])
 
 
-def _fan(axis: Any, values: Array, colour: str) -> None:
+def _fan(axis: Axes, values: Array, colour: str) -> None:
     steps = np.arange(values.shape[1])
     for low in BANDS:
         axis.fill_between(
@@ -129,7 +126,7 @@ def _fan(axis: Any, values: Array, colour: str) -> None:
     axis.spines[["top", "right"]].set_visible(False)
 
 
-def _picture(axis: Any, picture: Bytes, title: str) -> None:
+def _picture(axis: Axes, picture: Bytes, title: str) -> None:
     axis.imshow(picture)
     axis.set(xticks=[], yticks=[])
     axis.set_title(title, fontsize=9)

@@ -15,7 +15,7 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.datasets.avd import AvdScene
 from semantic_slam.datasets.bigbird import turntable_views
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.mc_dropout import class_probability_samples
 from semantic_slam.perception.weights import load_network
@@ -23,7 +23,8 @@ from semantic_slam_lab.repetitions import keyed_generator, repeat
 from semantic_slam_lab.studies.avd_bigbird.data import SceneTrack, in_object_frame
 from semantic_slam_lab.studies.rendered.models import fit_model
 
-Bytes = NDArray[np.uint8]
+FeatureSets = dict[str, tuple[tuple[int, ...], Array]]
+"""Name -> the scores chosen as features, and the (F,) ranking of all scores that they follow from."""
 
 INPUT_MAP = "unit_circle"
 CAMERA = "NP1"
@@ -62,7 +63,7 @@ def measure_track(scene: AvdScene, track: SceneTrack, seed: int) -> Array:
     return np.stack([measure_crop(scene.image(name), box, ("scene", seed, name)) for name, box in views])
 
 
-def feature_sets(measured: Sequence[TurntableScores], seed: int) -> dict[str, tuple[tuple[int, ...], Array]]:
+def feature_sets(measured: Sequence[TurntableScores], seed: int) -> FeatureSets:
     """Name -> four scores and the (F,) ranking they follow from: the greatest on average, and a forest's choice."""
     mean = np.concatenate([of.samples.mean(axis=1) for of in measured])
     labels = np.repeat(np.arange(len(measured)), [len(of.samples) for of in measured])

@@ -41,7 +41,7 @@ def realisation(problem: Problem, methods: Sequence[str], key: tuple[int, int]) 
     """
     drawn = SIGMA_M * keyed_generator("avd_bigbird", "offset", *key).normal(size=2) if key[1] else np.zeros(2)
     estimate = problem.track_m + problem.bias_m + drawn
-    shared = np.kron(np.ones((len(estimate),) * 2), np.eye(2))
+    shared = np.asarray(np.kron(np.ones((len(estimate),) * 2), np.eye(2)), dtype=np.float64)
     posterior = GaussianTrack(estimate, SIGMA_M**2 * shared)
     found = {}
     for name in methods:

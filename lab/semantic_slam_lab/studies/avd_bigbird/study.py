@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.classification.class_model import ClassModel
 from semantic_slam.classification.classifier import Scores
+from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.configuration import Configuration, PerceptionConfiguration, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
@@ -17,9 +19,10 @@ from semantic_slam.pipeline.provenance import revision
 from semantic_slam_lab.repetitions import keyed_generator, repeat
 from semantic_slam_lab.studies.avd_bigbird import figures as draw
 from semantic_slam_lab.studies.avd_bigbird.claims import claims, tables
-from semantic_slam_lab.studies.avd_bigbird.data import Sources, choose_track, open_sources
+from semantic_slam_lab.studies.avd_bigbird.data import SceneTrack, Sources, choose_track, open_sources
 from semantic_slam_lab.studies.avd_bigbird.models import (
     CROP_PX,
+    FeatureSets,
     TurntableScores,
     aligned,
     class_processes,
@@ -106,7 +109,7 @@ def candidates(known: Sequence[str], true_class: str, seed: int) -> tuple[str, .
     return tuple(sorted([true_class, *(str(name) for name in drawn)]))
 
 
-def view_bias_maps(processes: Any, scores: Array, track_m: Array) -> Array:
+def view_bias_maps(processes: ClassProcesses, scores: Array, track_m: Array) -> Array:
     """(K, n, n, C) single-view posteriors of (K, F) mean scores over the bias of the location, rows along y."""
     axis = np.linspace(-MAP_HALF_WIDTH_M, MAP_HALF_WIDTH_M, MAP_SIZE)
     offsets = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
@@ -134,7 +137,7 @@ def scores_of_classes(samples: Array, names: Sequence[str]) -> tuple[Scores, ...
 
 
 def results_of(
-    outcome: dict[str, dict[str, Array]], unbiased: dict[str, dict[str, Array]], sets: Any, true_class: int
+    outcome: dict[str, dict[str, Array]], unbiased: dict[str, dict[str, Array]], sets: FeatureSets, true_class: int
 ) -> dict[str, Any]:
     """Metrics of both sets of features; realisation 0, the bias alone, is told apart."""
     found: dict[str, Any] = {}
@@ -160,10 +163,10 @@ def results_of(
 def figures(
     out: Path,
     sources: Sources,
-    track: Any,
+    track: SceneTrack,
     measured: Sequence[TurntableScores],
-    models: Any,
-    sets: Any,
+    models: Sequence[ClassModel],
+    sets: FeatureSets,
     maps: Array,
     bias: Array,
     outcome: dict[str, dict[str, Array]],
@@ -212,7 +215,7 @@ def _repeated(problem: Problem, quick: bool, seed: int, jobs: int, name: str) ->
     return {method: np.stack([each[method] for each in done]) for method in methods}
 
 
-def _raster(models: Any) -> Array:
+def _raster(models: Sequence[ClassModel]) -> Array:
     """(C, n, n, F) mean scores over a square about the object."""
     axis = np.linspace(-1.25, 1.25, 60)
     places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)

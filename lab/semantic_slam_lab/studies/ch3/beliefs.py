@@ -36,7 +36,7 @@ class Belief:
     def posterior(self, k: int) -> GaussianTrack:
         """Of the track up to and with view k."""
         mean, covariance = self._moments(k)
-        return GaussianTrack(mean, np.kron(covariance, np.eye(2)))
+        return GaussianTrack(mean, np.asarray(np.kron(covariance, np.eye(2)), dtype=np.float64))
 
     def _moments(self, k: int) -> tuple[Array, Array]:
         mean, covariance = self.mean_m[: k + 1], self.covariance[: k + 1, : k + 1]

@@ -134,7 +134,7 @@ def summarise(outcomes: dict[tuple[str, str], dict[str, Array]], count: int, qui
 
     parts: dict[str, dict[str, Any]] = {noise: {} for noise in get_args(TestNoise)}
     for (noise, setting), methods in outcomes.items():
-        metrics = {name: summary(logs) for name, logs in methods.items()}
+        metrics: dict[str, dict[str, Any]] = {name: summary(logs) for name, logs in methods.items()}
         metrics["ours"] = {"method": OURS, **metrics["ours"]}
         steps = {
             name: {"percentiles": fans(logs), "correct_rate": correct_rates(logs)} for name, logs in methods.items()

@@ -97,7 +97,7 @@ def summarise(outcomes: dict[str, dict[str, dict[str, Array]]], count: int, quic
     """Everything that the page shows, and that result.json holds."""
     from semantic_slam.pipeline.provenance import revision
 
-    metrics = {
+    metrics: dict[str, dict[str, dict[str, Any]]] = {
         source: {
             noise: {"methods": {name: summary(logs) for name, logs in of.items()}} for noise, of in by_noise.items()
         }

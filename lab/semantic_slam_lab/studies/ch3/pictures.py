@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from semantic_slam.geometry.arrays import Array
@@ -46,7 +47,7 @@ def fan_figure(
     return file
 
 
-def draw_fan(axis: Any, percentiles: Sequence[Sequence[float]], colour: str, label: str) -> None:
+def draw_fan(axis: Axes, percentiles: Sequence[Sequence[float]], colour: str, label: str) -> None:
     """Bands between the 10th and 90th, 20th and 80th ... percentile, each darker, and the median."""
     columns = list(zip(*percentiles, strict=True))
     steps = range(len(percentiles))

@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -24,8 +25,8 @@ class Scenario:
     true_class: int
 
 
-def given_scenario(name: str) -> tuple[Scenario, dict[str, float | list[float]]]:
-    """One of ``scenarios/ch3_gp_models.json``, and its other numbers."""
+def given_scenario(name: str) -> tuple[Scenario, dict[str, Any]]:
+    """One of ``scenarios/ch3_gp_models.json``, and its other numbers and lists of numbers."""
     text = (files("semantic_slam_lab.studies") / "scenarios" / "ch3_gp_models.json").read_text(encoding="utf-8")
     row = json.loads(text)[name]
     models = tuple(ClassModel.from_json(model) for model in row.pop("models"))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Ellipse
 
@@ -72,15 +73,15 @@ def tracks_figure(file: Path, scenario: Scenario, runs: Sequence[Run]) -> Path:
     return file
 
 
-def draw_world(axis: Any, scenario: Scenario) -> None:
+def draw_world(axis: Axes, scenario: Scenario) -> None:
     """Objects with headings and numbers, in metres of map."""
     x, y, heading = scenario.objects.T
     axis.plot(x, y, "o", color=OBJECT, markersize=5)
     axis.quiver(x, y, np.cos(heading), np.sin(heading), color=OBJECT, **_quiver(1.4))
     for n, (left, top, towards) in enumerate(scenario.objects):
         behind = (-11.0 * np.cos(towards), -11.0 * np.sin(towards))
-        place = {"textcoords": "offset points", "xytext": behind, "ha": "center", "va": "center"}
-        axis.annotate(f"O{n + 1}", (left, top), fontsize=8, **place)
+        text, place = f"O{n + 1}", (left, top)
+        axis.annotate(text, place, behind, textcoords="offset points", fontsize=8, ha="center", va="center")
     axis.update_datalim(np.stack([x + 1.6 * np.cos(heading), y + 1.6 * np.sin(heading)], axis=-1))
     axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     _bare(axis)
@@ -171,7 +172,7 @@ def _histories(kept: Mapping[str, Mapping[History, float]], truth: History) -> l
     return shown if truth in shown else [*shown[:-1], truth]
 
 
-def _components(axis: Any, moment: Moment, colour: str) -> None:
+def _components(axis: Axes, moment: Moment, colour: str) -> None:
     """One- and two-sigma ellipses of the position and the heading of every component."""
     states, weights = planar_from_pose_vector(moment.poses), np.exp(moment.log_weights)
     for state, weight, (major, minor, angle) in zip(states, weights, ellipses(moment.pose_covariances), strict=True):
@@ -184,7 +185,7 @@ def _components(axis: Any, moment: Moment, colour: str) -> None:
         _robot(axis, state, colour, alpha=strength)
 
 
-def _robot(axis: Any, state: Array, colour: str, alpha: float = 1.0) -> None:
+def _robot(axis: Axes, state: Array, colour: str, alpha: float = 1.0) -> None:
     axis.plot(state[0], state[1], ".", color=colour, alpha=alpha, markersize=5)
     axis.quiver(state[0], state[1], np.cos(state[2]), np.sin(state[2]), color=colour, alpha=alpha, **_quiver(1.8))
 
@@ -214,5 +215,5 @@ def _array(values: Sequence[float | None]) -> Array:
     return np.array([np.nan if value is None else value for value in values])
 
 
-def _bare(axis: Any) -> None:
+def _bare(axis: Axes) -> None:
     axis.spines[["top", "right"]].set_visible(False)

@@ -10,11 +10,12 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.latent.feature_views import FeatureViews, taken
-from semantic_slam.latent.grounding import ground, nearest_class
+from semantic_slam.geometry.rows import take
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
-from semantic_slam.training.latent.ascent import infer_descriptors
+from semantic_slam.training.latent.class_grounding import ground, nearest_class
+from semantic_slam.training.latent.estimation import infer_descriptors
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.simulation.goods import goods_class
 from semantic_slam_lab.studies.ch5.models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, trained
@@ -70,7 +71,7 @@ def judged(model: LatentModel, views: FeatureViews, generator: np.random.Generat
     encoded = model.encode(views.features[single])
     told = infer_descriptors(
         model,
-        taken(views.viewpoints, triples.ravel()),
+        take(views.viewpoints, triples.ravel()),
         views.features[triples.ravel()].reshape(len(triples), VIEWS, -1),
     )
     found = {
@@ -119,7 +120,7 @@ def _descriptors(
             sigmas.append(np.zeros_like(means[-1]))
             continue
         rows = generator.choice(np.flatnonzero(views.instance == views.names.index(name)), VIEWS, replace=False)
-        own = infer_descriptors(model, taken(views.viewpoints, rows), views.features[rows][None])
+        own = infer_descriptors(model, take(views.viewpoints, rows), views.features[rows][None])
         means.append(own.mean[0])
         sigmas.append(own.sigma[0])
     return np.array(means), np.array(sigmas)

@@ -1,10 +1,11 @@
 """The latent space (Figs. 5.1a, 5.4): encoded views by instance, and what the model expects to see from where."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from numpy.typing import NDArray
@@ -12,9 +13,9 @@ from sklearn.linear_model import Ridge
 from sklearn.manifold import TSNE
 from sklearn.metrics import silhouette_score
 
-from semantic_slam.geometry.arrays import Array
-from semantic_slam.latent.feature_views import FeatureViews
+from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.latent.latent_model import LatentModel
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.latent.view_crops import plain_crops
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam_lab.repetitions import keyed_generator
@@ -23,8 +24,6 @@ from semantic_slam_lab.studies.ch5.models import DEFAULT, FORMULATIONS, WORDS, c
 from semantic_slam_lab.studies.ch5.pages import framed, numbers_table
 from semantic_slam_lab.studies.ch5.views import measured, validation_views
 from semantic_slam_lab.studies.result import Claim, Figure, write_result
-
-Bytes = NDArray[np.uint8]
 
 NAME = "ch5_latent_space"
 QUICK_INSTANCES = 8
@@ -174,7 +173,7 @@ def _nearest_pictures(views: FeatureViews, pictures: Bytes, name: str) -> Bytes:
     return pictures[nearest]
 
 
-def _show(axes: Any, pictures: Bytes, label: str) -> None:
+def _show(axes: Sequence[Axes], pictures: Bytes, label: str) -> None:
     for axis, picture in zip(axes, pictures, strict=True):
         axis.imshow(picture)
         axis.set(xticks=[], yticks=[])

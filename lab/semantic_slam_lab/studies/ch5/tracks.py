@@ -162,7 +162,8 @@ class Drive:
         detection = PlanarDetection(
             np.nan, np.nan, np.eye(2), np.zeros(2), feature, np.zeros((size, size)), float(self.elevation_rad[number])
         )
-        return exact_factor(LatentObservation(model), detection, (_x(number), _O, _E))
+        factor: gtsam.NonlinearFactor = exact_factor(LatentObservation(model), detection, (_x(number), _O, _E))
+        return factor
 
     def _optimised(
         self,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semantic_slam.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.latent.turntable_split import TEST_PERIOD_DEG, VALIDATE_DEG
 from semantic_slam.training.latent.view_crops import feature_views, plain_crops, room_crops
 from semantic_slam.training.views import ObjectView

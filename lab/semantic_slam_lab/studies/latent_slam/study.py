@@ -97,7 +97,8 @@ def evaluate_room(folder: Path, number: int, max_keyframes: int | None) -> RoomR
         "poses": {name: plain for name in configurations()},
         "names": {"latent": with_instances(plain, instances), "classes": with_classes(plain, instances)},
     }
-    maps, num_keyframes = {}, 0
+    maps: dict[str, dict[str, dict[str, float | None]]] = {}
+    num_keyframes = 0
     for told, of_map in priors.items():
         maps[told] = {}
         for name, prior in of_map.items():

@@ -5,8 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
+from matplotlib.image import AxesImage
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
@@ -123,26 +126,24 @@ def gallery(file: Path, rows: Mapping[str, Sequence[NDArray[np.uint8]]], titles:
     return file
 
 
-def mark_object(axis: Any) -> None:
+def mark_object(axis: Axes) -> None:
     """The object at the origin, its front to the right."""
     axis.add_patch(_circle())
     axis.annotate("", (0.75, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->", "color": "#333"})
     axis.text(0.0, -0.45, "object,\nfront →", fontsize=7, ha="center", va="center", color="#333")
 
 
-def _draw_tracks(axis: Any, tracks: Mapping[str, Array]) -> None:
+def _draw_tracks(axis: Axes, tracks: Mapping[str, Array]) -> None:
     """(K, 2) tracks by their colour."""
     for colour, track in tracks.items():
         axis.plot(*track.T, "o-", color=colour, markersize=3, linewidth=1.2)
 
 
-def _circle() -> Any:
-    from matplotlib.patches import Circle
-
+def _circle() -> Circle:
     return Circle((0.0, 0.0), LEAST_RANGE_M, facecolor="white", edgecolor="none")
 
 
-def _map(axis: Any, values: Array, half_width_m: float, title: str, **style: Any) -> Any:
+def _map(axis: Axes, values: Array, half_width_m: float, title: str, **style: Any) -> AxesImage:
     extent = (-half_width_m, half_width_m, -half_width_m, half_width_m)
     shown = axis.imshow(values, origin="lower", extent=extent, interpolation="nearest", **style)
     mark_object(axis)
@@ -150,7 +151,7 @@ def _map(axis: Any, values: Array, half_width_m: float, title: str, **style: Any
     return shown
 
 
-def _fan(axis: Any, values: Array, colour: str, label: str) -> None:
+def _fan(axis: Axes, values: Array, colour: str, label: str) -> None:
     steps = np.arange(1, values.shape[1] + 1)
     for low in BANDS:
         lower, upper = np.percentile(values, (low, 100 - low), axis=0)

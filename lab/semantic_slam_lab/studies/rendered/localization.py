@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.classification.classifier import Scores
+from semantic_slam.classification.processes import TestNoise
 from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.pipeline.provenance import revision
@@ -105,7 +106,7 @@ def _problem(name: str, track: Array, seed: int, jobs: int) -> Problem:
 
 def _repeated(
     trained: TrainedModels,
-    noise: Any,
+    noise: TestNoise,
     problem: Problem,
     sigma_m: float,
     methods: Sequence[str],

@@ -91,7 +91,9 @@ class _Problem:
             return graph
         if begins_stretch(k):
             bias_change(k, np.zeros(len(self.bias_sigmas)), graph, values)
-        by_bias = self.drive.keyframes[k].odometry_slopes * self.bias_sigmas
+        slopes = self.drive.keyframes[k].odometry_slopes
+        assert slopes is not None  # the study works them out for all keyframes
+        by_bias = slopes * self.bias_sigmas
         graph.add(biased_factor((*keys, bias_key(k)), control, covariance, by_bias))
         return graph
 

@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from semantic_slam.configuration import to_dict
 from semantic_slam.datasets.victoria_park import Log, example_path, read_log
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
 from semantic_slam_lab.studies.result import write_result
 from semantic_slam_lab.studies.victoria_park.data import Variant, make_drive
@@ -107,7 +108,7 @@ def _reference(variant: Variant) -> Solution:
     return known_association(make_drive(_log(), variant), variant.landmark_variance_m2, _bias_sigmas())
 
 
-def _bias_sigmas() -> Any:
+def _bias_sigmas() -> Array:
     return bias_sigmas(configuration_of("ours").odometry)
 
 

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.rows import take
 from semantic_slam.viewpoint.model import Viewpoints
-
-Indices = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -16,25 +14,20 @@ class FeatureViews:
     """N views of instances by their index in ``names``."""
 
     names: tuple[str, ...]
-    instance: Indices  # (N,)
+    instance: Index  # (N,)
     viewpoints: Viewpoints
     features: Array  # (N, F)
 
     def __len__(self) -> int:
         return len(self.instance)
 
-    def chosen(self, rows: NDArray[np.bool_] | Indices) -> "FeatureViews":
+    def chosen(self, rows: Flags | Index) -> "FeatureViews":
         """The views of a mask or of indices."""
-        return FeatureViews(self.names, self.instance[rows], taken(self.viewpoints, rows), self.features[rows])
+        return take(self, rows, ("instance", "viewpoints", "features"))
 
     def with_features(self, features: Array) -> "FeatureViews":
         """The same views seen by another extractor."""
         return FeatureViews(self.names, self.instance, self.viewpoints, features)
-
-
-def taken(viewpoints: Viewpoints, rows: NDArray[np.bool_] | Indices) -> Viewpoints:
-    """The directions of a mask or of indices."""
-    return Viewpoints(viewpoints.azimuth_rad[rows], viewpoints.elevation_rad[rows], viewpoints.range_m[rows])
 
 
 def turned(viewpoints: Viewpoints, by_rad: Array | float) -> Viewpoints:

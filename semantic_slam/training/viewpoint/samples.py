@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.rows import Selection, take
 
 
 @dataclass(frozen=True)
@@ -13,6 +14,6 @@ class ClassSamples:
     features: Array  # (M, S, F) mean over the dropout passes
     feature_covariances: Array  # (M, S, F, F) over the dropout passes
 
-    def select(self, views: Array) -> "ClassSamples":
+    def select(self, views: Selection) -> "ClassSamples":
         """The views with these indices or under this mask."""
-        return ClassSamples(self.azimuth_rad[views], self.features[views], self.feature_covariances[views])
+        return take(self, views)

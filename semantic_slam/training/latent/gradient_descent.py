@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from tqdm import tqdm
 
-Indices = NDArray[np.int_]
+from semantic_slam.geometry.arrays import Index
+
 Groups = list[dict[str, Any]]
 """Parameters with their largest rate each, as torch.optim takes them: {"params": …, "lr": …}."""
 
@@ -18,8 +18,8 @@ TOLD_EVERY = 50
 
 def descend(
     groups: Groups,
-    loss_of: Callable[[Indices], torch.Tensor],
-    batches: Iterable[Indices],
+    loss_of: Callable[[Index], torch.Tensor],
+    batches: Iterable[Index],
     total: int,
     description: str,
     weight_decay: float = 0.0,
@@ -39,12 +39,12 @@ def descend(
             progress.set_postfix(loss=f"{loss.item():.4f}")
 
 
-def drawn(count: int, batch_size: int, steps: int, generator: np.random.Generator) -> Iterator[Indices]:
+def drawn(count: int, batch_size: int, steps: int, generator: np.random.Generator) -> Iterator[Index]:
     """``steps`` batches of rows below ``count``, drawn with replacement."""
     return (generator.integers(count, size=batch_size) for _ in range(steps))
 
 
-def shuffled(count: int, batch_size: int, epochs: int, generator: np.random.Generator) -> Iterator[Indices]:
+def shuffled(count: int, batch_size: int, epochs: int, generator: np.random.Generator) -> Iterator[Index]:
     """``epochs`` times all rows below ``count`` in another order; what fills no batch is left to the next time."""
     for _ in range(epochs):
         order = generator.permutation(count)

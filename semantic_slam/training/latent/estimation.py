@@ -1,14 +1,16 @@
-"""Ascent of the likelihood of Eq. 5.6 from a start: over the direction of view, or over the descriptor."""
+"""What features say of a direction of view or of a descriptor (Eq. 5.6), and how sure the model is of it."""
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
-from semantic_slam.latent.feature_views import repeated, turned
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.levenberg_marquardt import Minimum, minimise
+from semantic_slam.geometry.rows import take
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
-from semantic_slam.training.latent.climbing import Climbed, Terms, climb
+from semantic_slam.training.latent.feature_views import repeated, turned
 from semantic_slam.viewpoint.model import Viewpoints
 
 ITERATIONS = 25
@@ -28,7 +30,8 @@ def ascend_azimuth(
 ) -> AzimuthEstimate:
     """Damped Gauss-Newton over the azimuth alone for (B,) starts, (B, L) descriptors and (B, F) features.
 
-    ``sigma`` (F,) stands for the model's own, tempered one.
+    ``sigma`` (F,) stands for the model's own, tempered one. Steps are bounded, which the solver for least squares does
+    not do: an ascent should end at the peak that it started below, not at one across a flat part of the circle.
     """
     scale = model.noise.tempered if sigma is None else sigma
     azimuth = np.array(start.azimuth_rad, dtype=np.float64)
@@ -74,43 +77,55 @@ def infer_descriptors(
     count, views, _ = features.shape
     guesses = model.encode(features.reshape(count * views, -1)).mean.reshape(count, views, -1)
     starts = [*guesses.transpose(1, 0, 2), guesses.mean(axis=1), np.repeat(model.prior.mean, count, axis=0)]
-    terms = _descriptor_terms(model, viewpoints, features)
-    best: Climbed | None = None
-    for start in starts:
-        end = climb(terms, start, iterations)
-        best = end if best is None else best.or_better(end)
-    assert best is not None
-    return _estimate(best)
+    seen = _SeenObjects(model, _by_object(viewpoints, features), features)
+    return _estimate(reduce(Minimum.or_lower, (minimise(seen, start, iterations) for start in starts)))
 
 
 def ascend_descriptors(
     model: LatentModel, viewpoints: Viewpoints, features: Array, start: Array, iterations: int = ITERATIONS
 ) -> DescriptorEstimate:
-    """As ``infer_descriptors``, from one (B, L) start alone."""
-    return _estimate(climb(_descriptor_terms(model, viewpoints, features), start, iterations))
+    """Descriptors of B objects from one (B, L) start each, viewpoints and features as in ``infer_descriptors``."""
+    seen = _SeenObjects(model, _by_object(viewpoints, features), features)
+    return _estimate(minimise(seen, start, iterations))
 
 
-def _estimate(end: Climbed) -> DescriptorEstimate:
-    covariance = np.linalg.inv(end.information)
-    return DescriptorEstimate(end.state, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), covariance)
+def _estimate(end: Minimum) -> DescriptorEstimate:
+    covariance = np.asarray(np.linalg.inv(end.hessian), dtype=np.float64)
+    return DescriptorEstimate(end.y, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), covariance)
 
 
-def _descriptor_terms(model: LatentModel, viewpoints: Viewpoints, features: Array) -> Terms:
-    """Of views and prior together."""
-    count, views, size = features.shape
-    prior = model.prior
+def _by_object(viewpoints: Viewpoints, features: Array) -> Viewpoints:
+    """(B, V) of (B * V,)."""
+    by_object = features.shape[:2]
+    return Viewpoints(
+        viewpoints.azimuth_rad.reshape(by_object),
+        viewpoints.elevation_rad.reshape(by_object),
+        viewpoints.range_m.reshape(by_object),
+    )
 
-    def terms(descriptors: Array) -> tuple[Array, Array, Array]:
-        prediction = model.predict(viewpoints, np.repeat(descriptors, views, axis=0))
-        residual = ((features.reshape(-1, size) - prediction.mean) / prediction.sigma).reshape(count, -1)
+
+@dataclass(frozen=True)
+class _SeenObjects:
+    """Descriptors of B objects as least squares: V views each, and the model's prior."""
+
+    model: LatentModel
+    viewpoints: Viewpoints  # (B, V)
+    features: Array  # (B, V, F)
+
+    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
+        count, views, size = self.features.shape
+        prior, directions = self.model.prior, self.viewpoints
+        flat = Viewpoints(directions.azimuth_rad.ravel(), directions.elevation_rad.ravel(), directions.range_m.ravel())
+        prediction = self.model.predict(flat, np.repeat(y, views, axis=0))
+        residual = ((self.features.reshape(-1, size) - prediction.mean) / prediction.sigma).reshape(count, -1)
         slope = (prediction.by_descriptor / prediction.sigma[:, :, None]).reshape(count, views * size, -1)
-        offset = (prior.mean - descriptors) / prior.sigma
-        cost = 0.5 * (residual**2).sum(axis=1) + 0.5 * (offset**2).sum(axis=1)
-        gradient = np.einsum("brl,br->bl", slope, residual) + offset / prior.sigma
-        information = np.matmul(slope.transpose(0, 2, 1), slope) + np.diag(prior.sigma[0] ** -2)
-        return cost, gradient, information
+        offset = (y - prior.mean) / prior.sigma
+        energy = 0.5 * (residual**2).sum(axis=1) + 0.5 * (offset**2).sum(axis=1)
+        gradient = offset / prior.sigma - np.einsum("brl,br->bl", slope, residual)
+        return energy, gradient, np.matmul(slope.transpose(0, 2, 1), slope) + np.diag(prior.sigma[0] ** -2)
 
-    return terms
+    def select(self, selection: Index) -> "_SeenObjects":
+        return take(self, selection, ("viewpoints", "features"))
 
 
 def azimuth_in_doubt(
@@ -120,24 +135,39 @@ def azimuth_in_doubt(
 
     To first order this is the ascent under the covariance Sigma + J_e P_e J_e^T of the features.
     """
-    precision = np.linalg.inv(descriptors.covariance)
+    precision = np.asarray(np.linalg.inv(descriptors.covariance), dtype=np.float64)
+    views = _DoubtfulViews(model, start, descriptors.mean, precision, features)
+    end = minimise(views, np.column_stack([start.azimuth_rad, descriptors.mean]), ITERATIONS)
+    covariance = np.asarray(np.linalg.inv(end.hessian), dtype=np.float64)
+    return AzimuthEstimate(end.y[:, 0], covariance[:, 0, 0])
 
-    def terms(state: Array) -> tuple[Array, Array, Array]:
-        prediction = model.predict(turned(start, state[:, 0] - start.azimuth_rad), state[:, 1:])
-        residual = (features - prediction.mean) / prediction.sigma
+
+@dataclass(frozen=True)
+class _DoubtfulViews:
+    """Azimuth and descriptor of B views together as least squares, the descriptors with Gaussians of their own."""
+
+    model: LatentModel
+    viewpoints: Viewpoints  # (B,) starts
+    mean: Array  # (B, L) of the descriptors
+    precision: Array  # (B, L, L)
+    features: Array  # (B, F)
+
+    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
+        prediction = self.model.predict(turned(self.viewpoints, y[:, 0] - self.viewpoints.azimuth_rad), y[:, 1:])
+        residual = (self.features - prediction.mean) / prediction.sigma
         slope = np.concatenate([prediction.by_direction[:, :, :1], prediction.by_descriptor], axis=2)
         slope = slope / prediction.sigma[:, :, None]
-        offset = descriptors.mean - state[:, 1:]
-        pull = np.einsum("bij,bj->bi", precision, offset)
-        cost = 0.5 * (residual**2).sum(axis=1) + 0.5 * (offset * pull).sum(axis=1)
-        gradient = np.einsum("bfs,bf->bs", slope, residual)
+        offset = y[:, 1:] - self.mean
+        pull = np.einsum("bij,bj->bi", self.precision, offset)
+        energy = 0.5 * (residual**2).sum(axis=1) + 0.5 * (offset * pull).sum(axis=1)
+        gradient = -np.einsum("bfs,bf->bs", slope, residual)
         gradient[:, 1:] += pull
-        information = np.matmul(slope.transpose(0, 2, 1), slope)
-        information[:, 1:, 1:] += precision
-        return cost, gradient, information
+        hessian = np.matmul(slope.transpose(0, 2, 1), slope)
+        hessian[:, 1:, 1:] += self.precision
+        return energy, gradient, hessian
 
-    end = climb(terms, np.column_stack([start.azimuth_rad, descriptors.mean]), ITERATIONS)
-    return AzimuthEstimate(end.state[:, 0], np.linalg.inv(end.information)[:, 0, 0])
+    def select(self, selection: Index) -> "_DoubtfulViews":
+        return take(self, selection, ("viewpoints", "mean", "precision", "features"))
 
 
 def azimuth_raster(
@@ -149,8 +179,7 @@ def azimuth_raster(
     block = 64
     for start in range(0, len(features), block):
         rows = np.arange(start, min(start + block, len(features)))
-        looked = Viewpoints(viewpoints.azimuth_rad[rows], viewpoints.elevation_rad[rows], viewpoints.range_m[rows])
-        directions = turned(repeated(looked, len(offsets)), np.tile(offsets, len(rows)))
+        directions = turned(repeated(take(viewpoints, rows), len(offsets)), np.tile(offsets, len(rows)))
         mean = model.mean(directions, np.repeat(descriptors[rows], len(offsets), axis=0))
         residual = (np.repeat(features[rows], len(offsets), axis=0) - mean) / sigma
         raster[rows] = -0.5 * (residual**2).sum(axis=1).reshape(len(rows), -1)

@@ -5,14 +5,18 @@ import html
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from semantic_slam.training.viewpoint.calibration import left_out_residuals
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.training.viewpoint.fit import FittedModels
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.gaussian_process import GRID, GaussianProcessModel, even_azimuths
 from semantic_slam.viewpoint.model import Viewpoints
-from semantic_slam.viewpoint.samples import ClassSamples
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 STYLE = (
     "body{font:16px system-ui,sans-serif;margin:2rem auto;max-width:70rem;padding:0 1rem;color:#1a2330}"
@@ -21,11 +25,12 @@ STYLE = (
 )
 
 
-def write_page(path: Path, model: GaussianProcessModel, samples: Mapping[str, ClassSamples], report: Any) -> None:
+def write_page(path: Path, fitted: FittedModels, samples: Mapping[str, ClassSamples]) -> None:
     """Self-contained HTML; names are escaped."""
+    model, report = fitted.model, fitted.report
     sections = [
         f"<h2>{html.escape(name)}</h2>{_table(report[name], model.num_features)}"
-        f'<img alt="{html.escape(name)}: coverage, fit, residuals" src="{_picture(model, name, samples[name])}">'
+        f'<img alt="{html.escape(name)}: coverage, fit, residuals" src="{_picture(fitted, name, samples[name])}">'
         for name in model.class_names
     ]
     text = (
@@ -51,14 +56,14 @@ def _table(numbers: Mapping[str, Any], num_features: int) -> str:
     return f'<div class="wide"><table><tr>{head}<tr>{"".join(f"<td>{value}" for value in rows.values())}</table></div>'
 
 
-def _picture(model: GaussianProcessModel, name: str, samples: ClassSamples) -> str:
+def _picture(fitted: FittedModels, name: str, samples: ClassSamples) -> str:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 7), layout="constrained")
     grid = figure.add_gridspec(2, 3)
     _coverage(figure.add_subplot(grid[0, 0], projection="polar"), samples.azimuth_rad)
-    _fit(figure.add_subplot(grid[0, 1:]), model, name, samples)
-    standardised = left_out_residuals(samples, model.feature_names).standardised
+    _fit(figure.add_subplot(grid[0, 1:]), fitted.model, name, samples)
+    standardised = fitted.left_out[name].standardised
     _residuals(figure.add_subplot(grid[1, 1:]), samples, standardised)
     _calibration(figure.add_subplot(grid[1, 0]), standardised)
     buffer = io.BytesIO()
@@ -66,14 +71,14 @@ def _picture(model: GaussianProcessModel, name: str, samples: ClassSamples) -> s
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-def _coverage(axes: Any, azimuth_rad: np.ndarray) -> None:
+def _coverage(axes: "Axes", azimuth_rad: Array) -> None:
     axes.plot(azimuth_rad, np.ones(len(azimuth_rad)), "o", markersize=3, color="#0072b2")
     axes.set_yticks([])
     axes.set_ylim(0.0, 1.15)
     axes.set_title("directions with views")
 
 
-def _fit(axes: Any, model: GaussianProcessModel, name: str, samples: ClassSamples) -> None:
+def _fit(axes: "Axes", model: GaussianProcessModel, name: str, samples: ClassSamples) -> None:
     azimuth = even_azimuths(GRID)
     viewpoints = Viewpoints(azimuth, np.zeros(GRID), np.ones(GRID))
     prediction = model.predict(np.full(GRID, model.class_names.index(name)), viewpoints)
@@ -88,7 +93,7 @@ def _fit(axes: Any, model: GaussianProcessModel, name: str, samples: ClassSample
     axes.legend(fontsize="small", ncols=3)
 
 
-def _residuals(axes: Any, samples: ClassSamples, standardised: np.ndarray) -> None:
+def _residuals(axes: "Axes", samples: ClassSamples, standardised: Array) -> None:
     order = np.argsort(np.arange(len(samples.azimuth_rad)) % 3, kind="stable")
     repeats = samples.features.shape[1]
     azimuth = np.repeat(np.rad2deg(samples.azimuth_rad[order] % (2.0 * np.pi)), repeats)
@@ -97,7 +102,7 @@ def _residuals(axes: Any, samples: ClassSamples, standardised: np.ndarray) -> No
     axes.set(title="views left out", xlabel="azimuth [deg]", ylabel="residual [sigma]", xlim=(0, 360), ylim=(-6, 6))
 
 
-def _calibration(axes: Any, standardised: np.ndarray) -> None:
+def _calibration(axes: "Axes", standardised: Array) -> None:
     from scipy.stats import norm
 
     nominal = np.linspace(0.02, 0.98, 49)

@@ -11,10 +11,11 @@ from semantic_slam.configuration import Configuration, PerceptionConfiguration, 
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.record import GroundTruth, Record
 from semantic_slam.evaluation.trajectory import interpolate
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.viewpoint.samples import ClassSamples
+from semantic_slam.training.viewpoint.samples import ClassSamples
 
 LEAST_VIEWS = 8
 """Views of a class from which on a model is fitted to it."""
@@ -78,7 +79,7 @@ def _complete(truth: GroundTruth | None, origin: str) -> GroundTruth:
     return truth
 
 
-def _azimuth(body: np.ndarray, target: np.ndarray, sensor: np.ndarray) -> float:
+def _azimuth(body: Array, target: Array, sensor: Array) -> float:
     """Of the camera in the object's frame; poses (7,) in map, ``sensor`` (3,) in the body frame."""
     camera = body[:3] + Rotation.from_quat(body[3:]).apply(sensor)
     direction = Rotation.from_quat(target[3:]).inv().apply(camera - target[:3])

@@ -1,0 +1,36 @@
+"""The classifier that a configuration describes: its network, feature, class models and geometry put together."""
+
+from functools import partial
+
+from semantic_slam.configuration import Configuration, SemanticModelConfiguration
+from semantic_slam.latent.load import load_extractor
+from semantic_slam.perception.classifier import Classifier
+from semantic_slam.perception.collaborators import CoverageCheck
+from semantic_slam.perception.range_bearing import range_and_bearing
+from semantic_slam.perception.weights import load_network
+from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
+from semantic_slam.viewpoint.load import load_model
+from semantic_slam.viewpoint.novelty import KnownViews
+
+
+def build_classifier(configuration: Configuration) -> Classifier:
+    """Load the network and the class models. Raises InputError when their files are missing or wrong."""
+    settings, semantic_model = configuration.perception, configuration.semantic_model
+    network, extractor = load_network(settings), load_extractor(semantic_model)
+    num_features = len(network.components) if extractor is None else extractor.num_features
+    return Classifier(
+        network,
+        settings,
+        seed=configuration.seed,
+        range_bearing_sensor=partial(range_and_bearing, configuration=settings),
+        extractor=extractor,
+        coverage=_coverage(semantic_model, num_features),
+    )
+
+
+def _coverage(settings: SemanticModelConfiguration, num_features: int) -> CoverageCheck | None:
+    """None where the class models were not fitted, or explain another feature than the classifier measures."""
+    model = load_model(settings)
+    if not isinstance(model, GaussianProcessModel) or model.num_features != num_features:
+        return None
+    return KnownViews(model)
