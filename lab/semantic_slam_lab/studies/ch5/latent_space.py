@@ -10,7 +10,7 @@ from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from numpy.typing import NDArray
 from sklearn.linear_model import Ridge
 from sklearn.metrics import silhouette_score
-from sklearn.space import TSNE
+from sklearn.manifold import TSNE
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.feature_views import FeatureViews
