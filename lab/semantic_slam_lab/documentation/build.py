@@ -11,7 +11,7 @@ from semantic_slam_lab.documentation.kept_results import KeptResults, keep, read
 from semantic_slam_lab.documentation.messages import messages_page
 from semantic_slam_lab.documentation.parameters import parameters_page
 from semantic_slam_lab.documentation.results import results_page
-from semantic_slam_lab.documentation.studies import ROOMS, VICTORIA_PARK
+from semantic_slam_lab.documentation.rooms import ROOMS, VICTORIA_PARK
 
 GENERATED = "<!-- Written by `make docs`; edits here are lost. -->\n\n"
 FILLED = ("README.md", "docs/*.md")
@@ -46,6 +46,7 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--root", type=Path, default=Path(), help="the checkout (default: here)")
     parser.add_argument("--check", action="store_true", help="write nothing; exit 2 where a page is out of date")
     parser.add_argument("--keep", type=Path, nargs="+", default=[], metavar="FILE", help="results to keep first")
+    parser.add_argument("--remark", default="", help="what a reader of the kept numbers has to know")
     return parser.parse_args(words)
 
 
@@ -56,7 +57,7 @@ def command() -> None:
     if not (root / "msg_defs").is_dir():
         raise InputError(f"{root}: no checkout of semantic_slam; name one with --root")
     for path in arguments.keep:
-        print(keep(path, root / "docs" / "results"))
+        print(keep(path, root / "docs" / "results", arguments.remark))
     found = outdated(root)
     if arguments.check and found:
         raise InputError(f"{', '.join(map(str, found))}: out of date; run make docs")

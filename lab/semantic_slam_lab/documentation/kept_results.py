@@ -48,13 +48,17 @@ def read_kept(folder: Path) -> KeptResults:
     return KeptResults(results)
 
 
-def keep(source: Path, folder: Path, name: str = "") -> Path:
-    """Write the shortened copy of a result.json, bench.json or report.json; returns its path. Raises InputError."""
+def keep(source: Path, folder: Path, remark: str = "") -> Path:
+    """Write the shortened copy of a result.json or bench.json; returns its path. Raises InputError.
+
+    ``remark`` is what a reader of the numbers has to know, such as what else the machine did.
+    """
     try:
         result = json.loads(source.read_text(encoding="utf-8"))
     except (OSError, json.JSONDecodeError) as fault:
         raise InputError(f"{source}: no readable result ({fault}); name a result.json") from None
-    path = folder / f"{name or result.get('study') or source.stem}.json"
+    path = folder / f"{result.get('study') or source.stem}.json"
+    result |= {"remark": remark} if remark else {}
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(shortened(result), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
@@ -63,12 +67,14 @@ def keep(source: Path, folder: Path, name: str = "") -> Path:
 def shortened(value: Any) -> Any:
     """``value`` without what only figures need, its numbers rounded."""
     if isinstance(value, dict):
-        kept = {key: shortened(item) for key, item in value.items() if key not in LEFT_OUT and not _long(item)}
+        kept = {key: shortened(item) for key, item in value.items() if not _only_for_figures(key, item)}
         return {key: item for key, item in kept.items() if item != {} and item != []}
     if isinstance(value, list):
         return [shortened(item) for item in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
-def _long(value: Any) -> bool:
-    return isinstance(value, list) and len(value) > MOST_ITEMS
+def _only_for_figures(key: str, value: Any) -> bool:
+    return isinstance(value, (dict, list)) and (
+        key in LEFT_OUT or (isinstance(value, list) and len(value) > MOST_ITEMS)
+    )

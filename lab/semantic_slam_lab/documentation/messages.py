@@ -9,8 +9,8 @@ from semantic_slam_lab.documentation.markdown import table
 INTRODUCTION = """# Messages
 
 The package `semantic_slam_msgs` (folder `msg_defs`). Arrays are flat and row-major: `D x 4` is `4 D` numbers, one row
-for each of `D` things. A field that the configured model does not fill is NaN or empty. Metres, radians, nats; poses are
-`x y z qx qy qz qw`; covariances are over `x y z rx ry rz` as in `geometry_msgs/PoseWithCovariance`.
+for each of `D` things. A field that the configured model does not fill is NaN or empty. Metres, radians, nats; poses
+are `x y z qx qy qz qw`; covariances are over `x y z rx ry rz` as in `geometry_msgs/PoseWithCovariance`.
 
 Read [HybridBelief](#hybridbelief) first.
 """

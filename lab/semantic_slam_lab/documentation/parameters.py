@@ -9,8 +9,8 @@ from semantic_slam_lab.documentation.markdown import table
 
 INTRODUCTION = """# Parameters
 
-Every parameter of a run. A name with a dot is a ROS parameter (`-p pruning.ratio:=100.0`) and a key of a YAML file, plain
-or in the form of a ROS 2 parameter file:
+Every parameter of a run. A name with a dot is a ROS parameter (`-p pruning.ratio:=100.0`) and a key of a YAML file,
+plain or in the form of a ROS 2 parameter file:
 
 ```yaml
 /**:

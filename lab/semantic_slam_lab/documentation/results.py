@@ -2,14 +2,15 @@
 
 from typing import Any
 
+from semantic_slam_lab.documentation import benchmarks, chapter_3, chapter_4, chapter_5, rooms
 from semantic_slam_lab.documentation.kept_results import KeptResults
 from semantic_slam_lab.documentation.markdown import table
-from semantic_slam_lab.documentation.studies import SECTIONS, Section
+from semantic_slam_lab.documentation.section import Section
 
 INTRODUCTION = """# Results
 
-Every number on this page is written by `make docs` from a file in `docs/results`, which a study or the benchmark wrote; a
-test fails where page and file differ. Claims are the thesis's, or requirements of this project, and stand here
+Every number on this page is written by `make docs` from a file in `docs/results`, which a study or the benchmark wrote;
+a test fails where page and file differ. Claims are the thesis's, or requirements of this project, and stand here
 also where they do not hold. Times depend on the machine named beside them.
 
 ```bash
@@ -18,6 +19,8 @@ make bench                          # out/bench.json
 python -m semantic_slam_lab.documentation.build --keep out/*/result.json out/bench.json
 ```
 """
+
+SECTIONS = tuple(section for part in (rooms, chapter_4, chapter_3, chapter_5, benchmarks) for section in part.SECTIONS)
 
 
 def results_page(results: KeptResults) -> str:
@@ -45,9 +48,10 @@ def _provenance(study: str, result: dict[str, Any]) -> str:
     machine = result.get("machine")
     where = f"{machine['cpu']}, {machine['cores']} cores, Python {machine['python']}" if machine else "machine unknown"
     quick = " **A quick run (`--quick`), not the whole study.**" if result.get("quick") else ""
+    remark = f" {result['remark']}" if "remark" in result else ""
     source = f"[{study}.json](results/{study}.json)"
     revision = result.get("revision", "unknown")
-    return f"`{command}`, seed {result.get('seed', 0)}, revision `{revision}`, {where}: {source}.{quick}"
+    return f"`{command}`, seed {result.get('seed', 0)}, revision `{revision}`, {where}: {source}.{quick}{remark}"
 
 
 def _claims(claims: list[dict[str, Any]]) -> str:

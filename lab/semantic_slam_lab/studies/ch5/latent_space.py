@@ -9,8 +9,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from numpy.typing import NDArray
 from sklearn.linear_model import Ridge
-from sklearn.metrics import silhouette_score
 from sklearn.manifold import TSNE
+from sklearn.metrics import silhouette_score
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.feature_views import FeatureViews
