@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from semantic_slam.configuration import Configuration, to_dict
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = {
@@ -25,6 +27,8 @@ YOURS = {"config/mine.yaml", "bags/mine", "bags/mine/objects.json", "bags/mine.m
 """Files that the reader is told to make."""
 OUTSIDE = {"python", "python3", "pip", "make", "source", "ros2", "colcon", "rviz2", "git", "mkdocs", "cd", "pre-commit"}
 """Commands that are not ours."""
+RENAMED = {"semantic_model.likelihood_tempering", "open_world.iterate_updates"}
+"""New names of parameters, accepted beside the old ones."""
 each_page = pytest.mark.parametrize("name", PAGES)
 
 
@@ -107,3 +111,11 @@ def test_commands_it_names_are_installed(name: str) -> None:
 def test_make_targets_it_names_exist(name: str) -> None:
     targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     assert set(re.findall(r"`make ([a-z]+)\b", PAGES[name])) <= targets
+
+
+@each_page
+def test_parameters_it_names_exist(name: str) -> None:
+    groups = {key: values for key, values in to_dict(Configuration()).items() if isinstance(values, dict)}
+    known = {f"{group}.{key}" for group, values in groups.items() for key in values} | RENAMED
+    named = set(re.findall(rf"`((?:{'|'.join(groups)})\.\w+)(?:[:`])", PAGES[name]))
+    assert named <= known

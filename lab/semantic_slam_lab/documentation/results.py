@@ -1,5 +1,6 @@
 """docs/results.md, from the kept results."""
 
+import re
 from typing import Any
 
 from semantic_slam_lab.documentation import benchmarks, chapter_3, chapter_4, chapter_5, rooms
@@ -28,7 +29,23 @@ def results_page(results: KeptResults) -> str:
     kept = [section for section in SECTIONS if results.has(section.study)]
     missing = [section.study for section in SECTIONS if not results.has(section.study)]
     note = f"\nNot run for this version: {', '.join(f'`{name}`' for name in missing)}.\n" if missing else ""
-    return "\n".join([INTRODUCTION + note, *(_section(section, results) for section in kept)])
+    return "\n".join([INTRODUCTION + note, _overview(kept, results), *(_section(section, results) for section in kept)])
+
+
+def _overview(kept: list[Section], results: KeptResults) -> str:
+    """Every study with how many of its claims hold."""
+    rows = []
+    for section in kept:
+        result = results.results[section.study]
+        claims = result.get("claims", [])
+        held = f"{sum(claim['holds'] for claim in claims)} of {len(claims)}" if claims else "–"
+        rows.append((f"[{section.title}](#{_slug(section.title)})", held, "quick" if result.get("quick") else "whole"))
+    return table(("study", "claims that hold", "run"), rows)
+
+
+def _slug(title: str) -> str:
+    """Anchor of a heading, as mkdocs and GitHub make it."""
+    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 
 def _section(section: Section, results: KeptResults) -> str:
