@@ -14,7 +14,7 @@ from semantic_slam_lab.documentation.parameters import parameters_page
 from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.errors import InputError
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 KEPT = sorted((ROOT / "docs" / "results").glob("*.json"))
 
 
