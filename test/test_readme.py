@@ -119,3 +119,13 @@ def test_parameters_it_names_exist(name: str) -> None:
     known = {f"{group}.{key}" for group, values in groups.items() for key in values} | RENAMED
     named = set(re.findall(rf"`((?:{'|'.join(groups)})\.\w+)(?:[:`])", PAGES[name]))
     assert named <= known
+
+
+def test_symbols_of_the_theory_are_in_the_files_beside_them() -> None:
+    rows = [line.strip("| ").split(" | ") for line in PAGES["docs/theory.md"].splitlines() if line.startswith("| ")]
+    found = [(re.findall(r"`(\w+)`", row[2]), re.findall(r"`([\w/.]+\.py)`", row[3])) for row in rows if len(row) == 4]
+    pairs = [(name, files) for names, files in found for name in names]
+    assert len(pairs) > 30
+    texts = {file: (ROOT / file).read_text(encoding="utf-8") for _, files in pairs for file in files}
+    missing = [name for name, files in pairs if not any(re.search(rf"\b{name}\b", texts[file]) for file in files)]
+    assert missing == []
