@@ -1,4 +1,4 @@
-# make demo | make test [PYTEST_ARGS=...] | make bench [BENCH_ARGS=--quick] | make bags | make setup; each does the set-up that is still missing.
+# make demo | make test [PYTEST_ARGS=...] | make bench [BENCH_ARGS=--quick] | make docs | make bags | make setup; each does the set-up that is still missing.
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
@@ -19,7 +19,7 @@ INSTALLED := .venv/.installed
 MESSAGES_BUILT := install/.messages-built
 BUILT := install/.built
 
-.PHONY: setup demo test bench bags clean
+.PHONY: setup demo test bench docs bags clean
 
 setup: $(BUILT)
 
@@ -52,6 +52,9 @@ test: $(BUILT)
 
 bench: $(BUILT)
 	source ./env.sh; bench --out out/bench.json --overwrite $(BENCH_ARGS)
+
+docs: $(BUILT)
+	source ./env.sh; python -m semantic_slam_lab.documentation.build; NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet
 
 bags: $(BUILT)
 	rm -rf build/scenes; source ./env.sh; make_scene --out build/scenes --seed 0 --tour-only; \

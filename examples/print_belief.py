@@ -1,4 +1,4 @@
-"""Prints the likeliest class of every object, and how ambiguous it is, at every keyframe."""
+"""Prints the likeliest class of every object at every keyframe."""
 
 import numpy as np
 import rclpy
@@ -6,11 +6,10 @@ from semantic_slam_msgs.msg import HybridBelief
 
 
 def show(belief):
-    names = belief.class_names or ["object"]
-    classes = np.reshape(belief.class_probabilities or np.ones(len(belief.object_ids)), (-1, len(names)))
-    for object_id, p in zip(belief.object_ids, classes, strict=True):
-        ambiguity = -np.sum(p * np.log(np.maximum(p, 1e-300)))  # entropy in nats: 0 is certain
-        print(f"{belief.keyframe}: object {object_id}: {names[np.argmax(p)]}, ambiguity {ambiguity:.2f}", flush=True)
+    classes = np.reshape(belief.class_probabilities, (len(belief.object_ids), -1))
+    for object_id, name, p in zip(belief.object_ids, belief.object_names, classes, strict=True):
+        likeliest = f"{belief.class_names[p.argmax()]} ({p.max():.0%})" if p.size else name
+        print(f"{belief.keyframe}: object {object_id}: {likeliest}", flush=True)
 
 
 rclpy.init()

@@ -1,5 +1,6 @@
-"""The README says what is there: its example is the one that is tested, its links and commands exist."""
+"""README and docs say what is there: code runs, commands, files, sections and numbers exist."""
 
+import os
 import re
 import subprocess
 import sys
@@ -7,16 +8,69 @@ from pathlib import Path
 
 import pytest
 
+from semantic_slam.configuration import Configuration, to_dict
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+    for path in (
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        ROOT / "CHANGELOG.md",
+        *sorted((ROOT / "docs").glob("*.md")),
+    )
+}
+MOST_LINES = 150
+FOLDERS = "semantic_slam|lab|test|config|docs|bags|launch|msg_defs|examples|requirements"
+YOURS = {"config/mine.yaml", "bags/mine", "bags/mine/objects.json", "bags/mine.mcap", "bags/mine.objects.json"}
+"""Files that the reader is told to make."""
+OUTSIDE = {"python", "python3", "pip", "make", "source", "ros2", "colcon", "rviz2", "git", "mkdocs", "cd", "pre-commit"}
+"""Commands that are not ours."""
+RENAMED = {"semantic_model.likelihood_tempering", "open_world.iterate_updates"}
+"""New names of parameters, accepted beside the old ones."""
+each_page = pytest.mark.parametrize("name", PAGES)
 
 
-@pytest.mark.parametrize("name", ["print_belief.py", "offline.py"])
-def test_examples_are_the_tested_ones(name: str) -> None:
-    assert (ROOT / "examples" / name).read_text(encoding="utf-8").strip() in README
+def blocks(text: str, language: str) -> list[str]:
+    """Fenced code of one language."""
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
 
-@pytest.mark.slow
+def slugs(text: str) -> set[str]:
+    """Anchors of a page's headings."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def commands_of(block: str) -> list[list[str]]:
+    """Words of each command of a shell block, continued lines joined, comments left out."""
+    lines = block.replace("\\\n", " ").splitlines()
+    parts = [part for line in lines for part in re.sub(r"(^|\s)#.*", "", line).split("&&")]
+    return [words for part in parts if (words := part.split())]
+
+
+def test_readme_is_of_one_screen_or_two() -> None:
+    assert len(README.splitlines()) <= MOST_LINES
+
+
+def test_its_python_runs_as_it_stands(tmp_path: Path) -> None:
+    first = next(block for block in blocks(README, "python") if "rclpy" not in block)
+    (tmp_path / "bags").symlink_to(ROOT / "bags")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    result = subprocess.run(
+        [sys.executable, "-c", first], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    told = [line for line in result.stdout.splitlines() if line.startswith("object_")]
+    assert len(told) == 8 and all(0.0 < float(line.split()[-1]) <= 1.0 for line in told)
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/ros.md"])
+def test_its_ros_is_the_example_that_runs_with_the_nodes(name: str) -> None:
+    example = (ROOT / "examples" / "print_belief.py").read_text(encoding="utf-8").partition('"""\n\n')[2]
+    assert example in blocks(PAGES[name], "python")
+
+
 def test_the_offline_example_runs(tmp_path: Path) -> None:
     command = [sys.executable, "examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
@@ -24,27 +78,54 @@ def test_the_offline_example_runs(tmp_path: Path) -> None:
     assert told[-8].startswith("object_1 {'cabinet': ")
 
 
-def test_links_lead_somewhere() -> None:
-    links = [link for link in re.findall(r"\]\(([^)#]+)\)", README) if not link.startswith("http")]
-    assert links
-    assert [link for link in links if not (ROOT / link).exists()] == []
+@each_page
+def test_links_lead_somewhere(name: str) -> None:
+    text, folder = PAGES[name], (ROOT / name).parent
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if link.startswith("http"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (folder / path).resolve() if path else ROOT / name
+        assert target.exists(), link
+        if anchor:
+            assert anchor in slugs(target.read_text(encoding="utf-8")), link
 
 
-def test_sections_it_leads_to_exist_and_nothing_is_left_to_fill_in() -> None:
-    headings = re.findall(r"^#+ (.+)$", README, re.MULTILINE)
-    slugs = {re.sub(r"[^a-z0-9 -]", "", heading.lower()).replace(" ", "-") for heading in headings}
-    assert set(re.findall(r"\]\(#([^)]+)\)", README)) <= slugs
-    assert not re.search(r"@[A-Z]+@|<!-- (\w+) -->\s*<!-- end of", README)
+@each_page
+def test_files_it_names_exist(name: str) -> None:
+    named = set(re.findall(rf"`((?:{FOLDERS})/[\w./-]+)`", PAGES[name])) - YOURS
+    assert [path for path in sorted(named) if not (ROOT / path).exists()] == []
 
 
-def test_every_command_is_installed() -> None:
+@each_page
+def test_commands_it_names_are_installed(name: str) -> None:
     installed = set(re.findall(r'"(\w+)"', (ROOT / "setup.py").read_text(encoding="utf-8")))
-    blocks = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
-    words = {line.split()[0] for block in blocks for line in block.splitlines() if line.strip()}
-    ours = {word for word in words if "_" in word and "/" not in word}
-    assert ours and ours <= installed
+    for declared in (ROOT / "pyproject.toml", ROOT / "lab" / "pyproject.toml"):
+        installed |= set(re.findall(r"^(\w+) = \"[\w.]+:\w+\"", declared.read_text(encoding="utf-8"), re.MULTILINE))
+    found = [words for block in blocks(PAGES[name], "bash") for words in commands_of(block)]
+    unknown = {words[0] for words in found} - installed - OUTSIDE
+    assert {word for word in unknown if "=" not in word and not word.startswith(("./", "."))} == set()
 
 
-def test_configurations_it_names_exist() -> None:
-    named = set(re.findall(r"config/\w+\.(?:yaml|rviz)", README)) - {"config/mine.yaml"}
-    assert named and all((ROOT / name).is_file() for name in named)
+@each_page
+def test_make_targets_it_names_exist(name: str) -> None:
+    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    assert set(re.findall(r"`make ([a-z]+)\b", PAGES[name])) <= targets
+
+
+@each_page
+def test_parameters_it_names_exist(name: str) -> None:
+    groups = {key: values for key, values in to_dict(Configuration()).items() if isinstance(values, dict)}
+    known = {f"{group}.{key}" for group, values in groups.items() for key in values} | RENAMED
+    named = set(re.findall(rf"`((?:{'|'.join(groups)})\.\w+)(?:[:`])", PAGES[name]))
+    assert named <= known
+
+
+def test_symbols_of_the_theory_are_in_the_files_beside_them() -> None:
+    rows = [line.strip("| ").split(" | ") for line in PAGES["docs/theory.md"].splitlines() if line.startswith("| ")]
+    found = [(re.findall(r"`(\w+)`", row[2]), re.findall(r"`([\w/.]+\.py)`", row[3])) for row in rows if len(row) == 4]
+    pairs = [(name, files) for names, files in found for name in names]
+    assert len(pairs) > 30
+    texts = {file: (ROOT / file).read_text(encoding="utf-8") for _, files in pairs for file in files}
+    missing = [name for name, files in pairs if not any(re.search(rf"\b{name}\b", texts[file]) for file in files)]
+    assert missing == []

@@ -1,8 +1,11 @@
-"""Where a result comes from: its input and the version of this software."""
+"""Where a result comes from: its input, the version of this software, the machine."""
 
 import json
+import os
+import platform
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import semantic_slam
 
@@ -23,3 +26,18 @@ def revision() -> str:
     except (OSError, subprocess.SubprocessError):
         return str(semantic_slam.__version__)
     return f"{semantic_slam.__version__}+{found}"
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores that this process may use, and Python: what times in a result depend on."""
+    return {"cpu": _processor(), "cores": len(os.sched_getaffinity(0)), "python": platform.python_version()}
+
+
+def _processor() -> str:
+    """The processor's name as Linux states it, elsewhere its architecture."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()

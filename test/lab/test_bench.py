@@ -34,6 +34,7 @@ def test_rows_are_written_in_the_agreed_form(tmp_path: Path) -> None:
     write(tmp_path / "deep" / "bench.json", [Row("a", 1.0, float("nan"), "ms", 2.0, 3, "so")], quick=True, seed=0)
     found = json.loads((tmp_path / "deep" / "bench.json").read_text(encoding="utf-8"))
     assert found["schema_version"] == 1 and found["quick"] is True and "semantic_model" in found["config"]
+    assert found["revision"] and set(found["machine"]) == {"cpu", "cores", "python"}
     row = {"name": "a", "ours": 1.0, "peer": None, "unit": "ms", "ratio": 2.0, "n": 3, "how": "so"}
     assert found["results"] == [row]
 

@@ -59,14 +59,17 @@ def measure(quick: bool, seed: int) -> list[Any]:
 
 
 def write(path: Path, rows: list[Any], quick: bool, seed: int) -> None:
-    """``bench.json``: schema_version, quick, seed, config, results."""
+    """``bench.json``: schema_version, quick, seed, revision, machine, config, results."""
     from semantic_slam.configuration import Configuration, to_dict
+    from semantic_slam.pipeline.provenance import machine, revision
     from semantic_slam.report.plain_json import to_text
 
     content = {
         "schema_version": SCHEMA_VERSION,
         "quick": quick,
         "seed": seed,
+        "revision": revision(),
+        "machine": machine(),
         "config": to_dict(Configuration()),
         "results": [dataclasses.asdict(row) for row in rows],
     }

@@ -52,8 +52,10 @@ def write_result(
     figures: Sequence[Figure] = (),
 ) -> list[Path]:
     """Write ``result`` with its claims to ``out``/result.json and a page beside it; returns both paths."""
+    from semantic_slam.pipeline.provenance import machine
+
     out.mkdir(parents=True, exist_ok=True)
-    full = {"schema_version": 1, **result, "claims": [asdict(claim) for claim in claims]}
+    full = {"schema_version": 1, **result, "machine": machine(), "claims": [asdict(claim) for claim in claims]}
     data, page = out / "result.json", out / "result.html"
     data.write_text(json.dumps(full, indent=1, allow_nan=False), encoding="utf-8")
     environment = Environment(loader=PackageLoader("semantic_slam_lab.studies"), autoescape=True)

@@ -1,0 +1,67 @@
+"""docs/parameters.md, from the dataclasses of the configuration."""
+
+import dataclasses
+import json
+from typing import Any
+
+from semantic_slam.configuration import Configuration
+from semantic_slam_lab.documentation.markdown import table
+
+INTRODUCTION = """# Parameters
+
+Every parameter of a run. A name with a dot is a ROS parameter (`-p pruning.ratio:=100.0`) and a key of a YAML file,
+plain or in the form of a ROS 2 parameter file:
+
+```yaml
+/**:
+  ros__parameters:
+    association: open
+    pruning: {ratio: 100.0}
+```
+
+`bag_to_report --config FILE`, `demo --config FILE` and the nodes' `--params-file FILE` read the same file; what is left
+out keeps its default, an unknown key is refused by name. The effective configuration is latched on
+`/hypothesis_manager/run_configuration` and saved with every result. `config/default.yaml` is a file to start from.
+Parameters of single nodes (`compressed`, `backends`, …) are on the page about [ROS](ros.md).
+"""
+
+
+def parameters_page() -> str:
+    """Markdown of all parameters: first those without a group, then a section for each group."""
+    fields = dataclasses.fields(Configuration)
+    alone = [(item, _default(item)) for item in fields if not dataclasses.is_dataclass(_default(item))]
+    groups = [(item.name, _default(item)) for item in fields if dataclasses.is_dataclass(_default(item))]
+    sections = [f"## {name}\n\n{_table(f'{name}.', _leaves(group))}" for name, group in groups]
+    return "\n".join([INTRODUCTION, _table("", alone), *sections])
+
+
+def _leaves(group: Any) -> list[tuple[Any, Any]]:
+    return [(item, _default(item)) for item in dataclasses.fields(group)]
+
+
+def _table(prefix: str, leaves: list[tuple[Any, Any]]) -> str:
+    rows = [
+        (f"`{prefix}{item.name}`", f"`{_shown(default)}`", _limits(item.metadata), item.metadata["description"])
+        for item, default in leaves
+    ]
+    return table(("parameter", "default", "limits", "meaning"), rows)
+
+
+def _default(item: Any) -> Any:
+    return item.default if item.default is not dataclasses.MISSING else item.default_factory()
+
+
+def _shown(default: Any) -> str:
+    """The default as YAML takes it."""
+    return json.dumps(list(default) if isinstance(default, tuple) else default)
+
+
+def _limits(metadata: Any) -> str:
+    if "choices" in metadata:
+        return ", ".join(f"`{choice}`" for choice in metadata["choices"])
+    if "lengths" in metadata:
+        return " or ".join(str(length) for length in metadata["lengths"]) + " numbers"
+    low, high = metadata.get("minimum"), metadata.get("maximum")
+    if high is None:
+        return "" if low is None else f"≥ {low:g}"
+    return f"{low:g} … {high:g}" if low is not None else f"≤ {high:g}"
