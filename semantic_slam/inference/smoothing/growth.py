@@ -81,8 +81,9 @@ def _stepped(
     def child(place: int, parent: Component, update: ComponentUpdate) -> Component:
         graph, values = new_factors(parent, shared[parent.noise], update)
         classed, start = classed_measurements(parent, update), linearisation_start(parent, update)
-        own, far = last.get(id(parent)) == place, bool(moved[place])
-        smoother = parent.smoother.stepped(graph, values, classed, start, in_place=own, again=far)
+        mine = parent.smoother if last.get(id(parent)) == place else parent.smoother.fork()
+        far = bool(moved[place])
+        smoother = mine.stepped(graph, values, classed, start, again=far)
         return parent.child(update, smoother, None if far else update.local, max_fresh)
 
     return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, updates, strict=True))]

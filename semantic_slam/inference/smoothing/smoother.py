@@ -1,4 +1,4 @@
-"""The iSAM2 of a component: forked when its hypothesis branches, updated, read.
+"""The iSAM2 of a component: forked when its hypothesis branches, else consumed by the only child; updated, read.
 
 Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and those
 of an object that a keyframe observes are made anew where its view has changed. Its variables are poses of dimension d
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.odometry_bias import bias_prior
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import ConsumedSmootherError, LostComponentError
 from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
     NO_FACTORS,
@@ -44,13 +44,40 @@ STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
 back-substitution stops, metres or radians."""
 
 
-@dataclass(frozen=True)
+class OwnedIsam:
+    """An iSAM2, which one smoother at a time reads and updates."""
+
+    def __init__(self, isam: gtsam.ISAM2) -> None:
+        self._isam: gtsam.ISAM2 | None = isam
+
+    @property
+    def isam(self) -> gtsam.ISAM2:
+        """The iSAM2. Raises ConsumedSmootherError where it was handed on."""
+        if self._isam is None:
+            raise ConsumedSmootherError("this smoother was consumed by its update; fork() it before, to keep it")
+        return self._isam
+
+    def fork(self) -> "OwnedIsam":
+        """A copy, of another owner."""
+        return OwnedIsam(gtsam.ISAM2(self.isam))
+
+    def hand_on(self) -> "OwnedIsam":
+        """To another owner; this one raises from now on."""
+        other, self._isam = OwnedIsam(self.isam), None
+        return other
+
+
+@dataclass(frozen=True, kw_only=True)
 class Smoother:
-    """iSAM2 and the semantic measurements in it."""
+    """iSAM2 and the semantic measurements in it.
+
+    Updates consume a smoother: it hands its iSAM2 on and raises ConsumedSmootherError whatever it is asked. Whoever
+    needs it again updates a ``fork()``.
+    """
 
     space: StateSpace
     semantics: SemanticFactorMaker
-    isam: gtsam.ISAM2
+    owned: OwnedIsam
     num_variables: int
     made: FactorTable = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
@@ -64,7 +91,22 @@ class Smoother:
         """A new one."""
         isam = _new_isam(space, semantics)
         isam.update(graph, values)
-        return cls(space, semantics, isam, values.size(), last=_last(values.keys()))
+        return cls(
+            space=space,
+            semantics=semantics,
+            owned=OwnedIsam(isam),
+            num_variables=values.size(),
+            last=_last(values.keys()),
+        )
+
+    @property
+    def isam(self) -> gtsam.ISAM2:
+        """GTSAM's own. Raises ConsumedSmootherError."""
+        return self.owned.isam
+
+    def fork(self) -> "Smoother":
+        """A copy that grows apart from this one."""
+        return replace(self, owned=self.owned.fork(), _known={})
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, d) estimates of different keys."""
@@ -75,9 +117,14 @@ class Smoother:
         ascending = self.space.states(self.isam.calculateEstimate(list(keys)))
         return ascending[_ranks(tuple(keys))]
 
-    @cached_property
+    @property
     def estimate(self) -> Estimate:
         """Of all variables, read once."""
+        _ = self.isam  # raises where it was consumed
+        return self._estimate
+
+    @cached_property
+    def _estimate(self) -> Estimate:
         return Estimate.of(self.space, self.isam.calculateEstimate(), self.num_descriptors)
 
     def descriptors(self, keys: Sequence[int]) -> Array:
@@ -98,7 +145,7 @@ class Smoother:
         In the tangent spaces at the estimate. Read once: a report and the prediction after it ask for the same.
         Raises LostComponentError.
         """
-        wanted = tuple(keys)
+        wanted, _ = tuple(keys), self.isam  # raises where it was consumed
         if wanted not in self._known:
             self._known[wanted] = self._part_of_known(wanted)
         return self._known[wanted].copy()
@@ -143,20 +190,18 @@ class Smoother:
         named: Sequence[SemanticFactor],
         start: dict[int, Array],
         *,
-        in_place: bool,
         again: bool,
     ) -> "Smoother":
-        """One update, two where ``again``, without waiting until it settles; ``in_place`` uses up this smoother.
+        """After one update, two where ``again``, without waiting until it converges; it consumes this smoother.
 
         Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
         """
-        isam = self.isam if in_place else gtsam.ISAM2(self.isam)
         try:
             places = LinearisationPoints.of(named, start)
             added = AddedFactors(named, self.semantics.make([named], [places])[0], places)
-            child = self.updated(isam, graph, values, added)
+            child = self.updated(graph, values, added)
             if again:
-                isam.update(force_relinearize=True)
+                child.isam.update(force_relinearize=True)
         except RuntimeError as fault:
             raise LostComponentError(f"an update failed ({first_line(fault)})") from None
         return child
@@ -181,33 +226,42 @@ class Smoother:
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         if num_biases:
             isam.update(*bias_prior(num_biases))
-        return replace(self, isam=isam, num_variables=self.num_variables + bool(num_biases), _known={})
+        size = self.num_variables + bool(num_biases)
+        return replace(self, owned=OwnedIsam(isam), num_variables=size, _known={})
 
     def updated(
         self,
-        isam: gtsam.ISAM2,
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
         added: AddedFactors,
         renewal: RelinearisedFactors = NONE_RELINEARISED,
     ) -> "Smoother":
-        """``isam``, a fork or this one's own, after one update with ``graph`` and semantic factors, new and renewed."""
+        """After one update with ``graph`` and semantic factors, new and renewed; it consumes this smoother."""
+        owned = self.owned.hand_on()
         together = gtsam.NonlinearFactorGraph(graph)
         for factor in (*added.factors, *renewal.factors):
             together.add(factor)
         removed = [self.made.indices[row] for row in renewal.rows]
         last = _last([*self.last, *values.keys()], added.named) if self.last and values.size() else self.last
-        indices = isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
+        indices = owned.isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
         split = len(added.factors)
         made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
         made = made.added(added.named, indices[:split], added.places)
         size = self.num_variables + values.size()
         descriptors = self.num_descriptors + sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
-        return Smoother(self.space, self.semantics, isam, size, made, descriptors, last)
+        return Smoother(
+            space=self.space,
+            semantics=self.semantics,
+            owned=owned,
+            num_variables=size,
+            made=made,
+            num_descriptors=descriptors,
+            last=last,
+        )
 
     def renewed(self, renewal: RelinearisedFactors) -> "Smoother":
-        """After an update that relinearises, in which semantic factors are replaced. It uses up this smoother."""
-        return self.updated(self.isam, gtsam.NonlinearFactorGraph(), gtsam.Values(), NONE_ADDED, renewal)
+        """After an update that relinearises, in which semantic factors are replaced; it consumes this smoother."""
+        return self.updated(gtsam.NonlinearFactorGraph(), gtsam.Values(), NONE_ADDED, renewal)
 
     def restarted(
         self, kept: gtsam.NonlinearFactorGraph, values: gtsam.Values, factors: Sequence[Any], made: FactorTable
@@ -232,7 +286,15 @@ class Smoother:
         indices = result.getNewFactorsIndices()[kept.size() :]
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         made = replace(made, indices=tuple(indices))
-        return Smoother(self.space, self.semantics, isam, values.size(), made, descriptors, last)
+        return Smoother(
+            space=self.space,
+            semantics=self.semantics,
+            owned=OwnedIsam(isam),
+            num_variables=values.size(),
+            made=made,
+            num_descriptors=descriptors,
+            last=last,
+        )
 
     def rests(self) -> bool:
         """Whether all variables are about where they were linearised.
@@ -269,19 +331,9 @@ class Smoother:
         """Estimates of the variables of some semantic measurements."""
         return self.estimate.places(self.made.keys[rows])
 
-    @property
-    def num_factors(self) -> int:
-        """Places in iSAM2's list of factors: those of removed ones stay empty, new ones come after them."""
-        return int(self.isam.getFactorsUnsafe().size())
-
-    def kept(self, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
-        """All factors but the semantic ones; those of the first ``num_factors`` where that is said."""
-        graph = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe())
-        semantic, kept = set(self.made.indices), gtsam.NonlinearFactorGraph()
-        for i in range(graph.size() if num_factors is None else num_factors):
-            if i not in semantic and graph.exists(i):
-                kept.add(graph.at(i))
-        return kept
+    def kept(self) -> gtsam.NonlinearFactorGraph:
+        """All factors but the semantic ones."""
+        return self.made.without(self.isam.getFactorsUnsafe())
 
 
 @lru_cache(maxsize=1024)

@@ -16,7 +16,7 @@ from semantic_slam.inference.models.planar_observation import PlanarObservation,
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing import batch_update
 from semantic_slam.inference.smoothing.batch_update import Extension, update_all
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import ConsumedSmootherError, LostComponentError
 from semantic_slam.inference.smoothing.growth import only_children
 from semantic_slam.inference.smoothing.semantic_factors import (
     MOVED_DESCRIPTOR,
@@ -157,7 +157,7 @@ def test_growing_leaves_the_parent_as_it_was() -> None:
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_an_only_child_may_use_up_its_parent(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_only_child_may_consume_its_parent(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where the update was in vain: what it left behind in the smoother does not count twice."""
     kept, used = root(SemanticFactorMaker(MANIFOLD, CLASSES)), root(SemanticFactorMaker(MANIFOLD, CLASSES))
     updated = Smoother.updated
@@ -173,11 +173,34 @@ def test_an_only_child_may_use_up_its_parent(fails: bool, monkeypatch: pytest.Mo
                 patch.setattr(Smoother, "updated", in_vain)
             kept = extend(kept, extension)
             used = update_all([parent], [extension], only_children([parent]))[0]
-        assert (used.isam is parent.isam) != (fails and k == 2)
+        with pytest.raises(ConsumedSmootherError, match="fork"):
+            parent.states([TARGET])
     assert num_real_factors(used) == num_real_factors(kept)
     np.testing.assert_allclose(estimate(used), estimate(kept), atol=1e-4 if fails else 1e-12)
     covariances = [one.joint_covariance([ROBOT[5], TARGET]) for one in (used, kept)]
     np.testing.assert_allclose(*covariances, rtol=1e-3 if fails else 1e-9, atol=1e-6)
+
+
+def test_a_consumed_smoother_says_so_whatever_it_is_asked() -> None:
+    parent = root(SemanticFactorMaker(MANIFOLD, CLASSES))
+    kept = parent.fork()
+    parent.joint_covariance([TARGET])  # what was read before is not answered from memory either
+    assert parent.estimate is not None
+    update_all([parent], [classed(0, 0.2)], [0])
+    asked = [
+        lambda: parent.estimate,
+        lambda: parent.states([TARGET]),
+        lambda: parent.joint_covariance([TARGET]),
+        lambda: parent.covariances([TARGET]),
+        lambda: parent.has(TARGET),
+        parent.kept,
+        parent.rests,
+        parent.fork,
+    ]
+    for ask in asked:
+        with pytest.raises(ConsumedSmootherError, match=r"fork\(\) it before"):
+            ask()
+    assert np.isfinite(estimate(kept)).all()
 
 
 def num_real_factors(smoother: Smoother) -> int:
