@@ -119,9 +119,7 @@ def _begun(
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
     made = semantics.make([one.named for one in own], places)
 
-    def begin(
-        smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors
-    ) -> _Fork:
+    def begin(smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors) -> _Fork:
         updated = smoother.updated(extension.graph, extension.values, added, renewal)
         certain = {item.descriptor_key for item in extension.named if not item.exact}
         return _Fork(extension, updated, updated.rests(), updated.exact_rows(certain))
