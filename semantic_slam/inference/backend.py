@@ -144,10 +144,10 @@ class Backend:
                 self.registry.identify(name)
 
     def _candidates(self, step: Step, found: Continuations, parents: list[int]) -> Candidates:
-        reader = self.problem.reader
-        count, detections, dimension = len(found.ids), len(step.names), self.problem.space.dimension
-        states = np.full((count, detections, dimension), np.nan)
-        covariances = np.full((count, detections, dimension, dimension), np.nan)
+        robot, landmark = self.problem.spaces.robot, self.problem.spaces.landmark
+        count, detections, size = len(found.ids), len(step.names), landmark.tangent_size
+        states = np.full((count, detections, landmark.storage_size), np.nan)
+        covariances = np.full((count, detections, size, size), np.nan)
         states[:, found.used], covariances[:, found.used] = found.objects, found.object_covariances
         weights = np.array([self.held[n].log_weight for n in parents])
         return Candidates(
@@ -161,10 +161,10 @@ class Backend:
             modes=np.array([s.mode for s in found.steps], dtype=np.uint16),
             log_weights=weights[found.parents] + found.log_psi,
             effective_sample_sizes=found.effective_sample_sizes,
-            poses=reader.poses(found.robot),
-            pose_covariances=reader.covariances(found.robot, found.robot_covariance),
-            object_poses=reader.poses(states),
-            object_covariances=reader.covariances(states, covariances),
+            poses=robot.poses(found.robot),
+            pose_covariances=robot.covariances(found.robot, found.robot_covariance),
+            object_poses=landmark.poses(states),
+            object_covariances=landmark.covariances(states, covariances),
             expanded_parent_ids=np.array(parents, dtype=np.uint64),
             log_mass_not_enumerated=weights + found.log_left_out,
         )
@@ -236,8 +236,8 @@ class Backend:
 
     def _in_map(self, found: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:
         """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances and (H, O) existence, NaN for what is absent."""
-        states, spread, existence = aligned_marginals(found, num_objects, self.problem.space.dimension)
-        poses, covariances = self.problem.reader.poses(states), self.problem.reader.covariances(states, spread)
+        states, spread, existence = aligned_marginals(found, num_objects, self.problem.spaces.storage.width)
+        poses, covariances = self.problem.spaces.in_map(states, spread)
         absent = np.isnan(states).any(axis=-1)
         poses[absent], covariances[absent] = np.nan, np.nan
         return poses, covariances, existence

@@ -29,6 +29,7 @@ from semantic_slam.inference.semantics.interface import CarriedSemantics, Semant
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.correlated import CorrelatedModel
@@ -129,7 +130,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     return Problem(
         num_biases=len(biases),
         noise_factors=configuration.odometry.noise_factors,
-        space=PlanarPoses(),
+        spaces=Spaces.same(PlanarPoses()),
         model=PlanarObservation(
             model if _in_graph(configuration) else None,
             PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),

@@ -165,7 +165,7 @@ class Expander:
         """Broad priors about where this hypothesis first sees the unknown objects."""
         if given is None or not unknown:
             return {}
-        robot = self.problem.space.compose(component.newest_robot(), step.motion.control)
+        robot = self.problem.spaces.robot.compose(component.newest_robot(), step.motion.control)
         first = {n: next(step.detections[i] for i in used if given[i] == n) for n in unknown}
         return {n: self.problem.model.object_prior(detection, robot) for n, detection in first.items()}
 
@@ -177,7 +177,7 @@ class Expander:
         prior = {entry.object_id: entry.prior.covariance for entry in self.problem.objects}
         objects = [(number, prior[number]) for number in known]
         detections = [step.detections[i] for i in used]
-        return map_gate(self.problem.space, self.problem.model, step, detections, components, objects, gate)
+        return map_gate(self.problem.spaces, self.problem.model, step, detections, components, objects, gate)
 
     def _setting(
         self,
@@ -192,7 +192,7 @@ class Expander:
         selected = [self.registry.index(n) for n in object_ids]
         exact = path is not None
         return EnumerationProblem(
-            self.problem.space,
+            self.problem.spaces,
             self.problem.model,
             [step.detections[i] for i in used],
             np.array(known, dtype=int).reshape(len(components), len(object_ids)),
@@ -252,6 +252,7 @@ class Expander:
         of_modes = [replace(steps[row], mode=number) if number else steps[row] for row, number in origins]
         ids = [_identity(parent_ids[p], step.stamp_ns, s) for p, s in zip(rows.parents, of_modes, strict=True)]
         states, covariances = stack.marginals(mode.y, mode.hessian)
+        robot, own = slice(stack.layout.robot), slice(stack.layout.landmark)
         weighed = self._semantics(moment)
         log_psi = splits.log_evidence + enumerated.log_class_prior[splits.origin] + weighed.log_weights
         best = np.full(len(parent_ids), -np.inf)
@@ -262,10 +263,10 @@ class Expander:
             steps=of_modes,
             log_psi=log_psi,
             effective_sample_sizes=np.fmin(splits.effective_sample_sizes, weighed.effective_sample_sizes),
-            robot=states[:, 0],
-            robot_covariance=covariances[:, 0],
-            objects=_of_detections(stack, states),
-            object_covariances=_of_detections(stack, covariances),
+            robot=stack.robots_of(states),
+            robot_covariance=covariances[:, 0, robot, robot],
+            objects=_of_detections(stack, states)[..., : stack.spaces.storage.landmark],
+            object_covariances=_of_detections(stack, covariances)[..., own, own],
             used=used,
             log_left_out=enumerated.log_left_out + best,
             new_objects=list(moment.new),
@@ -286,21 +287,22 @@ def predict(
     components: Sequence[Component], motion: Motion, known: Sequence[int], new: Sequence[dict[int, GaussianPrior]]
 ) -> PredictedBelief:
     """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent of one keyframe, the new objects after the known ones."""
-    space = components[0].space
+    spaces = components[0].spaces
     keys = [robot_key(components[0].keyframe), *(object_key(n) for n in known)]
     mean = np.array([component.states(keys) for component in components])
     covariance = np.array([component.joint_covariance(keys) for component in components])
-    dimension, transition = space.dimension, space.propagation(motion.control)
-    mean[:, 0] = space.compose(mean[:, 0], motion.control)
-    covariance[:, :dimension] = transition @ covariance[:, :dimension]
-    covariance[:, :, :dimension] = covariance[:, :, :dimension] @ transition.T
-    covariance[:, :dimension, :dimension] += motion.covariance
+    own, robot, transition = spaces.storage.block(0), spaces.layout.block(0), spaces.robot.propagation(motion.control)
+    mean[:, 0, own] = spaces.robot.compose(mean[:, 0, own], motion.control)
+    covariance[:, robot] = transition @ covariance[:, robot]
+    covariance[:, :, robot] = covariance[:, :, robot] @ transition.T
+    covariance[:, robot, robot] += motion.covariance
     if not any(new):
-        return PredictedBelief(mean, covariance)
+        return PredictedBelief(spaces.layout, mean, covariance)
     added = [list(priors.values()) for priors in new]
-    mean = np.concatenate([mean, [[prior.mean for prior in priors] for priors in added]], axis=1)
+    mean = spaces.storage.stacked(mean, np.array([[prior.mean for prior in priors] for priors in added]))
     pairs = zip(covariance, added, strict=True)
-    return PredictedBelief(mean, np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs]))
+    spread = np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs])
+    return PredictedBelief(spaces.layout, mean, spread)
 
 
 def _observed(step: Step, found: Continuations, at: int) -> tuple[AssociatedDetection, ...]:

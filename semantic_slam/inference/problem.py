@@ -6,7 +6,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration, PruningConfiguration, WeightsConfiguration
-from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
@@ -14,27 +13,21 @@ from semantic_slam.inference.objects import ObjectEntry
 from semantic_slam.inference.semantics.interface import CarriedSemantics, Semantics
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 class KeyframeReader(Protocol):
-    """Turns keyframes into steps and states into message poses: the only place that knows the keyframe's content."""
+    """Turns keyframes into steps: the only place that knows the keyframe's content."""
 
     def step(self, keyframe: Any) -> Step:
         """The step of a keyframe."""
-
-    def poses(self, states: Array) -> Array:
-        """(..., d) states to (..., 7) pose vectors."""
-
-    def covariances(self, states: Array, covariances: Array) -> Array:
-        """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map."""
 
 
 @dataclass(frozen=True)
 class Problem:
     """Everything a backend needs besides keyframes and commits."""
 
-    space: StateSpace
+    spaces: Spaces
     model: ObservationModel
     reader: KeyframeReader
     robot: GaussianPrior
@@ -61,4 +54,4 @@ class Problem:
     def root(self) -> Component:
         """The component before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
-        return Component.root(self.space, self.model, self.robot, priors, self.latent)
+        return Component.root(self.spaces, self.model, self.robot, priors, self.latent)

@@ -38,8 +38,8 @@ class Region:
 
     def log_share(self, chain: WindowProblem, y: Array) -> Array:
         """(B,) log responsibility of the mode, a function of the chain's earlier blocks."""
-        anchor = (1 + self.num_objects) * chain.dimension
-        motions = y[:, chain.width : chain.width + self.num_links * chain.dimension]
+        anchor = chain.layout.size(self.num_objects)
+        motions = y[:, chain.width : chain.motion_rows(self.num_links).start]
         earlier = np.concatenate([y[:, :anchor], motions], axis=1)
         return np.asarray(self.modes.log_responsibilities(earlier)[self.number])
 
@@ -78,7 +78,7 @@ class Window:
         return self.anchor.keyframe, len(self.taken), detections, len(self.object_ids())
 
     def anchored(self) -> tuple[Array, Array]:
-        """Mean (1 + O, d) and covariance of the robot at the anchor and the objects. Raises LostComponentError."""
+        """Mean (1 + O, s) and covariance of the robot at the anchor and the objects. Raises LostComponentError."""
         anchor, objects = self.anchor, self.object_ids()
         introduced = dict(self.introduced)
         known = [n for n in objects if n not in introduced]
@@ -86,13 +86,13 @@ class Window:
         mean, covariance = anchor.states(keys), anchor.joint_covariance(keys)
         if not introduced:
             return mean, covariance
-        added = [introduced[n] for n in objects if n in introduced]
-        mean = np.concatenate([mean, *(prior.mean[None] for prior in added)])
+        added, storage = [introduced[n] for n in objects if n in introduced], anchor.spaces.storage
+        mean = storage.stacked(mean, np.array([prior.mean for prior in added]).reshape(-1, storage.landmark))
         covariance = block_diag(covariance, *(prior.covariance for prior in added))
         place = {n: i for i, n in enumerate([*known, *(n for n in objects if n in introduced)])}
         order = [0, *(1 + place[n] for n in objects)]
-        blocks = (np.array(order)[:, None] * mean.shape[1] + np.arange(mean.shape[1])).ravel()
-        return mean[order], covariance[np.ix_(blocks, blocks)]
+        rows = anchor.spaces.layout.rows(order)
+        return mean[order], covariance[np.ix_(rows, rows)]
 
     def chain(self) -> WindowProblem:
         """The integral over everything since the anchor. Raises LostComponentError."""
@@ -120,4 +120,4 @@ def window_problem_of(histories: Sequence[Window]) -> WindowProblem:
         np.array(places, dtype=int),
         np.array(classes, dtype=int),
     )
-    return WindowProblem(first.anchor.space, first.anchor.model, at_anchor, links)
+    return WindowProblem(first.anchor.spaces, first.anchor.model, at_anchor, links)

@@ -292,12 +292,6 @@ def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
     return np.asarray(np.arctan2(camera[:, 1], camera[:, 0]))
 
 
-def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
-    """From where the camera of (B, 3) robots sees (B, 3) objects."""
-    distance, azimuth = polar(camera_in_object(x, o, sensor))
-    return Viewpoints(azimuth, np.zeros_like(azimuth), distance)
-
-
 def _per_detection(values: Array, count: int) -> Array:
     """(B, ...) as (B / S, S, ...)."""
     return values.reshape(len(values) // max(count, 1), count, *values.shape[1:])

@@ -11,6 +11,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.linear_evidence import EvaluatedAssignments
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.states.layout import Layout
 
 FIXED_HEADING_VARIANCE = 1e-8
 
@@ -28,13 +29,13 @@ class OpenKeyframeProblem:
     ) -> "OpenKeyframeProblem":
         """``born`` (D,) ids that the detections would start, ``parents`` (K,), ``ids`` (K, D) associations."""
         known = np.unique(np.concatenate([prediction.near_ids for prediction in predictions]))
-        predicted = _padded(predictions, known, len(born))
+        predicted = _padded(problem.spaces.storage, predictions, known, len(born))
         if problem.model.num_classes == 0:
-            predicted = _without_headings(predicted)
+            predicted = _without_headings(predicted, problem.spaces.landmark.heading)
         object_ids = np.concatenate([known, born]).astype(int)
         rows = Assignments(parents, np.searchsorted(object_ids, ids))
         stack = KeyframeProblem.of(
-            problem.space, problem.model, predicted, problem.model.collect(step.detections), rows
+            problem.spaces, problem.model, predicted, problem.model.collect(step.detections), rows
         )
         return cls(object_ids.tolist(), stack)
 
@@ -42,48 +43,56 @@ class OpenKeyframeProblem:
 def at_modes(stack: KeyframeProblem, mode: Mode) -> EvaluatedAssignments:
     """States and covariances of K candidates at their modes; objects are distinct, so that every slot is used."""
     states, covariances = stack.marginals(mode.y, mode.hessian)
-    at_mode = np.zeros(len(states))
+    r, own = slice(stack.layout.robot), slice(stack.layout.landmark)
     return EvaluatedAssignments(
-        mode.log_evidence, states[:, 0], covariances[:, 0], states[:, 1:], covariances[:, 1:], at_mode
+        mode.log_evidence,
+        stack.robots_of(states),
+        covariances[:, 0, r, r],
+        states[:, 1:, : stack.spaces.storage.landmark],
+        covariances[:, 1:, own, own],
+        np.zeros(len(states)),
     )
 
 
-def _padded(predictions: list[Prediction], known: Index, num_births: int) -> PredictedBelief:
+def _padded(storage: Layout, predictions: list[Prediction], known: Index, num_births: int) -> PredictedBelief:
     """Predicted Gaussians of all parents over the same columns; those a parent does not know are never referred to."""
-    dimension = predictions[0].predicted.mean.shape[-1]
-    columns = 1 + len(known) + num_births
-    mean = np.zeros((len(predictions), columns, dimension))
-    covariance = np.tile(np.eye(columns * dimension), (len(predictions), 1, 1))
+    layout, count = predictions[0].predicted.layout, len(known) + num_births
+    mean = np.zeros((len(predictions), 1 + count, storage.width))
+    covariance = np.tile(np.eye(layout.size(count)), (len(predictions), 1, 1))
     births = 1 + len(known) + np.arange(num_births)
     for parent, prediction in enumerate(predictions):
         own = np.concatenate([[0], 1 + np.searchsorted(known, prediction.near_ids), births]).astype(int)
-        places = (own[:, None] * dimension + np.arange(dimension)).ravel()
-        states, spread = _with_births(prediction)
+        places = layout.rows(own)
+        states, spread = _with_births(storage, prediction)
         mean[parent, own] = states
         covariance[parent, places[:, None], places] = spread
-    return PredictedBelief(mean, covariance)
+    return PredictedBelief(layout, mean, covariance)
 
 
-def _with_births(prediction: Prediction) -> tuple[Array, Array]:
-    """States (1 + M + D, d) and their covariance: robot, near objects, and the objects that D detections start."""
+def _with_births(storage: Layout, prediction: Prediction) -> tuple[Array, Array]:
+    """States (1 + M + D, s) and their covariance: robot, near objects, and the objects that D detections start."""
     predicted, births = prediction.predicted, prediction.births
-    before, dimension = predicted.covariance[0], predicted.mean.shape[-1]
+    before, layout = predicted.covariance[0], predicted.layout
     if not births:
         return predicted.mean[0], before
     gains = np.concatenate([birth.gain for birth in births])
-    cross = gains @ before[:dimension]
-    spread = np.block([[before, cross.T], [cross, gains @ before[:dimension, :dimension] @ gains.T]])
-    for number, birth in enumerate(births):
-        begin = len(before) + number * dimension
-        spread[begin : begin + dimension, begin : begin + dimension] += birth.spread
-    return np.concatenate([predicted.mean[0], np.array([birth.prior.mean for birth in births])]), spread
+    robot = layout.block(0)
+    cross = gains @ before[robot]
+    spread = np.block([[before, cross.T], [cross, gains @ before[robot, robot] @ gains.T]])
+    for place, birth in enumerate(births, start=len(predicted.mean[0])):
+        spread[layout.block(place), layout.block(place)] += birth.spread
+    return storage.stacked(predicted.mean[0], np.array([birth.prior.mean for birth in births])), spread
 
 
-def _without_headings(predicted: PredictedBelief) -> PredictedBelief:
-    """The same with objects that do not turn: no measurement depends on it, and a wide angle bends their positions."""
-    size, dimension = predicted.covariance.shape[-1], predicted.mean.shape[-1]
-    headings = np.arange(2 * dimension - 1, size, dimension)
+def _without_headings(predicted: PredictedBelief, heading: int | None) -> PredictedBelief:
+    """Objects that do not turn: no measurement depends on it, and a wide angle bends their positions.
+
+    ``heading`` is the coordinate that turns them, if any does.
+    """
+    if heading is None:
+        return predicted
+    headings = predicted.layout.starts(np.arange(1, predicted.mean.shape[1])) + heading
     covariance = predicted.covariance.copy()
     covariance[:, headings], covariance[:, :, headings] = 0.0, 0.0
     covariance[:, headings, headings] = FIXED_HEADING_VARIANCE
-    return PredictedBelief(predicted.mean, covariance)
+    return PredictedBelief(predicted.layout, predicted.mean, covariance)

@@ -12,7 +12,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.small_matrices import inverted
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ class EvaluatedAssignments:
     """K assignments of D detections; covariances in the tangent spaces at the states."""
 
     log_evidence: Array  # (K,) of the detections, those that start an object under their stand-in
-    robot: Array  # (K, d) modes
-    robot_covariance: Array  # (K, d, d)
-    objects: Array  # (K, D, d)
-    object_covariances: Array  # (K, D, d, d)
+    robot: Array  # (K, s) modes
+    robot_covariance: Array  # (K, r, r)
+    objects: Array  # (K, D, s)
+    object_covariances: Array  # (K, D, l, l)
     bend: Array  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most; inf: unknown
 
     def replaced(self, rows: Index, others: "EvaluatedAssignments") -> "EvaluatedAssignments":
@@ -45,23 +45,23 @@ class LinearisedEvidence:
     """The predicted Gaussian of one parent with its linearised detections."""
 
     def __init__(
-        self, space: StateSpace, mean: Array, covariance: Array, pairs: PairDensities, births: list[Birth], turns: Array
+        self, spaces: Spaces, mean: Array, covariance: Array, pairs: PairDensities, births: list[Birth], turns: Array
     ):
-        """``mean`` (1 + M, d) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad]."""
-        self.space, self.mean, self.covariance = space, mean, covariance
+        """``mean`` (1 + M, s) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad]."""
+        self.spaces, self.mean, self.covariance = spaces, mean, covariance
         self.pairs, self.births, self.turns = pairs, births, turns
-        self.dimension, self.known = space.dimension, len(mean) - 1
+        self.layout, self.known = spaces.layout, len(mean) - 1
 
     def evaluate(self, columns: Index) -> EvaluatedAssignments:
         """(K, D) columns: an object, or M + i when detection i starts one."""
         count, detections = columns.shape
-        size = self.dimension
+        storage, r, own = self.spaces.storage, self.layout.robot, self.layout.landmark
         result = EvaluatedAssignments(
             np.zeros(count),
-            np.empty((count, size)),
-            np.empty((count, size, size)),
-            np.empty((count, detections, size)),
-            np.empty((count, detections, size, size)),
+            np.empty((count, storage.robot)),
+            np.empty((count, r, r)),
+            np.empty((count, detections, storage.landmark)),
+            np.empty((count, detections, own, own)),
             np.zeros(count),
         )
         for row in range(count):
@@ -69,10 +69,8 @@ class LinearisedEvidence:
         return result
 
     def _row(self, columns: Index, result: EvaluatedAssignments, row: int) -> None:
-        size = self.dimension
         seen = [number for number, column in enumerate(columns.tolist()) if column < self.known]
-        blocks = np.array([0, *(1 + int(columns[number]) for number in seen)])
-        places = (blocks[:, None] * size + np.arange(size)).ravel()
+        places = self.layout.rows([0, *(1 + int(columns[number]) for number in seen)])
         prior = self.covariance[places[:, None], places]
         shift, after = np.zeros(len(places)), prior
         if seen:
@@ -85,21 +83,21 @@ class LinearisedEvidence:
             shift = -weighted @ cross
             after = prior - cross.T @ inverse @ cross
             result.log_evidence[row] = log_normaliser - 0.5 * float(residual @ weighted) - 0.5 * log_determinant
-        self._fill(result, row, columns, seen, shift.reshape(-1, size), after)
+        self._fill(result, row, columns, seen, self.layout.blocks(shift), after)
         if seen:
             result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)
 
     def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, float]:
         """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser."""
-        size = self.dimension
         parts = [self.pairs.parts[number] for number in seen]
         residual = np.concatenate([part.residual[columns[n]] for part, n in zip(parts, seen, strict=True)])
-        jacobian = np.zeros((len(residual), (1 + len(seen)) * size))
+        jacobian = np.zeros((len(residual), self.layout.size(len(seen))))
         at, log_normaliser = 0, 0.0
         for place, (part, number) in enumerate(zip(parts, seen, strict=True), start=1):
             own = part.jacobian_robot[columns[number]]
-            jacobian[at : at + len(own), :size] = own
-            jacobian[at : at + len(own), place * size : (place + 1) * size] = part.jacobian_object[columns[number]]
+            rows = slice(at, at + len(own))
+            jacobian[rows, self.layout.block(0)] = own
+            jacobian[rows, self.layout.block(place)] = part.jacobian_object[columns[number]]
             log_normaliser += float(part.log_normaliser[columns[number]])
             at += len(own)
         return residual, jacobian, log_normaliser
@@ -116,15 +114,17 @@ class LinearisedEvidence:
         self, result: EvaluatedAssignments, row: int, columns: Index, seen: list[int], shift: Array, after: Array
     ) -> None:
         """States and covariances at the mode; charts are those of the prediction, for shifts are small."""
-        size = self.dimension
+        robot, storage = self.layout.block(0), self.spaces.storage
         own = [0, *(1 + int(columns[number]) for number in seen)]
-        states = self.space.retract(self.mean[own], shift)
-        result.robot[row], result.robot_covariance[row] = states[0], after[:size, :size]
+        states = self.spaces.joint.retract(self.mean[own], shift)
+        result.robot[row], result.robot_covariance[row] = states[0, : storage.robot], after[robot, robot]
         for place, number in enumerate(seen, start=1):
-            block = slice(place * size, (place + 1) * size)
-            result.objects[row, number], result.object_covariances[row, number] = states[place], after[block, block]
+            block = self.layout.block(place)
+            result.objects[row, number] = states[place, : storage.landmark]
+            result.object_covariances[row, number] = after[block, block]
         for number in [number for number, column in enumerate(columns) if column >= self.known]:
             born = self.births[number]
-            result.objects[row, number] = self.space.retract(born.prior.mean, born.gain @ shift[0])
-            result.object_covariances[row, number] = born.gain @ after[:size, :size] @ born.gain.T + born.noise
+            moved = born.gain @ shift[0, robot]
+            result.objects[row, number] = self.spaces.landmark.retract(born.prior.mean, moved)
+            result.object_covariances[row, number] = born.gain @ after[robot, robot] @ born.gain.T + born.noise
             result.log_evidence[row] += born.log_stand_in

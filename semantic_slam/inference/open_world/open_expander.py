@@ -118,10 +118,10 @@ class OpenExpander:
         return self.registry.first_new_id(step.index) + np.arange(len(step.detections))
 
     def _candidates(self, step: Step, predictions: list[Prediction], path: LineageStep | None) -> _Candidates:
-        model = self.problem.model
+        spaces, model = self.problem.spaces, self.problem.model
         pairs = [
-            pair_densities(model, step.detections, prediction.predicted.mean[0], prediction.predicted.covariance[0])
-            for prediction in predictions
+            pair_densities(spaces, model, step.detections, own.predicted.mean[0], own.predicted.covariance[0])
+            for own in predictions
         ]
         if path is not None:
             chosen = [RankedAssignments(self._columns(step, predictions[0], path), np.zeros(1), -np.inf)]
@@ -174,7 +174,7 @@ class OpenExpander:
         for parent, (prediction, pairs) in enumerate(zip(predictions, candidates.pairs, strict=True)):
             rows = np.flatnonzero(candidates.parents == parent)
             mean, covariance = prediction.predicted.mean[0], prediction.predicted.covariance[0]
-            linear = LinearisedEvidence(self.problem.space, mean, covariance, pairs, prediction.births, turns)
+            linear = LinearisedEvidence(self.problem.spaces, mean, covariance, pairs, prediction.births, turns)
             part = linear.evaluate(candidates.columns[rows])
             likely = candidates.log_scores[rows] >= candidates.log_scores[rows].max() - UNLIKELY
             bent += rows[(part.bend > LARGEST_BEND) & likely].tolist()
@@ -259,7 +259,7 @@ class OpenExpander:
             objects = np.array([object_ids.index(n) for n in path.association], dtype=int)
             chosen = (objects, np.array(path.class_assignment, dtype=int))
         return EnumerationProblem(
-            self.problem.space,
+            self.problem.spaces,
             self.problem.model,
             step.detections,
             np.array(known, dtype=int).reshape(len(components), len(object_ids)),

@@ -44,7 +44,7 @@ def _shared(parents: Sequence[OpenComponent], motion: Motion) -> dict[int, Keyfr
     """The factors of the keyframe under each of the noises that odometry may have."""
     by_noise = {parent.noise: parent for parent in parents}
     return {
-        noise: KeyframeFactors(own.space, own.model, own.keyframe + 1, own.scaled(motion))
+        noise: KeyframeFactors(own.spaces, own.model, own.keyframe + 1, own.scaled(motion))
         for noise, own in by_noise.items()
     }
 

@@ -30,6 +30,7 @@ from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetect
 from semantic_slam.inference.smoothing.open_component import OpenComponent
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
 from semantic_slam.inference.states.object_table import ObjectTable
+from semantic_slam.inference.states.spaces import Spaces
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
@@ -95,7 +96,7 @@ class Predictor:
         """Raises LostComponentError."""
         assert isinstance(component, OpenComponent)
         motion = component.scaled(motion)
-        population, space = component.objects, component.space
+        population, space = component.objects, component.spaces.robot
         control = component.control(motion)
         robot = space.compose(population.robot, control)
         transition = space.propagation(control)
@@ -111,8 +112,8 @@ class Predictor:
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(wider, transition, motion.covariance)
-        predicted = _predicted(population, robot, near, local)
-        prediction = _prediction(population, reach, near, predicted)
+        predicted = _predicted(component.spaces, population, robot, near, local)
+        prediction = _prediction(population, robot, reach, near, predicted)
         intensity, existence = self._births(population, births, detections)
         detected = np.zeros(len(population.ids))
         detected[reach] = predicted_detection_probabilities(self.region, prediction)
@@ -180,32 +181,34 @@ def _local(component: OpenComponent, robot: Array, near: Index) -> LocalMap:
     biases = len(population.bias)
     keys = [robot_key(component.keyframe), *[bias_key(component.keyframe)][:biases], *(object_key(int(n)) for n in ids)]
     together = component.joint_covariance(keys) if len(ids) else population.motion_covariance.copy()
-    return LocalMap(ids, together, num_biases=biases)
+    return LocalMap(component.spaces.layout, ids, together, num_biases=biases)
 
 
-def _predicted(population: ObjectTable, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
+def _predicted(spaces: Spaces, population: ObjectTable, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
     """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects."""
-    mean = np.concatenate([robot[None], population.states[near]])
-    return PredictedBelief(mean[None], local.of(population.ids[near], len(robot))[None])
+    mean = spaces.storage.stacked(robot[None], population.states[near])
+    return PredictedBelief(spaces.layout, mean[None], local.of(population.ids[near])[None])
 
 
-def _prediction(population: ObjectTable, reach: Index, near: Index, predicted: PredictedBelief) -> PredictedObjects:
+def _prediction(
+    population: ObjectTable, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
+) -> PredictedObjects:
     """Objects in reach given the robot. Those whose covariance with it is not at hand count as moving along with it."""
-    dimension = predicted.mean.shape[-1]
-    robot, spread = predicted.mean[0, 0], predicted.covariance[0, :dimension, :dimension]
+    r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
+    spread = predicted.covariance[0, r, r]
     states = population.states[reach]
     gain = se2.adjoint(se2.between(states, broadcast_copy(robot, states.shape)))
-    remainder = np.zeros((len(reach), dimension, dimension))
+    remainder = np.zeros((len(reach), landmark.stop, landmark.stop))
     known = np.searchsorted(reach, near)
     inside = known < len(reach)
     inside[inside] = reach[known[inside]] == near[inside]
     if inside.any():
-        blocks = predicted.covariance[0].reshape(1 + len(near), dimension, 1 + len(near), dimension)
+        blocks = predicted.blocks[0]
         numbers = 1 + np.flatnonzero(inside)
-        cross = blocks[numbers, :, 0]  # (m, d, d) of object with robot
+        cross = blocks[numbers, landmark, 0, r]  # (m, l, r) of object with robot
         own = cross @ np.linalg.inv(spread)
         gain[known[inside]] = own
-        remainder[known[inside]] = blocks[numbers, :, numbers] - own @ np.swapaxes(cross, 1, 2)
+        remainder[known[inside]] = blocks[numbers, landmark, numbers, landmark] - own @ np.swapaxes(cross, 1, 2)
     return PredictedObjects(robot, spread, states, gain, remainder)
 
 

@@ -73,7 +73,9 @@ class DescriptorViews:
         detections = [moment.step.detections[i] for i in moment.used]
         seen = []
         for number in range(turned.shape[1]):
-            bearing = camera_bearing(states[:, 0], stack.objects_of(states, number), detections[number].sensor)
+            bearing = camera_bearing(
+                stack.robots_of(states), stack.objects_of(states, number), detections[number].sensor
+            )
             for row in np.flatnonzero(turned[:, number]):
                 object_id = moment.object_ids[stack.rows.objects[row, number]]
                 before = moment.parents[stack.rows.parents[row]].views.get(object_id)

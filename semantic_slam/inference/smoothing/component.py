@@ -20,7 +20,7 @@ from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import descriptor_key, object_key, robot_key
 from semantic_slam.inference.states.object_views import ObjectViews
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 if TYPE_CHECKING:
     from semantic_slam.inference.evidence.window import Window
@@ -54,7 +54,7 @@ class ComponentUpdate:
 class Component:
     """The smoother, the newest robot key and the classes enumerated so far; an only child may use its smoother up."""
 
-    space: StateSpace
+    spaces: Spaces
     model: ObservationModel
     smoother: Smoother
     keyframe: int  # newest, -1 before the first
@@ -68,7 +68,7 @@ class Component:
     @classmethod
     def root(
         cls,
-        space: StateSpace,
+        spaces: Spaces,
         model: ObservationModel,
         robot: GaussianPrior,
         objects: dict[int, GaussianPrior],
@@ -77,14 +77,14 @@ class Component:
         """The prior of Eq. 4.3; descriptors enter with the first view of their object."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
-            graph.add(space.prior_factor(key, prior.mean, prior.covariance))
-            space.insert(values, key, prior.mean)
-        smoother = Smoother.of(space, SemanticFactorMaker(space, model, latent), graph, values)
-        return cls(space, model, smoother, -1, object_ids=frozenset(objects))
+            graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
+            spaces.of(key).insert(values, key, prior.mean)
+        smoother = Smoother.of(spaces, SemanticFactorMaker(spaces, model, latent), graph, values)
+        return cls(spaces, model, smoother, -1, object_ids=frozenset(objects))
 
     def newest_robot(self) -> Array:
-        """(d,) estimate of the robot at the newest keyframe."""
-        return np.asarray(self.states([robot_key(self.keyframe)])[0])
+        """(s,) estimate of the robot at the newest keyframe."""
+        return np.asarray(self.states([robot_key(self.keyframe)])[0, : self.spaces.storage.robot])
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, d) estimates."""
@@ -100,7 +100,9 @@ class Component:
         for key, correction in self._corrections():
             if key in keys:
                 row = keys.index(key)
-                states[row], covariances[row] = correction.applied(self.space, states[row], covariances[row])
+                own = self.spaces.of(key)
+                at, block = (row, slice(own.storage_size)), (row, slice(own.tangent_size), slice(own.tangent_size))
+                states[at], covariances[block] = correction.applied(own, states[at], covariances[block])
         return states, covariances
 
     def _corrections(self) -> list[tuple[int, Correction]]:
@@ -140,7 +142,7 @@ class Component:
         """The component of one continuation, whose ``smoother`` has its extension."""
         assigned = {item.object_id: item.assigned_class for item in observed if item.assigned_class >= 0}
         return Component(
-            self.space,
+            self.spaces,
             self.model,
             smoother,
             self.keyframe + 1,
@@ -175,7 +177,8 @@ class Component:
                 graph.add(gtsam.PriorFactorVector(key, prior.mean[0], gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])))
                 values.insert(key, guess.mean)
         lacking = sorted({key for item in entering for key in item.keys} - start.keys() - states.keys())
-        return states | dict(zip(lacking, self.states(lacking), strict=True))
+        known = zip(lacking, self.states(lacking), strict=True)
+        return states | {key: self.spaces.own(key, state) for key, state in known}
 
     def calm(self, views: Mapping[int, ObjectViews]) -> dict[int, Array]:
         """Where descriptors and the objects that their views turn begin, if all else stays as it was."""
@@ -216,10 +219,10 @@ class Component:
         """Odometry, priors of new objects and geometry; and values of the new keys, the robot's (d,) where it is."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         graph.add(shared.odometry)
-        self.space.insert(values, robot_key(self.keyframe + 1), robot)
+        self.spaces.robot.insert(values, robot_key(self.keyframe + 1), robot)
         for number, prior in new_objects.items():
-            graph.add(self.space.prior_factor(object_key(number), prior.mean, prior.covariance))
-            self.space.insert(values, object_key(number), prior.mean)
+            graph.add(self.spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
+            self.spaces.landmark.insert(values, object_key(number), prior.mean)
         for item in observed:
             graph.add(shared.geometry(item))
         return graph, values
@@ -239,8 +242,8 @@ class Component:
         past = [key for key in continued.smoothed if self.smoother.has(key)]
         if not past:
             return False
-        modes = np.array([continued.smoothed[key] for key in past])
-        return bool(np.abs(self.space.local(self.states(past), modes)).max() > JUMP)
+        modes = [continued.smoothed[key] for key in past]
+        return self.spaces.largest_change(past, self.states(past), modes) > JUMP
 
 
 def descriptor_views(views: Mapping[int, ObjectViews]) -> list[SemanticFactor]:

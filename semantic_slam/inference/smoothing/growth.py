@@ -29,10 +29,11 @@ def grow_all(
     if not parents:
         return []
     rows = list(zip(parents, observed, continued, strict=True))
-    space = parents[0].space
+    spaces = parents[0].spaces
+    space = spaces.robot
     predicted = space.compose(np.array([parent.newest_robot() for parent in parents]), motion.control)
     moved = np.abs(space.local(predicted, np.array([what.robot for what in continued]))).max(axis=-1).tolist()
-    shared = KeyframeFactors(space, parents[0].model, parents[0].keyframe + 1, motion)
+    shared = KeyframeFactors(spaces, parents[0].model, parents[0].keyframe + 1, motion)
     extensions = [
         parent.extension(shared, seen, what, state, change)
         for (parent, seen, what), state, change in zip(rows, predicted, moved, strict=True)

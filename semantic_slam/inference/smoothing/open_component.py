@@ -63,9 +63,9 @@ class OpenComponent(Component):
         if not settle:
             smoother = smoother.with_single_steps(problem.num_biases)
         entries = sorted(problem.objects, key=lambda entry: entry.object_id)
-        dimension = problem.space.dimension
-        states = np.array([entry.prior.mean for entry in entries]).reshape(-1, dimension)
-        covariances = np.array([entry.prior.covariance for entry in entries]).reshape(-1, dimension, dimension)
+        storage, size = problem.spaces.storage, problem.spaces.layout.landmark
+        states = np.array([entry.prior.mean for entry in entries]).reshape(-1, storage.landmark)
+        covariances = np.array([entry.prior.covariance for entry in entries]).reshape(-1, size, size)
         population = ObjectTable(
             ids=np.array([entry.object_id for entry in entries], dtype=int),
             existence=np.array([entry.existence for entry in entries], dtype=np.float64),
@@ -74,12 +74,12 @@ class OpenComponent(Component):
             sigmas=position_sigmas(covariances),
             robot=problem.robot.mean,
             robot_covariance=problem.robot.covariance,
-            trail=np.zeros((0, dimension)),
+            trail=np.zeros((0, storage.robot)),
             bias=np.zeros(problem.num_biases),
             bias_covariance=_with_unit_bias(problem.robot.covariance, problem.num_biases),
         )
         return cls(
-            problem.space,
+            problem.spaces,
             problem.model,
             smoother,
             -1,
@@ -129,8 +129,8 @@ class OpenComponent(Component):
 
     def _jumped_to(self, added: OpenUpdate) -> bool:
         """Whether the robot's mode is elsewhere than odometry has it."""
-        change = np.abs(self.space.local(added.predicted, added.robot))
-        limit = JUMP if self.settle else np.maximum(JUMP, self.space.far)
+        change = np.abs(self.spaces.robot.local(added.predicted, added.robot))
+        limit = JUMP if self.settle else np.maximum(JUMP, self.spaces.robot.far)
         return bool((change > limit).any())
 
     def _extended(
@@ -155,19 +155,21 @@ class OpenComponent(Component):
         """(d,) odometry without what it always gets wrong, as far as that is known."""
         if motion.by_bias is None:
             return motion.control
-        return self.space.retract(motion.control, motion.by_bias @ self.objects.bias)
+        return self.spaces.robot.retract(motion.control, motion.by_bias @ self.objects.bias)
 
     def robot_and_objects(self) -> tuple[Array, Array]:
         """(1 + O, d) states as the population has them, the robot first, and their covariances, corrected."""
         population = self.objects
-        states = np.concatenate([population.robot[None], population.states])
-        covariances = np.concatenate([population.robot_covariance[None], population.covariances])
+        states = self.spaces.storage.stacked(population.robot[None], population.states)
+        covariances = self.spaces.layout.stacked_squares(population.robot_covariance, population.covariances)
         corrections = [self.robot_correction]
         if self.views:
             corrections += [self._correction(int(n)) for n in population.ids]
         for row, correction in enumerate(corrections):
             if correction is not None:
-                states[row], covariances[row] = correction.applied(self.space, states[row], covariances[row])
+                own = self.spaces.landmark if row else self.spaces.robot
+                at, block = (row, slice(own.storage_size)), (row, slice(own.tangent_size), slice(own.tangent_size))
+                states[at], covariances[block] = correction.applied(own, states[at], covariances[block])
         return states, covariances
 
     def _correction(self, object_id: int) -> Correction | None:
@@ -178,12 +180,12 @@ class OpenComponent(Component):
 def _population(
     smoother: Smoother, keyframe: int, parent: ObjectTable, added: OpenUpdate, max_fresh: int
 ) -> ObjectTable:
-    account, space = added.account, smoother.space
+    account, layout, storage = added.account, smoother.spaces.layout, smoother.spaces.storage
     kept, new = account.kept, len(account.new_ids)
     ids = np.concatenate([parent.ids[kept], account.new_ids])
     keys = [object_key(int(n)) for n in ids]
     states = smoother.states([*keys, robot_key(keyframe)])
-    unknown = np.zeros((new, space.dimension, space.dimension))
+    unknown = np.zeros((new, layout.landmark, layout.landmark))
     covariances = np.concatenate([parent.covariances[kept], unknown])
     sigmas = np.concatenate([parent.sigmas[kept], np.zeros(new)])
     fresh = np.arange(len(ids))
@@ -194,12 +196,12 @@ def _population(
     return ObjectTable(
         ids=ids,
         existence=np.concatenate([account.existence[kept], account.new_existence]),
-        states=states[:-1],
+        states=states[:-1, : storage.landmark],
         covariances=covariances,
         sigmas=sigmas,
-        robot=states[-1],
-        robot_covariance=together[: space.dimension, : space.dimension],
-        trail=np.concatenate([parent.trail, states[-1:]]),
+        robot=states[-1, : storage.robot],
+        robot_covariance=together[: layout.robot, : layout.robot],
+        trail=np.concatenate([parent.trail, states[-1:, : storage.robot]]),
         bias=smoother.vector(bias_key(keyframe)) if len(parent.bias) else parent.bias,
         bias_covariance=together if len(parent.bias) else None,
     )
@@ -209,9 +211,9 @@ def _joint(
     smoother: Smoother, keyframe: int, parent: ObjectTable, local: LocalMap | None, object_ids: Index
 ) -> tuple[Array, Array]:
     """(d + p, d + p) of robot and biases, and (n, d, d) of objects: from the local map where that holds them."""
-    size, biases = smoother.space.dimension, len(parent.bias)
+    size, biases = smoother.spaces.layout.robot, len(parent.bias)
     if local is not None and local.holds(object_ids):
-        return local.covariance[: size + biases, : size + biases], local.single(object_ids, size)
+        return local.covariance[: size + biases, : size + biases], local.single(object_ids)
     robot = [robot_key(keyframe), *[bias_key(keyframe)][:biases]]
     return smoother.joint_covariance(robot), smoother.covariances([object_key(n) for n in object_ids.tolist()])
 
