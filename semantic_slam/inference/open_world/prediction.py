@@ -15,7 +15,7 @@ from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
-from semantic_slam.inference.models.planar_observation import LEAST_DISTANCE_M, object_in_body
+from semantic_slam.inference.models.planar_observation import object_in_body
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.births import Birth, birth_of
 from semantic_slam.inference.open_world.detection_probability import (
@@ -30,7 +30,7 @@ from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetect
 from semantic_slam.inference.smoothing.open_component import OpenComponent
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
 from semantic_slam.inference.states.object_table import ObjectTable
-from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""

@@ -97,7 +97,7 @@ class Layout:
             return blocks.reshape(*shape[: axis - 1], shape[axis - 1] * self.width, *after)
         last = np.moveaxis(blocks, (axis - 1, axis), (-2, -1))
         landmarks = last[..., 1:, : self.landmark]
-        flat = landmarks.reshape(*landmarks.shape[:-2], -1)
+        flat = landmarks.reshape(*landmarks.shape[:-2], landmarks.shape[-2] * self.landmark)
         return np.moveaxis(np.concatenate([last[..., 0, : self.robot], flat], axis=-1), -1, axis)
 
     def square_blocks(self, matrix: Array) -> Array:
