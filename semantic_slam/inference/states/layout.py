@@ -56,7 +56,8 @@ class Layout:
         places = np.asarray(places, dtype=int)
         if self.is_even:
             return rows_of_blocks(places, self.robot)
-        return np.concatenate([np.arange(own.start, own.stop) for own in map(self.block, places.tolist())])
+        blocks = map(self.block, places.tolist())
+        return np.array([row for own in blocks for row in range(own.start, own.stop)], dtype=int)
 
     def rows_of_slots(self, places: Index) -> Index:
         """(B, r + n l) coordinates that a robot and n slots read, (B, 1 + n) places, the robot's being 0.
