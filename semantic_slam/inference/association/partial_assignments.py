@@ -78,8 +78,7 @@ class PartialAssignments:
         before = self.shorter.cross[self.origin]
         known, objects = before.shape[1], self.rows.objects[:, -1]
         gain = np.ascontiguousarray(self.root[:, known:, :known])
-        rows = layout.starts(1 + objects)[:, None] + np.arange(layout.landmark)
-        prior = self.predicted.covariance[parents[:, None], rows]
+        prior = layout.blocks(self.predicted.covariance, -2)[parents, 1 + objects][:, : layout.landmark]
         added = forward(self.root[:, known:, known:], prior - gain @ before)
         added[(self.rows.objects[:, :-1] == objects[:, None]).any(axis=1)] = 0.0
         return np.concatenate([before, added], axis=1)

@@ -49,6 +49,8 @@ class Layout:
 
     def starts(self, places: Index) -> Index:
         """The first coordinate of each state, in the shape of ``places``."""
+        if self.is_even:
+            return places * self.robot
         return np.where(places == 0, 0, self.robot + (places - 1) * self.landmark)
 
     def rows(self, places: Sequence[int] | Index) -> Index:
