@@ -46,10 +46,10 @@ class Continuations:
     steps: list[LineageStep]  # K
     log_psi: Array  # (K,) Eq. 4.18 without the parent's weight
     effective_sample_sizes: Array  # (K,)
-    robot: Array  # (K, d) mode
-    robot_covariance: Array  # (K, d, d)
-    objects: Array  # (K, n, d) modes of the objects of the used detections
-    object_covariances: Array  # (K, n, d, d)
+    robot: Array  # (K, s) mode
+    robot_covariance: Array  # (K, r, r)
+    objects: Array  # (K, n, s) modes of the objects of the used detections
+    object_covariances: Array  # (K, n, l, l)
     used: Index  # (n,) detections that take part; the others are clutter in every continuation
     log_left_out: Array  # (P,) estimate of the mass not weighed, relative to the parent's weight
     new_objects: list[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces

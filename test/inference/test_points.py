@@ -8,15 +8,20 @@ import numpy as np
 import pytest
 from worlds.points import BodyPointObservation, PointOutcome, PointWorld, body_point, drive, range_bearing, run_points
 
+from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
+from semantic_slam.inference.association.map_gate import FEW_OBJECTS
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.point_observation import PointObservation
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.problem import Problem
+from semantic_slam.inference.semantics.track_samples import StateSamples
+from semantic_slam.inference.smoothing.smoother import MOST_JOINT
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -42,7 +47,7 @@ def curved_world() -> PointWorld:
     spread = np.array([[0.06, 0.01], [0.01, 0.04]])
     places = POINTS + random.multivariate_normal(np.zeros(2), spread, len(POINTS))
     frames = []
-    for x, seen in zip(drive(truth, places, motions, random), SEEN, strict=True):
+    for x, seen in zip(drive(truth, motions, random), SEEN, strict=True):
         noisy = [body_point(x, places[n]) for n in seen]
         polar = [np.array([np.hypot(*p), np.arctan2(p[1], p[0])]) + random.normal(size=2) * [0.25, 0.12] for p in noisy]
         frames.append([range_bearing(r * np.array([np.cos(b), np.sin(b)]), noise) for r, b in polar])
@@ -149,6 +154,45 @@ def test_points_are_poses_whose_heading_nobody_measures() -> None:
         np.testing.assert_allclose(one, other, atol=5e-3)
 
 
+def test_a_large_map_of_points_is_that_of_poses() -> None:
+    """More landmarks than are looked at, or whose joint covariance is read: map gate and single marginals."""
+    random = np.random.default_rng(8)
+    grid = np.array(list(product(np.arange(1.0, 13.0, 2.0), np.arange(-5.3, 6.7, 2.0))))
+    sigma = np.diag([0.1, 0.03])
+    motions = [Motion(np.array([0.5, 0.0, 0.1]), np.diag([0.05, 0.05, 0.02]) ** 2)] * 3
+    start = GaussianPrior(np.zeros(3), np.diag([0.4, 0.4, 0.05]) ** 2)
+    frames = []
+    for x in drive(np.array([0.3, -0.3, 0.04]), motions, random):
+        seen = sorted((body_point(x, place) for place in grid), key=lambda point: float(np.hypot(*point)))
+        polar = [np.array([np.hypot(*p), np.arctan2(p[1], p[0])]) + sigma @ random.normal(size=2) for p in seen[:3]]
+        frames.append([range_bearing(r * np.array([np.cos(b), np.sin(b)]), sigma**2) for r, b in polar])
+    spread, model = 0.01 * np.eye(2), PointObservation()
+    world = PointWorld(start, grid, spread, motions, frames, model, weights=WeightsConfiguration())
+    points, poses = run_points(world), run_points(PosesForPoints(**vars(world)))
+    assert len(world.points) > MOST_JOINT and len(world.points) > FEW_OBJECTS
+    assert points.belief.object_poses.shape == (36, 7) and np.isfinite(points.belief.object_covariances).all()
+    assert max(points.weights.values()) > 0.5
+    for beta, weight in points.weights.items():
+        assert poses.weights.get(beta, 0.0) == pytest.approx(weight, abs=2e-3)
+    np.testing.assert_allclose(points.belief.object_poses[:, :2], poses.belief.object_poses[:, :2], atol=2e-3)
+    np.testing.assert_allclose(
+        points.belief.object_covariances[:, :2, :2], poses.belief.object_covariances[:, :2, :2], atol=2e-3
+    )
+
+
+def test_samples_of_all_states_have_the_smoother_s_moments() -> None:
+    """Robots and points of different sizes in one vector, in the order of their keys."""
+    component = pinned_world().problem().root()
+    samples = StateSamples.of(component, 40_000, seed=1)
+    keys = [robot_key(-1), object_key(2), object_key(0)]
+    drawn = np.concatenate([samples.deviations[:, samples.rows[key]] for key in keys], axis=1)
+    expected = component.joint_covariance(keys)
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(np.cov(drawn.T) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.03)
+    part = component.joint_covariance([object_key(0), robot_key(-1)])
+    np.testing.assert_allclose(part, expected[np.ix_([5, 6, 0, 1, 2], [5, 6, 0, 1, 2])], atol=1e-12)
+
+
 class PosesForPoints(PointWorld):
     """The same world with landmarks that have a heading, as the planar engine has them."""
 
@@ -189,7 +233,7 @@ def pinned_world(*, given: bool = False) -> PointWorld:
     truth = se2.compose(start.mean, np.array([0.3, -0.2, 0.0]))
     motions = [motion] * 2
     frames = []
-    for x, seen in zip(drive(truth, POINTS, motions, random), SEEN, strict=True):
+    for x, seen in zip(drive(truth, motions, random), SEEN, strict=True):
         frames.append([body_point(x, POINTS[n]) + random.multivariate_normal(np.zeros(2), noise) for n in seen])
     spread = np.array([[0.2, 0.05], [0.05, 0.15]])
     world = PointWorld(start, POINTS, spread, motions, frames, BodyPointObservation(noise))

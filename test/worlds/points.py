@@ -22,6 +22,15 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
 
 LOG_2PI = np.log(2.0 * np.pi)
+EXACT = WeightsConfiguration(
+    gate=np.inf,
+    max_candidates=10**9,
+    importance_samples=4096,
+    importance_gate=np.inf,
+    gaussian_share=0.9999,
+    max_history=100,
+)
+"""Nothing is left out, and nothing counts as Gaussian that is not."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +129,7 @@ class PointWorld:
     model: ObservationModel
     association: str = "enumerated"
     names: tuple[str, ...] = ()  # of the detections, where the association is given
+    weights: WeightsConfiguration = EXACT
 
     def problem(self) -> Problem:
         entries = tuple(
@@ -136,14 +146,7 @@ class PointWorld:
             seed=0,
             association=self.association,
             distinct=True,
-            weights=WeightsConfiguration(
-                gate=np.inf,
-                max_candidates=10**9,
-                importance_samples=4096,
-                importance_gate=np.inf,
-                gaussian_share=0.9999,
-                max_history=100,
-            ),
+            weights=self.weights,
             pruning=PruningConfiguration(ratio=np.inf, max_hypotheses=10**9),
         )
 
@@ -191,9 +194,7 @@ def run_points(world: PointWorld, num_backends: int = 1) -> PointOutcome:
     return PointOutcome(belief, histories, manager.log_evidence)
 
 
-def drive(
-    start: np.ndarray, points: np.ndarray, motions: Sequence[Motion], random: np.random.Generator
-) -> list[np.ndarray]:
+def drive(start: np.ndarray, motions: Sequence[Motion], random: np.random.Generator) -> list[np.ndarray]:
     """(K,) true poses along noisy motions."""
     x, found = start, []
     for motion in motions:

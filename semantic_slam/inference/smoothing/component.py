@@ -40,13 +40,13 @@ TURN_RAD = 0.3
 class ComponentUpdate:
     """What a continuation is, besides its motion and detections."""
 
-    robot: Array  # (d,) mode of the robot, where the new factors are created
-    objects: Sequence[Array]  # one (d,) for each observed object, too
+    robot: Array  # (s,) mode of the robot, where the new factors are created
+    objects: Sequence[Array]  # one (s,) for each observed object, too
     new_objects: dict[int, GaussianPrior]
     views: dict[int, ObjectViews]  # new records of those objects
     robot_correction: Correction | None
     history: "Window | None"  # since the component was last Gaussian
-    smoothed: dict[int, Array]  # GTSAM key -> (d,) mode, where the whole history was looked at
+    smoothed: dict[int, Array]  # GTSAM key -> (s,) mode, where the whole history was looked at
     corrections: dict[int, Correction]  # GTSAM key -> of the Gaussian at that mode
 
 
@@ -87,15 +87,15 @@ class Component:
         return np.asarray(self.states([robot_key(self.keyframe)])[0, : self.spaces.storage.robot])
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(n, d) estimates."""
+        """(n, s) estimates, as wide as the wider of robots and objects."""
         return self.smoother.states(keys)
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """(n d, n d) marginal covariance, in the tangent spaces at the estimate. Raises LostComponentError."""
+        """(m, m) marginal covariance, in the tangent spaces at the estimate. Raises LostComponentError."""
         return self.smoother.joint_covariance(keys)
 
     def corrected(self, keys: Sequence[int]) -> tuple[Array, Array]:
-        """(n, d) estimates and (n, d, d) covariances with what their Gaussians and their factors do not say."""
+        """(n, s) estimates and (n, w, w) covariances with what their Gaussians and their factors do not say."""
         states, covariances = self.states(keys), self.smoother.joint_blocks(keys)
         for key, correction in self._corrections():
             if key in keys:
@@ -216,7 +216,7 @@ class Component:
         robot: Array,
         new_objects: Mapping[int, GaussianPrior],
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """Odometry, priors of new objects and geometry; and values of the new keys, the robot's (d,) where it is."""
+        """Odometry, priors of new objects and geometry; and values of the new keys, the robot's (s,) where it is."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         graph.add(shared.odometry)
         self.spaces.robot.insert(values, robot_key(self.keyframe + 1), robot)

@@ -18,7 +18,7 @@ LARGEST_AGE = 25
 
 @dataclass(frozen=True)
 class LocalDetection:
-    """One detection of a known object: whitened Jacobians (m, d) at the prediction."""
+    """One detection of a known object: whitened Jacobians (m, r) and (m, l) at the prediction."""
 
     object_id: int
     by_robot: Array

@@ -29,9 +29,9 @@ class OpenUpdate:
     """What one continuation adds to its parent."""
 
     observed: Sequence[AssociatedDetection]
-    objects: Sequence[Array]  # (d,) mode of the object of each entry of ``observed``
-    robot: Array  # (d,) mode
-    predicted: Array  # (d,) of the robot, by odometry alone
+    objects: Sequence[Array]  # (s,) mode of the object of each entry of ``observed``
+    robot: Array  # (s,) mode
+    predicted: Array  # (s,) of the robot, by odometry alone
     new_objects: dict[int, GaussianPrior]
     views: dict[int, ObjectViews]
     robot_correction: Correction | None
@@ -152,13 +152,13 @@ class OpenComponent(Component):
         return Motion(motion.control, self.noise_factor * motion.covariance, motion.by_bias)
 
     def control(self, motion: Motion) -> Array:
-        """(d,) odometry without what it always gets wrong, as far as that is known."""
+        """(s,) odometry without what it always gets wrong, as far as that is known."""
         if motion.by_bias is None:
             return motion.control
         return self.spaces.robot.retract(motion.control, motion.by_bias @ self.objects.bias)
 
     def robot_and_objects(self) -> tuple[Array, Array]:
-        """(1 + O, d) states as the population has them, the robot first, and their covariances, corrected."""
+        """(1 + O, s) states as the population has them, the robot first, and their covariances, corrected."""
         population = self.objects
         states = self.spaces.storage.stacked(population.robot[None], population.states)
         covariances = self.spaces.layout.stacked_squares(population.robot_covariance, population.covariances)
@@ -210,7 +210,7 @@ def _population(
 def _joint(
     smoother: Smoother, keyframe: int, parent: ObjectTable, local: LocalMap | None, object_ids: Index
 ) -> tuple[Array, Array]:
-    """(d + p, d + p) of robot and biases, and (n, d, d) of objects: from the local map where that holds them."""
+    """(r + p, r + p) of robot and biases, and (n, l, l) of objects: from the local map where that holds them."""
     size, biases = smoother.spaces.layout.robot, len(parent.bias)
     if local is not None and local.holds(object_ids):
         return local.covariance[: size + biases, : size + biases], local.single(object_ids)

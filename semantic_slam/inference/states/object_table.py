@@ -10,22 +10,22 @@ from semantic_slam.geometry.arrays import Array, Index
 
 @dataclass(frozen=True)
 class ObjectTable:
-    """O objects, ascending by id; d dimensions of a state, T keyframes so far."""
+    """O objects, ascending by id; r and l dimensions of the tangent spaces, T keyframes so far."""
 
     ids: Index  # (O,)
     existence: Array  # (O,)
-    states: Array  # (O, d) after the newest update
-    covariances: Array  # (O, d, d) when the object was last near: later updates only narrow it
+    states: Array  # (O, s) after the newest update
+    covariances: Array  # (O, l, l) when the object was last near: later updates only narrow it
     sigmas: Array  # (O,) largest standard deviation of a position then, metres
-    robot: Array  # (d,) after the newest update
-    robot_covariance: Array  # (d, d)
-    trail: Array  # (T, d) robot at each keyframe, as estimated then
+    robot: Array  # (s,) after the newest update
+    robot_covariance: Array  # (r, r)
+    trail: Array  # (T, s) robot at each keyframe, as estimated then
     bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry, after the newest update
-    bias_covariance: Array | None = None  # (d + p, d + p) of robot and bias; None: p is 0
+    bias_covariance: Array | None = None  # (r + p, r + p) of robot and bias; None: p is 0
 
     @property
     def motion_covariance(self) -> Array:
-        """(d + p, d + p) of the newest robot and what odometry always gets wrong."""
+        """(r + p, r + p) of the newest robot and what odometry always gets wrong."""
         return self.robot_covariance if self.bias_covariance is None else self.bias_covariance
 
     def rows(self, object_ids: Index) -> Index:
