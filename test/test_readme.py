@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from worlds.installed import declared
 
 from semantic_slam.configuration import Configuration, to_dict
 
@@ -99,9 +100,7 @@ def test_files_it_names_exist(name: str) -> None:
 
 @each_page
 def test_commands_it_names_are_installed(name: str) -> None:
-    installed = set(re.findall(r'"(\w+)"', (ROOT / "setup.py").read_text(encoding="utf-8")))
-    for declared in (ROOT / "pyproject.toml", ROOT / "lab" / "pyproject.toml"):
-        installed |= set(re.findall(r"^(\w+) = \"[\w.]+:\w+\"", declared.read_text(encoding="utf-8"), re.MULTILINE))
+    installed = {line.split("=")[0].strip() for line in declared(ROOT).entry_points["console_scripts"]}
     found = [words for block in blocks(PAGES[name], "bash") for words in commands_of(block)]
     unknown = {words[0] for words in found} - installed - OUTSIDE
     assert {word for word in unknown if "=" not in word and not word.startswith(("./", "."))} == set()

@@ -61,7 +61,9 @@ def network() -> ClassifierNetwork:
 def red_and_blue() -> Frame:
     image = np.zeros((240, 320, 3), dtype=np.uint8)
     image[:, :100, 0] = image[:, 100:, 2] = 200
-    detections = Detections(5, "camera", BOXES, ("", ""), np.full(2, 0.9), ("", ""))
+    detections = Detections(
+        stamp_ns=5, frame_id="camera", boxes=BOXES, labels=("", ""), scores=np.full(2, 0.9), track_ids=("", "")
+    )
     return Frame(5, image, None, CAMERA, detections)
 
 
