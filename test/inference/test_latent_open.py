@@ -43,6 +43,7 @@ def test_objects_come_with_descriptors_and_headings(room) -> None:
     assert found >= 3
 
 
+@pytest.mark.slow
 def test_descriptors_enter_the_graph_once_the_heading_is_known(room) -> None:
     _, _, manager, pool = room
     best = max(manager.live, key=lambda n: manager.live[n].log_weight)

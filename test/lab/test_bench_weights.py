@@ -68,6 +68,7 @@ def test_the_engine_agrees_with_the_reference_where_the_sampler_does_not(aligned
         assert errors.reference.error < 5e-3
 
 
+@pytest.mark.slow
 def test_accuracy_rows_are_named_and_finite(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(weights_accuracy, "QUICK_SEEDS", 1)
     monkeypatch.setattr(weights_accuracy, "NUM_REFERENCE_SAMPLES", FEW)

@@ -82,6 +82,7 @@ def test_the_citation_names_the_same_version() -> None:
     assert found in ([], [VERSION])
 
 
+@pytest.mark.slow
 def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     used = imported(ROOT / "semantic_slam")
     modules = {name for name, files in used.items() if not all(file.startswith(TRAINING) for file in files)}
@@ -101,6 +102,7 @@ def test_only_the_nodes_import_ros() -> None:
     assert all(file.startswith("semantic_slam/ros/") for name in OF_ROS & set(used) for file in used[name])
 
 
+@pytest.mark.slow
 def test_imports_of_the_laboratory_are_declared() -> None:
     lab = declared(ROOT / "lab")
     known = names(lab.install_requires) | names(lab.extras_require["scheduler"])

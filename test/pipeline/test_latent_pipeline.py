@@ -78,6 +78,7 @@ def test_the_lost_robot_finds_itself_without_classes(report: Path) -> None:
         assert np.mean(row["descriptor_variance"] < model.prior.sigma[0] ** 2) > 0.9
 
 
+@pytest.mark.slow
 def test_its_report_shows_the_descriptors(report: Path) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
     assert "The latent space" in page and "map of the latent space" in page
