@@ -69,6 +69,7 @@ def test_a_killed_recorder_leaves_what_it_had_up_to_the_last_second(
 
 
 @pytest.mark.slow
+@pytest.mark.ros
 def test_a_report_is_made_of_the_bag_of_a_killed_recorder(killed: tuple[Path, int], tmp_path: Path) -> None:
     bag, newest = killed
     command = [sys.executable, "-m", "semantic_slam.cli.bag_to_report", str(bag), "--out", str(tmp_path / "out")]
