@@ -81,6 +81,7 @@ def test_every_command_asks_before_it_replaces(name: str, tmp_path: Path) -> Non
     assert os.listdir(tmp_path) == [mine.name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "existing"),
     [

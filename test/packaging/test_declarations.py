@@ -90,6 +90,7 @@ def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     assert distributions(modules - OF_ROS, known) == known
 
 
+@pytest.mark.slow
 def test_what_only_training_imports_is_the_extra_of_that_name() -> None:
     used = imported(ROOT / "semantic_slam")
     modules = {name for name, files in used.items() if all(file.startswith(TRAINING) for file in files)}

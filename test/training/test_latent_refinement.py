@@ -55,6 +55,7 @@ def test_parameters_refined_on_tracks_explain_the_world_better() -> None:
     assert better.space == ""
 
 
+@pytest.mark.slow
 def test_rehearsal_keeps_what_tracks_do_not_show() -> None:
     """Tracks that show one object alone, and wrongly: without rehearsal the others are spoilt too."""
     world = toy_model()

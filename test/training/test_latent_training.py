@@ -220,6 +220,7 @@ def test_maximum_posterior_fits_features_and_encoder_recovers_descriptors() -> N
     assert (nearest == views.instance).mean() > 0.6
 
 
+@pytest.mark.slow
 def test_tags_pull_instances_of_a_class_together() -> None:
     views = toy_views(toy_model(), per_instance=20)
     generator = np.random.default_rng(5)
