@@ -55,6 +55,7 @@ def test_readme_is_of_one_screen_or_two() -> None:
     assert len(README.splitlines()) <= MOST_LINES
 
 
+@pytest.mark.slow
 def test_its_python_runs_as_it_stands(tmp_path: Path) -> None:
     first = next(block for block in blocks(README, "python") if "rclpy" not in block)
     (tmp_path / "bags").symlink_to(ROOT / "bags")
@@ -72,6 +73,7 @@ def test_its_ros_is_the_example_that_runs_with_the_nodes(name: str) -> None:
     assert example in blocks(PAGES[name], "python")
 
 
+@pytest.mark.slow
 def test_the_offline_example_runs(tmp_path: Path) -> None:
     command = [sys.executable, "examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()

@@ -93,6 +93,7 @@ def test_without_them_the_feature_is_the_mean_over_the_passes_and_all_views_are_
     assert measured.in_coverage.all()
 
 
+@pytest.mark.slow
 def test_perception_needs_neither_class_models_nor_a_latent_space() -> None:
     words = [sys.executable, "-c", ALONE]
     found = subprocess.run(words, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
