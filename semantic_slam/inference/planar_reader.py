@@ -1,6 +1,7 @@
 """Keyframes of semantic measurements as steps of the planar engine."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,9 +15,11 @@ from semantic_slam.geometry.pose import (
 )
 from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.inference.score_features import score_features
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 
@@ -24,24 +27,28 @@ class PlanarReader:
     """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none.
 
     ``bias_sigmas`` (2,) or none: prior standard deviations of odometry's biases, where they are estimated.
+    ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
     """
 
-    def __init__(self, num_features: int, bias_sigmas: Sequence[float] = ()):
+    def __init__(
+        self,
+        num_features: int,
+        bias_sigmas: Sequence[float] = (),
+        feature_names: tuple[str, ...] = (),
+        noise: ConfiguredNoise | None = None,
+    ):
         self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
+        self.feature_names, self.noise = feature_names, noise or ConfiguredNoise()
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError when the measurements' features are not those of the class models."""
-        measurements = keyframe.measurements
-        if self.num_features and len(measurements) and measurements.features.shape[1] != self.num_features:
-            raise InputError(
-                f"the classifier gives {measurements.features.shape[1]} feature components but the class models were"
-                f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
-            )
+        measurements = self._with_features(keyframe.measurements)
+        covariances = self.noise.of_detections(measurements.ranges_m, measurements.geometric_covariances)
         return Step(
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
             motion=self._motion(keyframe),
-            detections=[_detection(measurements, i) for i in range(len(measurements))],
+            detections=[_detection(measurements, covariances, i) for i in range(len(measurements))],
             detection_ids=measurements.detection_ids,
             scores=measurements.scores,
             names=measurements.track_ids,
@@ -50,9 +57,24 @@ class PlanarReader:
             free_range_scan=measurements.free_range_scan,
         )
 
+    def _with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
+        """The measurements, with class scores as their features where they have none. Raises InputError."""
+        found = measurements.features.shape[1]
+        if not self.num_features or not len(measurements) or found == self.num_features:
+            return measurements
+        if found:
+            raise InputError(
+                f"the classifier gives {found} feature components but the class models were"
+                f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
+            )
+        features = score_features(measurements, self.feature_names)
+        return replace(
+            measurements, features=features, feature_covariances=np.zeros((*features.shape, self.num_features))
+        )
+
     def _motion(self, keyframe: Keyframe) -> Motion:
         control = planar_from_pose_vector(keyframe.odometry)
-        covariance = planar_from_covariance(keyframe.odometry_covariance)
+        covariance = self.noise.of_motion(control, planar_from_covariance(keyframe.odometry_covariance))
         if not len(self.bias_sigmas):
             return Motion(control, covariance)
         given = keyframe.odometry_slopes
@@ -67,11 +89,11 @@ class PlanarReader:
         return covariance_from_planar(rotate_covariance(states, covariances))
 
 
-def _detection(measurements: SemanticMeasurements, index: int) -> PlanarDetection:
+def _detection(measurements: SemanticMeasurements, covariances: Array, index: int) -> PlanarDetection:
     return PlanarDetection(
         range_m=float(measurements.ranges_m[index]),
         bearing_rad=float(measurements.bearings_rad[index]),
-        covariance=measurements.geometric_covariances[index],
+        covariance=covariances[index],
         sensor=measurements.sensor_position[:2],
         feature=measurements.features[index],
         feature_covariance=measurements.feature_covariances[index],
