@@ -1,17 +1,72 @@
-"""Object-level semantic SLAM with a hybrid belief over poses, classes and data association."""
+"""Object-level semantic SLAM with a hybrid belief over poses, classes and data association.
+
+What a Python session needs is here, and is imported when it is asked for: an :class:`Engine` of a
+:class:`Configuration` and a :class:`MapPrior` turns a :class:`Keyframe` of every :class:`Detection` into a
+:class:`HybridBelief`; :func:`run_bag` does it for a whole bag.
+"""
 
 import os
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 # Matrices here are small and many: OpenBLAS's threads cost ten times what they gain, and more beside other processes.
 # It reads this when numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+if TYPE_CHECKING:
+    from semantic_slam.configuration import Configuration, load_configuration
+    from semantic_slam.errors import InputError, SemanticSlamError
+    from semantic_slam.evaluation.belief_bag import read_record
+    from semantic_slam.inference.belief import HybridBelief
+    from semantic_slam.inference.detection import Detection
+    from semantic_slam.inference.engine import Engine
+    from semantic_slam.inference.keyframe import Keyframe
+    from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, read_map_prior
+    from semantic_slam.pipeline.offline import run_bag
+    from semantic_slam.version import __version__
+
+__all__ = [
+    "Configuration",
+    "Detection",
+    "Engine",
+    "HybridBelief",
+    "InputError",
+    "Keyframe",
+    "MapPrior",
+    "ObjectPrior",
+    "SemanticSlamError",
+    "__version__",
+    "load_configuration",
+    "read_map_prior",
+    "read_record",
+    "run_bag",
+]
+
+_ORIGIN = {
+    "Configuration": "configuration",
+    "Detection": "inference.detection",
+    "Engine": "inference.engine",
+    "HybridBelief": "inference.belief",
+    "InputError": "errors",
+    "Keyframe": "inference.keyframe",
+    "MapPrior": "inference.world.map_prior",
+    "ObjectPrior": "inference.world.map_prior",
+    "SemanticSlamError": "errors",
+    "__version__": "version",
+    "load_configuration": "configuration",
+    "read_map_prior": "inference.world.map_prior",
+    "read_record": "evaluation.belief_bag",
+    "run_bag": "pipeline.offline",
+}
+
 
 def __getattr__(name: str) -> Any:
     """Names that cost an import only where they are asked for."""
-    if name == "__version__":
-        from semantic_slam.version import __version__
+    if name not in _ORIGIN:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_ORIGIN[name]}"), name)
 
-        return __version__
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    """What a session may ask for, imported or not."""
+    return sorted({*globals(), *__all__})

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from semantic_slam.errors import InputError
-from semantic_slam.registry import ASSOCIATIONS
+from semantic_slam.registry import ASSOCIATIONS, CLASS_MODELS, OBSERVATIONS, Registry
 
 
 def parameter(default: Any, text: str, **limits: Any) -> Any:
@@ -28,7 +28,7 @@ class SemanticModelConfiguration:
     kind: str = parameter(
         "gp_independent",
         "class models of Eq. 4.2; gp_correlated: views share their errors; latent: descriptors in a learned space",
-        choices=("none", "parametric", "gp_independent", "gp_correlated", "latent"),
+        choices=CLASS_MODELS,
     )
     path: str = parameter("", "file of the viewpoint models, or of the latent space; empty: the shipped one")
     space: str = parameter("", "latent: the space that the file must hold; empty: any, a run notes which it is")
@@ -237,7 +237,12 @@ class Configuration:
     association: str = parameter(
         "enumerated",
         "data association: enumerated over a known map, given with the detections' ids, or open: objects come and go",
-        choices=ASSOCIATIONS.names,
+        choices=ASSOCIATIONS,
+    )
+    observation: str = parameter(
+        "range_bearing",
+        "what a detection measures of an object, and in which space robot and objects live",
+        choices=OBSERVATIONS,
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")
     semantic_model: SemanticModelConfiguration = field(default_factory=SemanticModelConfiguration)
@@ -250,6 +255,14 @@ class Configuration:
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)
     keyframes: KeyframeConfiguration = field(default_factory=KeyframeConfiguration)
     perception: PerceptionConfiguration = field(default_factory=PerceptionConfiguration)
+
+    @classmethod
+    def of(cls, **values: Any) -> "Configuration":
+        """Checked, from values as a YAML file has them: ``Configuration.of(semantic_model={"kind": "none"})``.
+
+        What is left out keeps its default. Raises InputError.
+        """
+        return from_dict(values)
 
 
 def to_dict(configuration: Any) -> dict[str, Any]:
@@ -308,7 +321,7 @@ def _value(item: Any, value: Any, origin: str, prefix: str) -> Any:
 def choices_of(item: Any) -> tuple[str, ...]:
     """Values that a field admits by name, some of which foreign packages may add; () where it admits any."""
     choices = item.metadata.get("choices", ())
-    return tuple(choices() if callable(choices) else choices)
+    return choices.names() if isinstance(choices, Registry) else tuple(choices)
 
 
 def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:

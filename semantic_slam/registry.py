@@ -21,9 +21,14 @@ class Registry:
     group: str  # of entry points of foreign packages
     own: tuple[tuple[str, str], ...]  # name, module:attribute
 
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """Those of this package."""
+        return tuple(dict(self.own))
+
     def names(self) -> tuple[str, ...]:
         """Every name that may be used, those of this package first."""
-        return (*dict(self.own), *(name for name in _foreign(self.group) if name not in dict(self.own)))
+        return (*self.own_names, *(name for name in _foreign(self.group) if name not in self.own_names))
 
     def load(self, name: str) -> Any:
         """The part of that name. Raises InputError when there is none, or when it cannot be imported."""
@@ -60,6 +65,26 @@ ASSOCIATIONS = Registry(
     ),
 )
 """Values of ``association``: classes as inference/association/strategy.py describes them."""
+
+CLASS_MODELS = Registry(
+    "class model",
+    "semantic_slam.class_models",
+    _table(
+        none="semantic_slam.class_models:NONE",
+        parametric="semantic_slam.viewpoint.load:PARAMETRIC",
+        gp_independent="semantic_slam.viewpoint.load:GP_INDEPENDENT",
+        gp_correlated="semantic_slam.viewpoint.load:GP_CORRELATED",
+        latent="semantic_slam.latent.load:LATENT",
+    ),
+)
+"""Values of ``semantic_model.kind``: a ClassModelKind of semantic_slam/class_models.py each."""
+
+OBSERVATIONS = Registry(
+    "observation",
+    "semantic_slam.observations",
+    _table(range_bearing="semantic_slam.inference.planar_sensing:range_bearing"),
+)
+"""Values of ``observation``: builders as inference/world/sensing.py describes them."""
 
 SEMANTICS = Registry(
     "semantics",

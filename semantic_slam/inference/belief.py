@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
+from semantic_slam.inference.belief_views import HypothesisEstimate, ObjectEstimate
 from semantic_slam.inference.object_table import OPTIONAL, QUANTITIES, ObjectTable
 
 
@@ -52,6 +53,41 @@ class HybridBelief(ObjectTable):
     noise_values: Array = field(default_factory=left_out)  # (N,)
     noise_sigmas: Array = field(default_factory=left_out)  # (N,)
     state_space: str = "planar"  # or "spatial"
+
+    @property
+    def objects(self) -> tuple[ObjectEstimate, ...]:
+        """(O,) what is known of every object, over all hypotheses."""
+        return tuple(
+            ObjectEstimate(
+                object_id=int(self.object_ids[row]),
+                name=name,
+                existence=float(self.existence[row]),
+                class_probabilities=dict(zip(self.class_names, self.class_probabilities[row].tolist(), strict=True)),
+                pose=self.object_poses[row],
+                covariance=self.object_covariances[row],
+            )
+            for row, name in enumerate(self.object_names)
+        )
+
+    @property
+    def hypotheses(self) -> tuple[HypothesisEstimate, ...]:
+        """(H,) heaviest first."""
+        object_ids = np.append(self.object_ids.astype(np.int64), -1)  # the last one is that of column -1
+        return tuple(
+            HypothesisEstimate(
+                hypothesis_id=int(number),
+                parent_id=int(self.parent_ids[row]),
+                weight=float(np.exp(self.log_weights[row])),
+                pose=self.poses[row],
+                covariance=self.pose_covariances[row],
+                associations=tuple(object_ids[self.associations[row]].tolist()),
+            )
+            for row, number in enumerate(self.hypothesis_ids)
+        )
+
+    def table(self) -> list[dict[str, object]]:
+        """A row per object, as ``pandas.DataFrame`` takes it."""
+        return [known.row() for known in self.objects]
 
     def __post_init__(self) -> None:
         detections, objects, noises = len(self.detection_ids), len(self.object_ids), len(self.noise_names)

@@ -5,39 +5,30 @@ from dataclasses import replace
 
 import numpy as np
 
+from semantic_slam.class_models import class_model_kind
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration, from_dict, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, planar_from_pose_vector
-from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.geometry.pose import covariance_from_planar
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
-from semantic_slam.inference.models.planar_observation import PlanarObservation
-from semantic_slam.inference.models.visibility import PlanarVisibility
-from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.semantics.interface import Semantics
-from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.identity import digest
-from semantic_slam.inference.states.planar_poses import PlanarPoses
-from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingBuilder, SensingSettings
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
-from semantic_slam.registry import ASSOCIATIONS, SEMANTICS
-from semantic_slam.viewpoint.correlated import CorrelatedModel
-from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
+from semantic_slam.registry import ASSOCIATIONS, OBSERVATIONS, SEMANTICS
 from semantic_slam.viewpoint.load import load_model
-from semantic_slam.viewpoint.model import ViewpointModel
+from semantic_slam.viewpoint.model import ViewpointModel, feature_names
 
 LEAST_CLASS_SHARE = 0.01
 """Share of the uniform distribution in every prior over classes."""
-LEAST_VARIANCE = 1e-9
-"""Added to the variances of priors, so that a map given as exact keeps the graph regular."""
 
 
 def make_run_configuration(
@@ -61,6 +52,7 @@ def make_run_configuration(
             " or set association: open to map as you go, or given for detections that carry ids"
         )
     association.check(configuration)
+    semantics_name(configuration)
     _check_odometry(configuration, association)
     latent = load_latent_model(configuration.semantic_model)
     if latent is not None:  # so that backends, reports and queries know the space of the descriptors
@@ -107,32 +99,30 @@ def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
 
 
 def problem_of(run: RunConfiguration) -> Problem:
-    """The planar problem that a run announces."""
+    """The problem that a run announces."""
     configuration = from_dict(json.loads(run.configuration), "run configuration")
-    model = load_model(configuration.semantic_model)
-    visibility = configuration.visibility
+    settings = configuration.semantic_model
+    tempering = _tempering(settings)
+    model, descriptors = load_model(settings), load_latent_model(settings)
+    sensing = _sensing(configuration, model, descriptors)
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
-    objects = tuple(_entry(item, run.class_names) for item in prior.objects)
-    descriptors = load_latent_model(configuration.semantic_model)
-    latent = _latent(configuration, descriptors, prior, objects) if descriptors is not None else None
-    biases = bias_sigmas(configuration.odometry)
+    objects = tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects)
+    latent = _latent(descriptors, tempering, prior, objects) if descriptors is not None else None
+    semantics: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
     return Problem(
-        num_biases=len(biases),
+        num_biases=len(bias_sigmas(configuration.odometry)),
         noise_factors=configuration.odometry.noise_factors,
-        spaces=Spaces.same(PlanarPoses()),
-        model=PlanarObservation(
-            model if _in_graph(configuration) else None,
-            PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
-            configuration.new_objects,
-            _correlated_views(configuration.semantic_model),
-        ),
-        reader=PlanarReader(_num_features(model or descriptors), biases.tolist()),
-        robot=_planar_prior(run.initial_pose, run.initial_covariance),
+        spaces=sensing.spaces,
+        model=sensing.model,
+        reader=sensing.reader,
+        robot=sensing.robot_prior(run.initial_pose, run.initial_covariance),
         objects=objects,
         class_names=run.class_names,
         seed=configuration.seed,
         association=configuration.association,
-        semantics=_semantics(configuration, model, latent),
+        semantics=semantics.of(
+            ClassModels(configuration=configuration, viewpoint=model, latent=latent, tempering=tempering)
+        ),
         latent=latent,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
@@ -141,12 +131,25 @@ def problem_of(run: RunConfiguration) -> Problem:
     )
 
 
-def _num_features(model: ViewpointModel | DescriptorModel | None) -> int:
-    return model.num_features if model is not None else 0
+def _sensing(
+    configuration: Configuration, model: ViewpointModel | None, descriptors: DescriptorModel | None
+) -> Sensing:
+    """The state space, and the observation model over it, with the class models where views enter by factors."""
+    explained = model or descriptors
+    build: SensingBuilder = OBSERVATIONS.load(configuration.observation)
+    return build(
+        SensingSettings(
+            configuration=configuration,
+            class_model=model if _views_are_factors(configuration) else None,
+            tempering=_tempering(configuration.semantic_model),
+            num_features=explained.num_features if explained is not None else 0,
+            feature_names=feature_names(model) if model is not None else (),
+        )
+    )
 
 
 def _latent(
-    configuration: Configuration, model: DescriptorModel, prior: MapPrior, objects: tuple[ObjectEntry, ...]
+    model: DescriptorModel, tempering: float, prior: MapPrior, objects: tuple[ObjectEntry, ...]
 ) -> LatentObservation:
     """With what a map tells of its objects: their descriptors, or else their classes. Raises InputError."""
     if prior.descriptor_space != model.space and any(len(item.descriptor) for item in prior.objects):
@@ -156,7 +159,7 @@ def _latent(
         )
     known = {entry.object_id: prior_of_classes(model, entry.class_prior) for entry in objects}
     known |= {item.object_id: _descriptor(item, model) for item in prior.objects if len(item.descriptor)}
-    return LatentObservation(model, _correlated_views(configuration.semantic_model), known)
+    return LatentObservation(model, tempering, known)
 
 
 def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
@@ -169,48 +172,38 @@ def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
     return DescriptorBelief(item.descriptor[None], np.sqrt(item.descriptor_variance)[None])
 
 
-def _semantics(
-    configuration: Configuration, model: ViewpointModel | None, latent: LatentObservation | None
-) -> Semantics:
-    """The strategy that suits the class models, and whether headings are known before views enter."""
-    settings, tempering = configuration.semantic_model, _correlated_views(configuration.semantic_model)
-    carries_views = ASSOCIATIONS.load(configuration.association).carries_views
-    if latent is not None:
-        return _make("descriptor_tables" if carries_views else "descriptor_views", latent)
-    if isinstance(model, GaussianProcessModel) and settings.kind == "gp_correlated":
-        correlated = CorrelatedModel(model, settings.sigma_view)
-        averaging = settings.num_tracks, settings.window, settings.track_average, configuration.seed
-        return _make("correlated_views", correlated, *averaging)
-    if model is None:
-        return _make("none")
-    return _make("independent_views" if _in_graph(configuration) else "class_tables", model, tempering)
+def semantics_name(configuration: Configuration) -> str:
+    """Semantics that suit the class models, and whether headings are known before views enter. Raises InputError."""
+    kind = class_model_kind(configuration.semantic_model)
+    if not _carries_views(configuration):
+        return kind.semantics
+    if kind.carried is None:
+        raise InputError(
+            f"association: {configuration.association} has no {configuration.semantic_model.kind} class models;"
+            " set semantic_model.kind: gp_independent"
+        )
+    return kind.carried
 
 
-def _make(name: str, *arguments: object) -> Semantics:
-    semantics: Semantics = SEMANTICS.load(name)(*arguments)
-    return semantics
+def _carries_views(configuration: Configuration) -> bool:
+    """Whether views stay with the objects of a hypothesis until it is known how these are turned."""
+    association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
+    enumerates = configuration.open_world.classes == "enumerated"
+    has_factors = class_model_kind(configuration.semantic_model).has_factors
+    return association.carries_views and not (has_factors and enumerates)
 
 
-def _in_graph(configuration: Configuration) -> bool:
+def _views_are_factors(configuration: Configuration) -> bool:
     """Whether semantic measurements enter by factors, under classes that hypotheses enumerate."""
-    association = ASSOCIATIONS.load(configuration.association)
-    carried = association.carries_views and configuration.open_world.classes == "carried"
-    return configuration.semantic_model.kind != "gp_correlated" and not carried
+    return class_model_kind(configuration.semantic_model).has_factors and not _carries_views(configuration)
 
 
-def _correlated_views(settings: SemanticModelConfiguration) -> float:
-    """The parametric model is exact by definition; fitted models meet the same error in view after view."""
-    return settings.correlated_views if settings.kind in ("gp_independent", "latent") else 1.0
+def _tempering(settings: SemanticModelConfiguration) -> float:
+    """So many views tell as much as one."""
+    return settings.correlated_views if class_model_kind(settings).repeats_errors else 1.0
 
 
-def _planar_prior(pose: Array, covariance: Array) -> GaussianPrior:
-    """Prior in the tangent space at the mean, from a covariance along the axes of map."""
-    mean = planar_from_pose_vector(pose)
-    planar = rotate_covariance(mean, planar_from_covariance(covariance), to_parent=False)
-    return GaussianPrior(mean, planar + LEAST_VARIANCE * np.eye(3))
-
-
-def _entry(item: ObjectPrior, class_names: tuple[str, ...]) -> ObjectEntry:
+def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) -> ObjectEntry:
     """Raises InputError for a class that the class models do not know."""
     unknown = sorted(set(item.class_probabilities) - set(class_names))
     if unknown and class_names:
@@ -221,7 +214,7 @@ def _entry(item: ObjectPrior, class_names: tuple[str, ...]) -> ObjectEntry:
     return ObjectEntry(
         item.object_id,
         item.name,
-        _planar_prior(item.pose, item.covariance),
+        prior(item.pose, item.covariance),
         _class_prior(item, class_names),
         item.existence,
     )

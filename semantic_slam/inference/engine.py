@@ -6,36 +6,63 @@ w psi is collected over all parents and normalised once.
 
 from collections import Counter
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from semantic_slam.configuration import Configuration
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.build import make_run_configuration, problem_of
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
+from semantic_slam.inference.initial_pose import start_of_run
 from semantic_slam.inference.marginals import Mixture, state_belief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import stack_rows
 from semantic_slam.inference.open_world.copies import Copies, Distinct
 from semantic_slam.inference.open_world.time_budget import TimeBudget
+from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration
 from semantic_slam.inference.pruning import Pruned, prune
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.registry import ASSOCIATIONS
 
 
 class Engine:
-    """Drives the backends of ``pool`` through the two rounds of each keyframe.
+    """Drives backends through the two rounds of each keyframe."""
 
-    ``problem`` replaces the problem that the run announces.
-    """
+    def __init__(
+        self,
+        configuration: Configuration,
+        map_prior: MapPrior | None = None,
+        *,
+        initial_pose: ArrayLike | None = None,
+        initial_covariance: ArrayLike | None = None,
+        backends: int = 1,
+    ) -> None:
+        """A run in this process, from the robot's pose before the first keyframe: (3,) x, y, yaw or a (7,) pose vector.
 
-    def __init__(self, run: RunConfiguration, pool: BackendPool, problem: Problem | None = None):
-        self.problem, self.pool = problem or problem_of(run), pool
+        The covariance is (3, 3) or (6, 6), along the axes of map; what is not given is the configuration's
+        ``initial_pose``. Raises InputError.
+        """
+        pose, covariance = start_of_run(configuration, initial_pose, initial_covariance)
+        run = make_run_configuration(configuration, map_prior, pose, covariance, stamp_ns=0)
+        self._start(run, InProcessPool(backends), problem_of(run))
+
+    @classmethod
+    def of_run(cls, run: RunConfiguration, pool: BackendPool, problem: Problem | None = None) -> Self:
+        """With the backends of ``pool``; ``problem`` replaces the problem that the run announces."""
+        engine = cls.__new__(cls)
+        engine._start(run, pool, problem or problem_of(run))
+        return engine
+
+    def _start(self, run: RunConfiguration, pool: BackendPool, problem: Problem) -> None:
+        self.problem, self.pool = problem, pool
         pool.start(run)
         self.association: type[AssociationStrategy] = ASSOCIATIONS.load(self.problem.association)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))

@@ -1,9 +1,18 @@
 """A keyframe: the odometry since the previous one and the measurements taken at it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.inference.detection import Detection
 from semantic_slam.perception.measurement import SemanticMeasurements
+
+SECOND_NS = 10**9
+"""Between keyframes without stamps."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +30,76 @@ class Keyframe:
     index: int  # 0, 1, 2, ... without a gap
     stamp_ns: int
     odometry: Array  # (7,) T_previous_current; from the first odometry sample for keyframe 0
-    odometry_covariance: Array  # (6, 6) x y z rx ry rz, in the tangent space at the current pose
+    odometry_covariance: Array  # (6, 6) x y z rx ry rz, in the tangent space at the current pose; NaN: as configured
     measurements: SemanticMeasurements
     odometry_slopes: Array | None = None  # (3, 2) of the planar motion by its biases; None: the motion was one arc
+
+    @classmethod
+    def planar(
+        cls,
+        index: int,
+        *,
+        motion: Sequence[float] = (0.0, 0.0, 0.0),
+        detections: Sequence[Detection] = (),
+        motion_sigmas: Sequence[float] | None = None,
+        stamp_ns: int | None = None,
+    ) -> "Keyframe":
+        """Of a robot in the plane: what it saw after a ``motion``, x, y [m] and yaw [rad] from the pose before.
+
+        ``motion_sigmas``: standard deviations of x, y and yaw; None: what ``odometry.*`` of the configuration makes of
+        the motion. Without ``stamp_ns`` keyframes are a second apart. Raises InputError.
+        """
+        stamp_ns = (index + 1) * SECOND_NS if stamp_ns is None else stamp_ns
+        return cls(
+            index=index,
+            stamp_ns=stamp_ns,
+            odometry=pose_vector_from_planar(_three(motion, "motion")),
+            odometry_covariance=covariance_from_planar(_planar_covariance(motion_sigmas)),
+            measurements=_measurements(index, stamp_ns, detections),
+        )
+
+
+def _three(values: Sequence[float], what: str) -> Array:
+    numbers = np.asarray(values, dtype=np.float64)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise InputError(f"keyframe: {what} is {values}; give three finite numbers, of x, y [m] and yaw [rad]")
+    return numbers
+
+
+def _planar_covariance(sigmas: Sequence[float] | None) -> Array:
+    """(3, 3), NaN where it is left to the configuration."""
+    if sigmas is None:
+        return np.full((3, 3), np.nan)
+    numbers = _three(sigmas, "motion_sigmas")
+    if numbers.min() <= 0.0:
+        raise InputError(f"keyframe: motion_sigmas are {sigmas}; standard deviations must be above 0")
+    return np.diag(numbers**2)
+
+
+def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) -> SemanticMeasurements:
+    """The detections as perception hands them over; no classifier has looked at them."""
+    count = len(detections)
+    names = tuple(dict.fromkeys(name for detection in detections for name in detection.class_scores))
+    scores = [[detection.class_scores.get(name, np.nan) for name in names] for detection in detections]
+    return SemanticMeasurements(
+        stamp_ns=stamp_ns,
+        sequence=index,
+        frame_id="base_link",
+        class_names=names,
+        detection_ids=np.arange(count, dtype=np.uint32),
+        boxes=np.full((count, 4), np.nan),
+        labels=tuple(detection.label for detection in detections),
+        scores=np.array([detection.score for detection in detections], dtype=np.float64),
+        track_ids=tuple(detection.track_id for detection in detections),
+        class_probability_samples=np.zeros((count, 0, len(names))),
+        features=np.zeros((count, 0)),
+        feature_covariances=np.zeros((count, 0, 0)),
+        predictive_entropy=np.full(count, np.nan),
+        mutual_information=np.full(count, np.nan),
+        ranges_m=np.array([np.nan if d.range_m is None else d.range_m for d in detections], dtype=np.float64),
+        bearings_rad=np.array([detection.bearing_rad for detection in detections], dtype=np.float64),
+        geometric_covariances=np.array([d.covariance_or_nan() for d in detections]).reshape(-1, 2, 2),
+        sensor_position=np.zeros(3),
+        in_coverage=np.ones(count, dtype=np.bool_),
+        class_scores=np.array(scores, dtype=np.float64).reshape(count, len(names)),
+    )

@@ -1,15 +1,19 @@
 """Keyframes of semantic measurements as steps of the planar engine."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.inference.score_features import score_features
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 
@@ -17,24 +21,28 @@ class PlanarReader:
     """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none.
 
     ``bias_sigmas`` (2,) or none: prior standard deviations of odometry's biases, where they are estimated.
+    ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
     """
 
-    def __init__(self, num_features: int, bias_sigmas: Sequence[float] = ()):
+    def __init__(
+        self,
+        num_features: int,
+        bias_sigmas: Sequence[float] = (),
+        feature_names: tuple[str, ...] = (),
+        noise: ConfiguredNoise | None = None,
+    ):
         self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
+        self.feature_names, self.noise = feature_names, noise or ConfiguredNoise()
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError when the measurements' features are not those of the class models."""
-        measurements = keyframe.measurements
-        if self.num_features and len(measurements) and measurements.features.shape[1] != self.num_features:
-            raise InputError(
-                f"the classifier gives {measurements.features.shape[1]} feature components but the class models were"
-                f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
-            )
+        measurements = self._with_features(keyframe.measurements)
+        covariances = self.noise.of_detections(measurements.ranges_m, measurements.geometric_covariances)
         return Step(
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
             motion=self._motion(keyframe),
-            detections=[_detection(measurements, i) for i in range(len(measurements))],
+            detections=[_detection(measurements, covariances, i) for i in range(len(measurements))],
             detection_ids=measurements.detection_ids,
             scores=measurements.scores,
             names=measurements.track_ids,
@@ -43,20 +51,35 @@ class PlanarReader:
             free_range_scan=measurements.free_range_scan,
         )
 
+    def _with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
+        """The measurements, with class scores as their features where they have none. Raises InputError."""
+        found = measurements.features.shape[1]
+        if not self.num_features or not len(measurements) or found == self.num_features:
+            return measurements
+        if found:
+            raise InputError(
+                f"the classifier gives {found} feature components but the class models were"
+                f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
+            )
+        features = score_features(measurements, self.feature_names)
+        return replace(
+            measurements, features=features, feature_covariances=np.zeros((*features.shape, self.num_features))
+        )
+
     def _motion(self, keyframe: Keyframe) -> Motion:
         control = planar_from_pose_vector(keyframe.odometry)
-        covariance = planar_from_covariance(keyframe.odometry_covariance)
+        covariance = self.noise.of_motion(control, planar_from_covariance(keyframe.odometry_covariance))
         if not len(self.bias_sigmas):
             return Motion(control, covariance)
         given = keyframe.odometry_slopes
         return Motion(control, covariance, (slopes(control) if given is None else given) * self.bias_sigmas)
 
 
-def _detection(measurements: SemanticMeasurements, index: int) -> PlanarDetection:
+def _detection(measurements: SemanticMeasurements, covariances: Array, index: int) -> PlanarDetection:
     return PlanarDetection(
         range_m=float(measurements.ranges_m[index]),
         bearing_rad=float(measurements.bearings_rad[index]),
-        covariance=measurements.geometric_covariances[index],
+        covariance=covariances[index],
         sensor=measurements.sensor_position[:2],
         feature=measurements.features[index],
         feature_covariance=measurements.feature_covariances[index],

@@ -4,20 +4,35 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from semantic_slam.class_models import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.latent.model import DescriptorModel
 
 if TYPE_CHECKING:
-    from semantic_slam.latent.extractor import FeatureExtractor
+    from semantic_slam.perception.collaborators import FeatureExtractor
 
 SHIPPED_MODEL = "latent_model.safetensors"
 
 
 def load_latent_model(settings: SemanticModelConfiguration) -> DescriptorModel | None:
-    """The model, or None unless ``kind: latent``. Raises InputError."""
-    if settings.kind != "latent":
-        return None
+    """The model, or None where objects have no descriptors. Raises InputError."""
+    load = class_model_kind(settings).descriptors
+    return load(settings) if load is not None else None
+
+
+def load_extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor | None":
+    """f_psi, or None where class probabilities are the feature. Raises InputError."""
+    load = class_model_kind(settings).extractor
+    return load(settings) if load is not None else None
+
+
+def latent_file(settings: SemanticModelConfiguration) -> Path:
+    """The file named, or the one that is installed with the package."""
+    return Path(settings.path) if settings.path else Path(str(resources.files("semantic_slam.weights") / SHIPPED_MODEL))
+
+
+def _model(settings: SemanticModelConfiguration) -> DescriptorModel:
     from semantic_slam.latent.store import read_latent_model
 
     path = latent_file(settings)
@@ -30,15 +45,16 @@ def load_latent_model(settings: SemanticModelConfiguration) -> DescriptorModel |
     return model
 
 
-def load_extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor | None":
-    """f_psi, or None unless ``kind: latent``. Raises InputError."""
-    if settings.kind != "latent":
-        return None
+def _extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor":
     from semantic_slam.latent.extractor_store import read_extractor
 
     return read_extractor(latent_file(settings))
 
 
-def latent_file(settings: SemanticModelConfiguration) -> Path:
-    """The file named, or the one that is installed with the package."""
-    return Path(settings.path) if settings.path else Path(str(resources.files("semantic_slam.weights") / SHIPPED_MODEL))
+LATENT = ClassModelKind(
+    descriptors=_model,
+    extractor=_extractor,
+    semantics="descriptor_views",
+    carried="descriptor_tables",
+    has_factors=False,
+)

@@ -49,4 +49,4 @@ class InferenceStage:
             revision=revision(),
         )
         writer.write(topics.RUN_CONFIGURATION, run, stamp_ns)
-        return Engine(run, InProcessPool(self._num_backends))
+        return Engine.of_run(run, InProcessPool(self._num_backends))

@@ -18,6 +18,7 @@ import numpy as np
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import between
+from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.keyframe import Keyframe, OdometrySample
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
@@ -26,6 +27,7 @@ from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, motion_slopes, point_between, start
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+from semantic_slam.registry import ASSOCIATIONS
 
 MAX_EXTRAPOLATION_S = 1.0
 """How long the last odometry still stands for the robot's pose; measurements after that cannot be used."""
@@ -38,7 +40,7 @@ class KeyframeAssembler:
         """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`."""
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
-        self._wants_identities = configuration.association == "given"
+        self._association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
         self._has_identities = has_identities
         self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
@@ -108,7 +110,7 @@ class KeyframeAssembler:
 
     def _needs_identities(self, measurements: SemanticMeasurements) -> bool:
         """Whether detections have to be given identities; raises InputError when nothing can give them."""
-        if not self._wants_identities or not len(measurements) or any(measurements.track_ids):
+        if not self._association.wants_identities or not len(measurements) or any(measurements.track_ids):
             return False
         if not self._has_identities:
             raise InputError(
@@ -163,7 +165,7 @@ class KeyframeAssembler:
     def _is_chosen(self, measurements: SemanticMeasurements, last: OdometryPoint, point: OdometryPoint) -> bool:
         policy = self._configuration.keyframes
         if policy.policy == "every_detection":
-            return len(measurements) > 0 or self._configuration.association == "open"
+            return len(measurements) > 0 or self._association.counts_misses
         return (
             self._next_index == 0
             or point.travelled_m - last.travelled_m >= policy.distance_m
@@ -173,7 +175,7 @@ class KeyframeAssembler:
     def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """In an open world without detections from outside its region, where births are not told from known objects."""
         region = self._configuration.open_world
-        if self._configuration.association != "open":
+        if not self._association.counts_misses:
             return measurements
         ranges, turns = measurements.ranges_m, np.abs(measurements.bearings_rad)
         outside = (

@@ -11,6 +11,7 @@ from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose
 from semantic_slam.geometry.transform import between, interpolate, rotation_angle
 from semantic_slam.inference.keyframe import OdometrySample
 from semantic_slam.inference.models.odometry_bias import slopes
+from semantic_slam.inference.models.odometry_noise import odometry_covariance
 
 
 @dataclass(frozen=True)
@@ -68,15 +69,6 @@ def motion_slopes(first: OdometryPoint, second: OdometryPoint) -> Array | None:
 
 
 def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
-    """(6, 6) covariance of the motion between two points, over x y z rx ry rz at the second; planar.
-
-    The variances of independent causes add: floor, path length and turning.
-    """
+    """(6, 6) covariance of the motion between two points, over x y z rx ry rz at the second; planar."""
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
-    translation = noise.sigma_translation_floor_m**2 + (noise.sigma_translation_per_m * travelled) ** 2
-    rotation = (
-        noise.sigma_rotation_floor_rad**2
-        + (noise.sigma_rotation_per_m * travelled) ** 2
-        + (noise.sigma_rotation_per_rad * turned) ** 2
-    )
-    return covariance_from_planar(np.diag([translation, translation, rotation]))
+    return covariance_from_planar(odometry_covariance(travelled, turned, noise))

@@ -31,6 +31,7 @@ from semantic_slam.pipeline.input_topics import COPIED, InputTopics, find_topics
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
 from semantic_slam.pipeline.provenance import source_text
+from semantic_slam.registry import ASSOCIATIONS
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class OfflineRun:
                 handlers[found.depth] = self._frames.add_depth
         else:
             handlers[found.measurements] = lambda message: self._add_measurements(from_message(message))
-        if found.identities and configuration.association == "given":
+        if found.identities and ASSOCIATIONS.load(configuration.association).wants_identities:
             handlers[found.identities] = lambda message: self._keyframes.add_identities(from_message(message))
         return handlers
 

@@ -29,6 +29,7 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.provenance import revision, source_text
+from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status
@@ -70,7 +71,7 @@ class HypothesisManagerNode(PipelineNode):
 
     @property
     def _wants_identities(self) -> bool:
-        return self._configuration.association == "given"
+        return bool(ASSOCIATIONS.load(self._configuration.association).wants_identities)
 
     def _listen(self) -> None:
         # In this order: of messages that are there at once, the executor takes those of the earlier subscription first.
@@ -141,7 +142,7 @@ class HypothesisManagerNode(PipelineNode):
             source=self._source,
             revision=revision(),
         )
-        return Engine(run, self._pool)
+        return Engine.of_run(run, self._pool)
 
     def _classifier_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])

@@ -3,8 +3,10 @@
 from importlib import resources
 from pathlib import Path
 
+from semantic_slam.class_models import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.parametric import ParametricModel
 from semantic_slam.viewpoint.store import read_model
@@ -12,13 +14,10 @@ from semantic_slam.viewpoint.store import read_model
 SHIPPED_MODELS = "viewpoint_models.safetensors"
 
 
-def load_model(configuration: SemanticModelConfiguration) -> ViewpointModel | None:
-    """The models of Eq. 4.2, or None where there are no classes (``none``, ``latent``). Raises InputError."""
-    if configuration.kind in ("none", "latent"):
-        return None
-    if configuration.kind == "parametric":
-        return _parametric(configuration)
-    return read_model(Path(configuration.path) if configuration.path else shipped_models())
+def load_model(settings: SemanticModelConfiguration) -> ViewpointModel | None:
+    """The models of Eq. 4.2, or None where there are no classes, or descriptors instead. Raises InputError."""
+    load = class_model_kind(settings).viewpoint
+    return load(settings) if load is not None else None
 
 
 def shipped_models() -> Path:
@@ -26,10 +25,21 @@ def shipped_models() -> Path:
     return Path(str(resources.files("semantic_slam.weights") / SHIPPED_MODELS))
 
 
-def _parametric(configuration: SemanticModelConfiguration) -> ParametricModel:
-    names = configuration.class_names
+def _parametric(settings: SemanticModelConfiguration) -> ParametricModel:
+    names = settings.class_names
     if len(names) != 2:
         raise InputError(
             f"semantic_model.class_names: the parametric model has two classes, not {len(names)}; name two"
         )
-    return ParametricModel(configuration.alpha, configuration.concentration, names)
+    return ParametricModel(settings.alpha, settings.concentration, names)
+
+
+def _gaussian_process(settings: SemanticModelConfiguration) -> GaussianProcessModel:
+    return read_model(Path(settings.path) if settings.path else shipped_models())
+
+
+PARAMETRIC = ClassModelKind(viewpoint=_parametric, repeats_errors=False)  # exact by definition
+GP_INDEPENDENT = ClassModelKind(viewpoint=_gaussian_process)
+GP_CORRELATED = ClassModelKind(
+    viewpoint=_gaussian_process, semantics="correlated_views", carried=None, has_factors=False, repeats_errors=False
+)

@@ -45,6 +45,12 @@ class ViewpointModel(Protocol):
         """(B,) whether the model was fitted on views near this one."""
 
 
+def feature_names(model: ViewpointModel) -> tuple[str, ...]:
+    """(F,) what the features are called: as the model says, or as its classes; () where it has others than these."""
+    names: tuple[str, ...] = getattr(model, "feature_names", model.class_names)
+    return names if len(names) == model.num_features else ()
+
+
 def log_likelihood(model: ViewpointModel, feature: Array, feature_covariance: Array, viewpoint: Viewpoints) -> Array:
     """(C,) log N(feature; h_c, Sigma_c + feature_covariance) at one viewpoint, in nats.
 

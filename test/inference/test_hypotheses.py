@@ -65,7 +65,7 @@ def test_sampled_weights_are_reproducible_too() -> None:
 @pytest.mark.parametrize("dies_at", [0, 1, 5])
 def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> None:
     world = make_world(8)
-    manager = Engine(world.run, ForgetfulPool(2, dies_at))
+    manager = Engine.of_run(world.run, ForgetfulPool(2, dies_at))
     for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
         assert_same(manager.process(keyframe), expected)
 
@@ -90,7 +90,7 @@ class SilentPool(InProcessPool):
 
 def test_hypotheses_that_no_backend_answered_for_are_counted() -> None:
     world = make_world(1)
-    manager = Engine(world.run, SilentPool(1))
+    manager = Engine.of_run(world.run, SilentPool(1))
     with pytest.raises(SemanticSlamError, match=r"lost \(1 x no backend answered\); check .* backends"):
         manager.process(world.keyframes[0])
     assert manager.lost == {"hypothesis lost: no backend answered": 1}
@@ -103,7 +103,7 @@ def test_hypotheses_that_had_to_be_given_up_are_counted_by_reason(monkeypatch: p
         return [LostComponentError("an update failed (indeterminate)"), *grown(*arguments, **options)[1:]]
 
     pool = RememberingPool(1)
-    manager = Engine(world.run, pool)
+    manager = Engine.of_run(world.run, pool)
     beliefs = [manager.process(keyframe) for keyframe in world.keyframes[:2]]
     monkeypatch.setattr(expander, "grow", first_fails)
     beliefs.append(manager.process(world.keyframes[2]))
@@ -133,7 +133,7 @@ class DyingPool(InProcessPool):
 @pytest.mark.parametrize("dies_at", [0, 4])
 def test_a_backend_lost_between_the_rounds_costs_nothing(dies_at: int) -> None:
     world = make_world(6)
-    manager = Engine(world.run, DyingPool(2, dies_at))
+    manager = Engine.of_run(world.run, DyingPool(2, dies_at))
     for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
         assert_same(manager.process(keyframe), expected)
 
@@ -165,7 +165,7 @@ class RepeatingPool(InProcessPool):
 def test_rounds_are_idempotent_and_stale_commits_are_ignored() -> None:
     world = make_world(6)
     pool = RepeatingPool()
-    manager = Engine(world.run, pool)
+    manager = Engine.of_run(world.run, pool)
     for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
         assert_same(manager.process(keyframe), expected)
     assert pool.stale_answers == []
@@ -206,7 +206,7 @@ def test_a_detection_without_identity_is_left_out_when_identities_are_given() ->
     anonymous = dataclasses.replace(
         world.keyframes[0].measurements, track_ids=("",) * len(world.keyframes[0].measurements)
     )
-    manager = Engine(world.run, InProcessPool(1))
+    manager = Engine.of_run(world.run, InProcessPool(1))
     belief = manager.process(dataclasses.replace(world.keyframes[0], measurements=anonymous))
     assert (belief.associations == -1).all()
 
@@ -223,7 +223,7 @@ def test_features_of_another_classifier_are_refused() -> None:
     world = make_world(1)
     measurements = world.keyframes[0].measurements
     wrong = dataclasses.replace(measurements, features=np.zeros((len(measurements), 3)))
-    manager = Engine(world.run, InProcessPool(1))
+    manager = Engine.of_run(world.run, InProcessPool(1))
     with pytest.raises(InputError, match="3 feature components"):
         manager.process(dataclasses.replace(world.keyframes[0], measurements=wrong))
 
@@ -268,7 +268,7 @@ def test_classes_are_enumerated_for_objects_that_were_not_seen_before() -> None:
 def test_objects_of_unknown_heading_do_not_lose_the_truth() -> None:
     """The map says nothing of headings, and its means are wrong by anything: every mode of the heading is searched."""
     world = make_world(10, sigma_start_m=0.3, sigma_heading_rad=3.0)
-    manager = Engine(world.run, InProcessPool(1))
+    manager = Engine.of_run(world.run, InProcessPool(1))
     for keyframe in world.keyframes:
         belief = manager.process(keyframe)
     assert np.hypot(*(belief.poses[0, :2] - world.truth[-1, :2])) < 0.6
@@ -295,4 +295,4 @@ def test_what_the_map_prior_says_of_an_object_reaches_the_belief() -> None:
 def test_a_class_of_the_map_prior_that_nobody_knows_is_refused() -> None:
     world = with_prior(make_world(1), class_probabilities={"clas_1": 0.7, "class_2": 0.3})
     with pytest.raises(InputError, match="unknown class 'clas_1'"):
-        Engine(world.run, InProcessPool(1))
+        Engine.of_run(world.run, InProcessPool(1))

@@ -101,7 +101,7 @@ def test_evidence_against_a_numerical_integral(robot_sigma_rad: float, seed: int
 
 def run_world(num_keyframes: int, **settings):
     world = make_latent_world(num_keyframes, **settings)
-    manager = Engine(world.run, (pool := _Pool(world.problem)), world.problem)
+    manager = Engine.of_run(world.run, (pool := _Pool(world.problem)), world.problem)
     beliefs = [manager.process(frame) for frame in world.keyframes]
     return world, manager, pool.backend, beliefs
 
@@ -229,7 +229,7 @@ def test_features_tell_hypotheses_apart() -> None:
     """The same drive without features stays ambiguous longer than with them."""
     world, _, _, beliefs = run_world(3)
     blind = replace(world.problem, semantics=NoSemantics(), latent=None)
-    manager = Engine(world.run, _Pool(blind), blind)
+    manager = Engine.of_run(world.run, _Pool(blind), blind)
     plain = [manager.process(frame) for frame in world.keyframes]
     assert beliefs[0].association_entropy < plain[0].association_entropy
 

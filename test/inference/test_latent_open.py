@@ -15,7 +15,7 @@ from semantic_slam.inference.states.keys import descriptor_key
 
 def run(world):
     pool = InProcessPool(1, world.problem)
-    manager = Engine(world.run, pool, world.problem)
+    manager = Engine.of_run(world.run, pool, world.problem)
     return [manager.process(frame) for frame in world.keyframes], manager, pool
 
 

@@ -41,7 +41,7 @@ def test_beliefs_differ_by_their_largest_difference() -> None:
     from semantic_slam.inference.pool import InProcessPool
 
     world = world_of(10, 1, seed=0)
-    belief = Engine(run_of(world), InProcessPool(1)).process(keyframes_of(world)[0])
+    belief = Engine.of_run(run_of(world), InProcessPool(1)).process(keyframes_of(world)[0])
     unknown = dataclasses.replace(belief, existence=np.full_like(belief.existence, np.nan))
     assert belief_difference(belief, belief) == belief_difference(unknown, unknown) == 0.0
     assert belief_difference(belief, unknown) == np.inf

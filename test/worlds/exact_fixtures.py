@@ -56,7 +56,7 @@ def run(data: dict, *, semantics: bool = True, method: str = "importance") -> Ou
         initial_covariance=np.zeros((6, 6)),
         class_names=problem.class_names,
     )
-    manager = Engine(run, InProcessPool(1, problem), problem)
+    manager = Engine.of_run(run, InProcessPool(1, problem), problem)
     for step in steps:
         belief = manager.process(step)
     return _outcome(manager, belief, data["input"]["M"] if semantics else 0)

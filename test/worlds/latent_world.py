@@ -35,7 +35,7 @@ class LatentWorld:
     descriptors: np.ndarray  # (O, L)
 
     def manager(self) -> Engine:
-        return Engine(self.run, InProcessPool(1, self.problem), self.problem)
+        return Engine.of_run(self.run, InProcessPool(1, self.problem), self.problem)
 
 
 def make_latent_world(num_keyframes: int = 12, seed: int = 0, model: HarmonicModel = MODEL, **settings) -> LatentWorld:

@@ -136,5 +136,5 @@ def _measurements(
 
 def beliefs(world: World, num_backends: int) -> list[HybridBelief]:
     """After every keyframe, with some backends in this process."""
-    manager = Engine(world.run, InProcessPool(num_backends))
+    manager = Engine.of_run(world.run, InProcessPool(num_backends))
     return [manager.process(keyframe) for keyframe in world.keyframes]

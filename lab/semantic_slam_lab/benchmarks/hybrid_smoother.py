@@ -125,7 +125,7 @@ def sharp_world(seed: int, num_detections: int) -> World:
 
 def run_ours(world: World) -> tuple[list[tuple[int, ...]], list[float]]:
     """Associations of the best hypothesis at the end, and seconds per step."""
-    manager = Engine(run_of(world, semantics=False), InProcessPool(1))
+    manager = Engine.of_run(run_of(world, semantics=False), InProcessPool(1))
     seconds = []
     for keyframe in keyframes_of(world):
         start = time.thread_time()

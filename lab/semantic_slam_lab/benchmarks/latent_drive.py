@@ -96,7 +96,7 @@ class Drive:
             initial_covariance=covariance,
             class_names=self.problem.class_names,
         )
-        return Engine(run, InProcessPool(1, self.problem), self.problem)
+        return Engine.of_run(run, InProcessPool(1, self.problem), self.problem)
 
 
 def drive(quick: bool, seed: int) -> list[Row]:

@@ -28,7 +28,7 @@ def two_backends(quick: bool, seed: int) -> list[Row]:
     times: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
     held = []
     with ProcessPool(1) as one, ProcessPool(2) as two:
-        managers = {1: (Engine(run, one), one), 2: (Engine(run, two), two)}
+        managers = {1: (Engine.of_run(run, one), one), 2: (Engine.of_run(run, two), two)}
         for index, keyframe in enumerate(keyframes_of(world)):
             for number, (manager, pool) in managers.items():
                 before = pool.seconds, pool.busy_seconds

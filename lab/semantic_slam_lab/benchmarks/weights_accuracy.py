@@ -64,7 +64,7 @@ def errors(seed: int, aligned: bool = False, num_samples: int = NUM_REFERENCE_SA
 def our_posteriors(world: World, reference: Reference) -> tuple[Array, Array, float]:
     """(B,) before pruning and (B,) as published, classes and modes added up, and the mass said to be discarded."""
     pool = _RecordingPool(1)
-    belief = Engine(run_of(world), pool).process(keyframes_of(world)[0])
+    belief = Engine.of_run(run_of(world), pool).process(keyframes_of(world)[0])
     (found,) = pool.candidates
     weights = np.exp(found.log_weights - np.logaddexp.reduce(found.log_weights))
     before = _added_up(found.associations, weights, reference)

@@ -5,6 +5,7 @@ import json
 from typing import Any
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.registry import Registry
 from semantic_slam_lab.documentation.markdown import table
 
 INTRODUCTION = """# Parameters
@@ -57,8 +58,11 @@ def _shown(default: Any) -> str:
 
 
 def _limits(metadata: Any) -> str:
-    if "choices" in metadata:
-        return ", ".join(f"`{choice}`" for choice in metadata["choices"])
+    choices = metadata.get("choices", ())
+    if isinstance(choices, Registry):
+        return ", ".join(f"`{choice}`" for choice in choices.own_names) + ", [or yours](extending.md)"
+    if choices:
+        return ", ".join(f"`{choice}`" for choice in choices)
     if "lengths" in metadata:
         return " or ".join(str(length) for length in metadata["lengths"]) + " numbers"
     low, high = metadata.get("minimum"), metadata.get("maximum")

@@ -41,10 +41,6 @@ class OpenAssociation:
         """Raises InputError for parameters that mean nothing, or something else, in an open world."""
         if not configuration.distinct_assignment:
             raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
-        if configuration.semantic_model.kind == "gp_correlated":
-            raise InputError(
-                "association: open has no gp_correlated class models; set semantic_model.kind: gp_independent"
-            )
         if configuration.weights.method == "sampled":
             raise InputError("association: open has no prior samples; set weights.method: importance or laplace")
         if configuration.visibility.max_range_m > 0.0 or configuration.visibility.field_of_view_rad > 0.0:

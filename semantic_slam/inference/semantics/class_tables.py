@@ -8,6 +8,7 @@ to the positions.
 """
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.independent_views import ClassLikelihoods, DrawnFeatures
-from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.perception.uncertainty import mutual_information
@@ -44,6 +45,12 @@ class ClassTables:
         self._model, self._likelihoods = model, ClassLikelihoods(model, correlated_views)
         angles: Array = STEP_RAD * np.arange(HEADINGS, dtype=np.float64)
         self._around = Viewpoints(angles, np.zeros(HEADINGS), np.ones(HEADINGS))
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """From the configured viewpoint model, which the kind of class models must have."""
+        assert models.viewpoint is not None
+        return cls(models.viewpoint, models.tempering)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the views of each candidate, and the objects' records after it."""

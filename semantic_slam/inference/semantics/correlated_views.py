@@ -7,6 +7,7 @@ poses are stated. Every object has its evidence to itself, so the tracks relativ
 
 from collections import defaultdict
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -15,12 +16,13 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.semantics.independent_views import score_offsets
-from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput, at_hand
+from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput, at_hand
 from semantic_slam.inference.semantics.track_samples import SampledRow, sample_rows
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.correlated import CorrelatedModel, Evidence
+from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import Viewpoints
 
 LEAST_EFFECTIVE_SHARE = 0.2
@@ -57,6 +59,14 @@ class CorrelatedViews:
         """``window`` W: views of an object that a new one correlates with; ``average``: evidence, or Eq. 3.20's."""
         self._model, self._num_tracks, self._window, self._seed = model, num_tracks, window, seed
         self._thesis = average == "thesis"
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """From the configured Gaussian process models, which the kind of class models must have."""
+        assert isinstance(models.viewpoint, GaussianProcessModel)
+        settings, seed = models.configuration.semantic_model, models.configuration.seed
+        correlated = CorrelatedModel(models.viewpoint, settings.sigma_view)
+        return cls(correlated, settings.num_tracks, settings.window, settings.track_average, seed)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Evidence and records of K continuations."""

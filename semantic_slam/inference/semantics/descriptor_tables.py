@@ -7,7 +7,7 @@ enter the graph as factors.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
-from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.inference.states.object_views import DescriptorRecord, HeadingRecord, ObjectViews
@@ -117,6 +117,12 @@ class DescriptorTables:
     def __init__(self, observation: LatentObservation) -> None:
         self._observation = observation
         self._unseen: dict[tuple[float, ...], HeadingMixture] = {}
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """From the configured latent space, which the kind of class models must have."""
+        assert models.latent is not None
+        return cls(models.latent)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the views of each candidate, and the objects' records after it."""

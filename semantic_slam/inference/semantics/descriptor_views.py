@@ -1,5 +1,7 @@
 """Semantics with a learned latent space: features weigh continuations, and enter the graph with descriptors."""
 
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,7 @@ from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.descriptor_joint import descriptor_problem
 from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
 from semantic_slam.inference.semantics.descriptor_tables import UnorientedView, update_unoriented
-from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.inference.states.object_views import DescriptorRecord, ObjectViews, class_posterior
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
@@ -37,6 +39,12 @@ class DescriptorViews:
     def __init__(self, observation: LatentObservation) -> None:
         self._observation = observation
         self._unseen: dict[int, HeadingMixture] = {}
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """From the configured latent space, which the kind of class models must have."""
+        assert models.latent is not None
+        return cls(models.latent)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Evidence and records of K continuations; the views themselves enter by factors.

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
@@ -86,6 +87,12 @@ class IndependentViews:
     def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
         """``correlated_views``: so many views tell as much as one, as in the factors."""
         self._model, self._likelihoods = model, ClassLikelihoods(model, correlated_views)
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """From the configured viewpoint model, which the kind of class models must have."""
+        assert models.viewpoint is not None
+        return cls(models.viewpoint, models.tempering)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Records alone: these measurements have factors."""

@@ -3,19 +3,22 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
+from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
+from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.viewpoint.model import ViewpointModel
 
 Records = Callable[[Sequence[int]], list[dict[int, ObjectViews]]]
 """For some candidates: object id -> record of its views, for the objects of this keyframe."""
@@ -91,8 +94,22 @@ class SemanticEvidence:
         return found if records is None else replace(found, records=records)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ClassModels:
+    """What a run's semantics are made from: the models that the configured kind has loaded."""
+
+    configuration: Configuration
+    viewpoint: ViewpointModel | None  # P(z | c, viewpoint)
+    latent: LatentObservation | None  # P(f | viewpoint, e)
+    tempering: float  # so many views tell as much as one
+
+
 class Semantics(Protocol):
     """Weighs and records the views of a keyframe."""
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """The semantics of a run, of a registry's entry."""
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """A pure function of the candidates."""
@@ -100,6 +117,11 @@ class Semantics(Protocol):
 
 class NoSemantics:
     """Of a run without class models."""
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """There is nothing to take."""
+        return cls()
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Nothing."""

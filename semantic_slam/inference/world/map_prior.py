@@ -9,6 +9,7 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 
 ID_LIMIT = 2**32
 ROUNDING = 1e-6
@@ -27,6 +28,24 @@ class ObjectPrior:
     existence: float = 1.0
     descriptor: Array = field(default_factory=lambda: np.zeros(0))  # (L,) in a learned latent space; empty: not known
     descriptor_variance: Array = field(default_factory=lambda: np.zeros(0))  # (L,)
+
+    @classmethod
+    def planar(
+        cls,
+        object_id: int,
+        x_m: float,
+        y_m: float,
+        yaw_rad: float = 0.0,
+        *,
+        sigma_m: float,
+        sigma_rad: float,
+        name: str = "",
+        class_probabilities: dict[str, float] | None = None,
+    ) -> "ObjectPrior":
+        """From standard deviations of the place and of the heading, alike in all directions."""
+        covariance = covariance_from_planar(np.diag([sigma_m**2, sigma_m**2, sigma_rad**2]))
+        pose = pose_vector_from_planar(np.array([x_m, y_m, yaw_rad]))
+        return cls(object_id, name or f"object_{object_id}", pose, covariance, class_probabilities or {})
 
 
 @dataclass(frozen=True)

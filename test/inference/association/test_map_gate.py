@@ -65,7 +65,7 @@ def test_no_association_costs_less_than_the_bound(has_range: bool, sensor: tuple
 
 
 def beliefs(world: World) -> list[HybridBelief]:
-    manager = Engine(run_of(world), InProcessPool(1))
+    manager = Engine.of_run(run_of(world), InProcessPool(1))
     return [manager.process(keyframe) for keyframe in keyframes_of(world)]
 
 

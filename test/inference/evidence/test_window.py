@@ -194,7 +194,7 @@ def test_a_component_at_which_a_history_is_anchored_stays_as_it_was() -> None:
     """Although only children use their parents' smoothers up."""
     world = make_world(5, weights={"gaussian_share": 0.999})
     pool = InProcessPool(1)
-    manager = Engine(world.run, pool)
+    manager = Engine.of_run(world.run, pool)
     anchors: dict[int, tuple[Component, int, np.ndarray]] = {}
     looked_at_again = 0
     for keyframe in world.keyframes:

@@ -106,7 +106,7 @@ def room_with(bias: np.ndarray, num_keyframes: int, seed: int) -> Room:
 def population_after(room: Room) -> TrackedStates:
     """Of the best hypothesis at the end."""
     pool = InProcessPool(1)
-    manager = Engine(room.run, pool)
+    manager = Engine.of_run(room.run, pool)
     for keyframe in room.keyframes:
         manager.process(keyframe)
     best = max(manager.live, key=lambda n: manager.live[n].log_weight)
@@ -128,8 +128,8 @@ def test_the_bias_is_found(bias: tuple[float, float]) -> None:
 
 def test_a_lineage_is_rebuilt_with_its_bias() -> None:
     room = room_with(np.array([0.04, -0.06]), 14, 0)
-    whole = Engine(room.run, InProcessPool(2))
-    divided = Engine(room.run, ForgetfulPool(2))
+    whole = Engine.of_run(room.run, InProcessPool(2))
+    divided = Engine.of_run(room.run, ForgetfulPool(2))
     for keyframe in room.keyframes:
         assert_same(divided.process(keyframe), whole.process(keyframe))
 

@@ -32,7 +32,7 @@ def room_of(factors: list[float], num_keyframes: int, share: float, ratio: float
 
 
 def after(room: Room) -> Engine:
-    manager = Engine(room.run, InProcessPool(1))
+    manager = Engine.of_run(room.run, InProcessPool(1))
     for keyframe in room.keyframes:
         manager.process(keyframe)
     return manager
@@ -62,7 +62,7 @@ def test_evidence_finds_the_noise(share: float, right: int) -> None:
 
 def test_a_lineage_is_rebuilt_under_its_noise() -> None:
     room = room_of(FACTORS, 12, 0.25)
-    whole, divided = (Engine(room.run, pool) for pool in (InProcessPool(2), ForgetfulPool(2)))
+    whole, divided = (Engine.of_run(room.run, pool) for pool in (InProcessPool(2), ForgetfulPool(2)))
     for keyframe in room.keyframes:
         assert_same(divided.process(keyframe), whole.process(keyframe))
     assert {live.lineage[0].mode for live in whole.live.values()} == {0, 1}

@@ -24,7 +24,7 @@ ROUND = 25
 
 
 def run(room: Room, num_backends: int = 1) -> tuple[Engine, list[HybridBelief]]:
-    manager = Engine(room.run, InProcessPool(num_backends))
+    manager = Engine.of_run(room.run, InProcessPool(num_backends))
     return manager, [manager.process(keyframe) for keyframe in room.keyframes]
 
 
@@ -69,7 +69,7 @@ def test_detections_of_one_object_share_an_id() -> None:
 @pytest.mark.parametrize("settle", [True, False])
 def test_a_child_that_is_lost_takes_no_other_along(settle: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     room = make_room(12, seed=0, open_world={"merge_position_m": 0.0, "settle": settle})
-    manager = Engine(room.run, InProcessPool(1))
+    manager = Engine.of_run(room.run, InProcessPool(1))
     child, given_up = Component.child, []
 
     def breaks_once(component: Component, *arguments: Any) -> Component:
@@ -98,7 +98,7 @@ def test_the_number_of_backends_changes_nothing(semantic: bool) -> None:
 @pytest.mark.slow
 def test_a_lineage_is_rebuilt_as_it_was() -> None:
     room = make_room(14, seed=0)
-    manager = Engine(room.run, ForgetfulPool(2))
+    manager = Engine.of_run(room.run, ForgetfulPool(2))
     for keyframe, expected in zip(room.keyframes, run(room)[1], strict=True):
         assert_same(manager.process(keyframe), expected)
 
@@ -142,7 +142,7 @@ def test_what_a_wall_hides_is_not_missed() -> None:
         free_range_scan = np.column_stack([directions, np.full(20, wall_m)])
         frame = dataclasses.replace(room.keyframes[0].measurements, free_range_scan=free_range_scan)
         keyframe = dataclasses.replace(room.keyframes[0], measurements=frame)
-        belief = Engine(room.run, InProcessPool(1)).process(keyframe)
+        belief = Engine.of_run(room.run, InProcessPool(1)).process(keyframe)
         left[wall_m] = float(belief.existence[0])
     assert left[1.0] == pytest.approx(0.8)
     assert left[5.0] < 0.4

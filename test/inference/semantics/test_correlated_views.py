@@ -324,7 +324,7 @@ def test_the_number_of_backends_changes_nothing() -> None:
 def test_a_hypothesis_rebuilt_from_its_lineage_is_the_same() -> None:
     world = lost_world()
     pool = ForgetfulPool(2, dies_at=4)
-    manager = Engine(world.run, pool)
+    manager = Engine.of_run(world.run, pool)
     for steady, keyframe in zip(beliefs(world, 1), world.keyframes, strict=True):
         assert_same(steady, manager.process(keyframe))
 

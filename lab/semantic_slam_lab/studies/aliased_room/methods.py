@@ -89,7 +89,7 @@ def drive_with(method: str, drive: Recording, rates: Rates, alarms: float) -> Ou
     configuration = configuration_of(method, alarms, rates.misses)
     pool = StudyPool(1)
     pose, covariance = pose_vector_from_planar(drive.truth[0]), covariance_from_planar(np.diag(START_SIGMA) ** 2)
-    manager = Engine(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
+    manager = Engine.of_run(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
     beliefs: list[HybridBelief] = []
     seconds, fault = [], ""
     for keyframe in drive.keyframes:

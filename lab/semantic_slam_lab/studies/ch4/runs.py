@@ -93,7 +93,7 @@ def follow(run: Run, method: Method, seed: int) -> Followed:
         initial_covariance=np.zeros((6, 6)),
         class_names=problem.class_names,
     )
-    manager = Engine(blank, InProcessPool(1, problem), problem)
+    manager = Engine.of_run(blank, InProcessPool(1, problem), problem)
     moments: list[Moment] = []
     for k, frame in enumerate(run.frames):
         step = _step(run, k, frame, model if isinstance(model, ParametricModel) else None)

@@ -81,7 +81,7 @@ def replay(world: World, num_backends: int, limit_s: float) -> Replay:
     found = Replay(len(world.object_means), num_backends, len(world.frames), [], [], [], [], None, [])
     try:
         with ProcessPool(num_backends, limit_s) as pool:
-            manager = Engine(run_of(world), pool)
+            manager = Engine.of_run(run_of(world), pool)
             for frame, keyframe in zip(world.frames, keyframes_of(world), strict=True):
                 busy, start = pool.busy_seconds, time.perf_counter()
                 belief = manager.process(keyframe)

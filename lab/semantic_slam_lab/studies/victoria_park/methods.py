@@ -91,7 +91,7 @@ def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> 
     configuration = configuration_of(method, max_hypotheses)
     pose, covariance = initial_pose_of(configuration)
     pool = StudyPool(1)
-    manager = Engine(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
+    manager = Engine.of_run(make_run_configuration(configuration, None, pose, covariance, stamp_ns=1), pool)
     seconds, kept, fault = [], [], ""
     merged, candidates, wall_s = 0, 0, 0.0
     for keyframe in drive.keyframes:

@@ -1,0 +1,20 @@
+"""How far odometry errs on a motion, as configured."""
+
+import numpy as np
+
+from semantic_slam.configuration import OdometryConfiguration
+from semantic_slam.geometry.arrays import Array
+
+
+def odometry_covariance(travelled_m: float, turned_rad: float, noise: OdometryConfiguration) -> Array:
+    """(3, 3) covariance over x, y, yaw of a motion at its end, after a path of some length and all turns on it.
+
+    The variances of independent causes add: floor, path length and turning.
+    """
+    translation = noise.sigma_translation_floor_m**2 + (noise.sigma_translation_per_m * travelled_m) ** 2
+    rotation = (
+        noise.sigma_rotation_floor_rad**2
+        + (noise.sigma_rotation_per_m * travelled_m) ** 2
+        + (noise.sigma_rotation_per_rad * turned_rad) ** 2
+    )
+    return np.diag([translation, translation, rotation])

@@ -1,0 +1,45 @@
+"""What a value of ``observation`` builds: the space of robot and objects, and what detections tell of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.world.problem import KeyframeReader
+from semantic_slam.viewpoint.model import ViewpointModel
+
+PriorReader = Callable[[Array, Array], GaussianPrior]
+"""From a (7,) pose in map and its (6, 6) covariance along the axes of map to a prior of the estimated state."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensingSettings:
+    """What a builder is told of the run."""
+
+    configuration: Configuration
+    class_model: ViewpointModel | None  # whose views enter the graphs by factors; None: detections are places alone
+    tempering: float  # so many views tell as much as one
+    num_features: int  # F of every detection's feature, 0 where nothing looks at it
+    feature_names: tuple[str, ...]  # (F,) or () where the models do not name their features
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensing:
+    """The spaces of robot and objects and the observation model over them, which go together."""
+
+    spaces: Spaces
+    model: ObservationModel
+    reader: KeyframeReader
+    robot_prior: PriorReader
+    object_prior: PriorReader
+
+
+class SensingBuilder(Protocol):
+    """An entry of the registry ``OBSERVATIONS``."""
+
+    def __call__(self, settings: SensingSettings) -> Sensing:
+        """For one run. Raises InputError."""
