@@ -15,14 +15,14 @@ from semantic_slam.inference.pool import InProcessPool
 @pytest.fixture(scope="module")
 def closed() -> tuple[Engine, list[HybridBelief]]:
     world = make_world(14, pruning={"ratio": 30.0})
-    manager = Engine(world.run, InProcessPool(1))
+    manager = Engine.of_run(world.run, InProcessPool(1))
     return manager, [manager.process(keyframe) for keyframe in world.keyframes]
 
 
 @pytest.fixture(scope="module")
 def opened() -> tuple[Engine, list[HybridBelief]]:
     room = make_room(10, seed=0)
-    manager = Engine(room.run, InProcessPool(1))
+    manager = Engine.of_run(room.run, InProcessPool(1))
     return manager, [manager.process(keyframe) for keyframe in room.keyframes]
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import yaml
-from node_runs import Replay, beliefs, run
+from worlds.node_runs import Replay, beliefs, run
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import load_configuration

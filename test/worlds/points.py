@@ -195,7 +195,7 @@ def run_points(world: PointWorld, num_backends: int = 1) -> PointOutcome:
         initial_covariance=np.zeros((6, 6)),
         class_names=(),
     )
-    engine = Engine(run, InProcessPool(num_backends, problem), problem)
+    engine = Engine.of_run(run, InProcessPool(num_backends, problem), problem)
     for step in world.steps():
         belief = engine.process(step)
     histories = [tuple(step.association for step in live.lineage) for live in engine.live.values()]

@@ -203,8 +203,8 @@ def test_a_component_at_which_a_history_is_anchored_stays_as_it_was() -> None:
         for anchor in (history.anchor for history in histories if history is not None):
             state = anchor.newest_robot()
             looked_at_again += id(anchor) in anchors
-            _, num_factors, before = anchors.setdefault(id(anchor), (anchor, anchor.smoother.num_factors, state))
-            assert anchor.smoother.num_factors == num_factors
+            _, num_factors, before = anchors.setdefault(id(anchor), (anchor, anchor.smoother.kept().size(), state))
+            assert anchor.smoother.kept().size() == num_factors
             assert np.array_equal(state, before)
     assert looked_at_again >= 4
 

@@ -184,7 +184,7 @@ def test_an_only_child_may_consume_its_parent(fails: bool, monkeypatch: pytest.M
 
 
 def test_a_consumed_smoother_says_so_whatever_it_is_asked() -> None:
-    parent = root(SemanticFactorMaker(MANIFOLD, CLASSES))
+    parent = root(SemanticFactorMaker(SPACES, CLASSES))
     kept = parent.fork()
     parent.joint_covariance([TARGET])  # what was read before is not answered from memory either
     assert parent.estimate is not None
