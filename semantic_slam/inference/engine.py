@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration, problem_of
@@ -100,8 +101,12 @@ class Engine:
         return replace(belief, log_evidence=pruned.log_mass)
 
     def _prepare(self, keyframe: Any) -> Step:
-        """The keyframe as the engine sees it, its objects noted."""
+        """The keyframe as the engine sees it, its objects noted. Raises InputError."""
         step = self.problem.reader.step(keyframe)
+        if step.index != self.hypotheses.num_keyframes:
+            raise InputError(
+                f"keyframe {step.index} came in place of {self.hypotheses.num_keyframes}; number them without a gap"
+            )
         self.association.introduce(self.registry, step)
         return step
 
