@@ -25,19 +25,16 @@ for k in range(max(SHOWN) + 1):
     if k not in SHOWN:
         continue
     ax = axes[SHOWN.index(k)]
-    ax.plot(*PILLARS.T, "s", color="0.6", markersize=11, label="pillars of the map, all alike")
-    ax.plot(*robot, "kx", markersize=12, markeredgewidth=2, zorder=4, label="where the robot really is")
+    ax.plot(*PILLARS.T, "s", color="0.6", markersize=11, label="pillars, all alike")
+    ax.plot(*robot, "kx", markersize=12, markeredgewidth=2, zorder=4, label="true position")
     for h in belief.hypotheses:
-        variances, axis = np.linalg.eigh(h.covariance[:2, :2])
-        height, width = 2 * np.sqrt(5.99 * variances)  # chi-square of two dimensions: 95 %
         x, y, path = *h.position[:2], np.array(paths[h.hypothesis_id])
+        variances, axis = np.linalg.eigh(h.covariance[:2, :2])
+        (height, width), angle = 2 * np.sqrt(5.99 * variances), np.degrees(np.arctan2(*axis[::-1, 1]))  # 95 %
         color = plt.colormaps["viridis"](0.045 * (path[0, 0] + 2))  # by where it began
-        ax.plot(path[:, 0], path[:, 1], ".-", color=color, linewidth=1 + 4 * h.weight)
-        ax.add_patch(
-            Ellipse((x, y), width, height, angle=np.degrees(np.arctan2(*axis[::-1, 1])), color=color, alpha=0.4)
-        )
+        ax.plot(*path.T[:2], ".-", color=color, linewidth=1 + 4 * h.weight)
+        ax.add_patch(Ellipse((x, y), width, height, angle=angle, color=color, alpha=0.4))
         ax.annotate(f"{h.weight:.0%}", (x, y + 0.45), ha="center", color=color, weight="bold")
-    ax.set(title=f"after keyframe {k}", ylabel="y [m]", aspect="equal", ylim=(-2.6, 2.6))
-axes[0].legend(loc="upper right", ncols=2, bbox_to_anchor=(1, 1.3), frameon=False)
-axes[-1].set_xlabel("x [m]; paths and 95 % ellipses of the hypotheses, with their weights")
+    ax.set(title=f"hypotheses after keyframe {k}", xlabel="x [m]", ylabel="y [m]", aspect="equal", ylim=(-2.6, 2.6))
+axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
 plt.savefig(sys.argv[1] if len(sys.argv) > 1 else "engine.png", dpi=110)

@@ -15,7 +15,8 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 # As in the nodes, and before NumPy is loaded: its threads wait for each other by spinning, and the matrices are small.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-pytest.register_assert_rewrite("contracts", "worlds")  # so that their assertions show both sides when they fail
+# So that their assertions show both sides when they fail.
+pytest.register_assert_rewrite("semantic_slam.contracts", "worlds")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration, problem_of
@@ -94,8 +95,15 @@ class Engine:
         return replace(belief, log_evidence=kept.log_mass)
 
     def introduce(self, keyframe: Any) -> Step:
-        """Actions and measurements u_k-1, Z_k in the order of detections; objects that they may start get their ids."""
+        """Actions and measurements u_k-1, Z_k in the order of detections; objects that they may start get ids.
+
+        Raises InputError.
+        """
         step = self.problem.reader.step(keyframe)
+        if step.index != self.hypotheses.num_keyframes:
+            raise InputError(
+                f"keyframe {step.index} came in place of {self.hypotheses.num_keyframes}; number them without a gap"
+            )
         self.association.introduce(self.registry, step)
         return step
 

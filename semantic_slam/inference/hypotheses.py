@@ -64,6 +64,11 @@ class Hypotheses:
     def __len__(self) -> int:
         return len(self.live)
 
+    @property
+    def num_keyframes(self) -> int:
+        """Keyframes that are in their lineages."""
+        return len(next(iter(self.live.values())).lineage)
+
     def children(self, candidates: CandidateTable, pruned: Pruned, backend_ids: Sequence[int]) -> dict[int, Hypothesis]:
         """The candidates that survive, heaviest first, each with its parent's owner while that one has room."""
         parents = [self.live[int(candidates.parent_ids[row])] for row in pruned.kept]

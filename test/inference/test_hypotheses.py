@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.forgetful_pool import ForgetfulPool
 from worlds.planar_world import OBJECTS, World, beliefs, make_world
 from worlds.same_beliefs import SUBSTANCE, assert_same
 
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference import expander
 from semantic_slam.inference.backend import Backend

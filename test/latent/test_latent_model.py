@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from contracts.descriptor_model import DescriptorModelContract
 from worlds.harmonic_model import HarmonicModel
 from worlds.latent_toy import (
     DIMENSIONS,
@@ -15,6 +14,7 @@ from worlds.latent_toy import (
 )
 
 from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.contracts.descriptor_model import DescriptorModelContract
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel

@@ -24,6 +24,8 @@ OF_ROS = {"rclpy", "rcl_interfaces", "semantic_slam_msgs"}
 """What only the nodes import, and ROS brings."""
 TRAINING = ("semantic_slam/training/", "semantic_slam/report/viewpoint_page.py")
 """What only the commands import that fit models."""
+CONTRACTS = "semantic_slam/contracts/"
+"""What only tests import, ours and those of packages that extend us."""
 
 
 def names(requirements: Iterable[str]) -> set[str]:
@@ -85,7 +87,8 @@ def test_the_citation_names_the_same_version() -> None:
 @pytest.mark.slow
 def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     used = imported(ROOT / "semantic_slam")
-    modules = {name for name, files in used.items() if not all(file.startswith(TRAINING) for file in files)}
+    apart = (*TRAINING, CONTRACTS)
+    modules = {name for name, files in used.items() if not all(file.startswith(apart) for file in files)}
     known = names(declared(ROOT).install_requires)
     assert distributions(modules - OF_ROS, known) == known
 
@@ -96,6 +99,13 @@ def test_what_only_training_imports_is_the_extra_of_that_name() -> None:
     modules = {name for name, files in used.items() if all(file.startswith(TRAINING) for file in files)}
     known = names(declared(ROOT).extras_require["train"])
     assert distributions(modules, known) == known
+
+
+def test_what_only_contracts_import_is_for_development() -> None:
+    used = imported(ROOT / "semantic_slam")
+    modules = {name for name, files in used.items() if all(file.startswith(CONTRACTS) for file in files)}
+    known = names(declared(ROOT).extras_require["dev"])
+    assert modules and distributions(modules, known) <= known
 
 
 def test_only_the_nodes_import_ros() -> None:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.synthetic_views import FEATURES, looking_from, synthetic_samples
+from worlds.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.contracts.viewpoint_model import looking_from
 from semantic_slam.training.viewpoint.fit import fit_samples
 from semantic_slam.training.viewpoint.known_poses import views_of_bag
 from semantic_slam.training.viewpoint.page import write_page

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contracts.viewpoint_model import ViewpointModelContract
 from safetensors.numpy import save_file
-from worlds.synthetic_views import FEATURES, looking_from, synthetic_samples
+from worlds.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.contracts.viewpoint_model import ViewpointModelContract, looking_from
 from semantic_slam.errors import InputError
 from semantic_slam.training.viewpoint.calibration import residuals
 from semantic_slam.training.viewpoint.fit import fit_samples

@@ -3,14 +3,8 @@
 import numpy as np
 
 from semantic_slam.training.viewpoint.samples import ClassSamples
-from semantic_slam.viewpoint.model import Viewpoints
 
 FEATURES = ("first", "second", "third")
-
-
-def looking_from(azimuth_rad: np.ndarray) -> Viewpoints:
-    azimuth_rad = np.atleast_1d(np.asarray(azimuth_rad, dtype=np.float64))
-    return Viewpoints(azimuth_rad, np.full(azimuth_rad.shape, 0.2), np.full(azimuth_rad.shape, 2.0))
 
 
 def synthetic_samples(phase: float, seed: int, views: int = 60, draws: int = 6, sigma: float = 0.05) -> ClassSamples:

@@ -5,10 +5,10 @@ import dataclasses
 import gtsam
 import numpy as np
 import pytest
-from worlds.forgetful_pool import ForgetfulPool
 from worlds.open_room import Room, make_room
 from worlds.same_beliefs import assert_same
 
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar

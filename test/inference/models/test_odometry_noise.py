@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from worlds.forgetful_pool import ForgetfulPool
 from worlds.open_room import Room, make_room
 from worlds.same_beliefs import assert_same
 
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.forgetful_pool import ForgetfulPool
 from worlds.open_room import OBJECTS, Room, make_room
 from worlds.same_beliefs import assert_same
 
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from worlds.forgetful_pool import ForgetfulPool
 from worlds.planar_world import World, beliefs, make_world
 from worlds.same_beliefs import assert_same
 from worlds.solved_candidates import candidates_of
 
 from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.inference.association.closed_keyframe import predict
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.engine import Engine

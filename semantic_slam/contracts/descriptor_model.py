@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.model import Viewpoints
 
@@ -29,7 +30,7 @@ class DescriptorModelContract:
             generator.uniform(0.5, 5.0, self.count),
         )
 
-    def descriptors(self, model: DescriptorModel) -> np.ndarray:
+    def descriptors(self, model: DescriptorModel) -> Array:
         """Drawn from the prior, where the model was trained."""
         draws = np.random.default_rng(2).normal(size=(self.count, model.num_dimensions))
         return np.asarray(model.prior.mean + model.prior.sigma * draws)

@@ -1,5 +1,7 @@
 """Backends of which the first is lost, before a keyframe that is known."""
 
+from typing import Any
+
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates
 
@@ -7,11 +9,12 @@ from semantic_slam.inference.protocol import Candidates
 class ForgetfulPool(InProcessPool):
     """Loses its first backend before a given keyframe."""
 
-    def __init__(self, number: int, dies_at: int = 9):
+    def __init__(self, number: int, dies_at: int = 9) -> None:
         super().__init__(number)
         self._dies_at = dies_at
 
-    def expand(self, keyframe) -> list[Candidates]:
+    def expand(self, keyframe: Any) -> list[Candidates]:
+        """Round one, of the backends that are left."""
         if keyframe.index == self._dies_at and 0 in self.backend_ids:
             self.backend_ids = self.backend_ids[1:]
             self._backends = self._backends[1:]

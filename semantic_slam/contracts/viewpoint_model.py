@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
-from worlds.synthetic_views import looking_from
 
-from semantic_slam.viewpoint.model import ViewpointModel, log_likelihood
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_likelihood
+
+
+def looking_from(azimuth_rad: float | Array) -> Viewpoints:
+    """Viewpoints at some azimuths, from a little above, 2 m away."""
+    azimuths = np.atleast_1d(np.asarray(azimuth_rad, dtype=np.float64))
+    return Viewpoints(azimuths, np.full(azimuths.shape, 0.2), np.full(azimuths.shape, 2.0))
 
 
 class ViewpointModelContract:
@@ -17,8 +23,9 @@ class ViewpointModelContract:
         """The model under test."""
         raise NotImplementedError("a subclass of the contract gives the fixture `model`")
 
-    def classes(self, model: ViewpointModel) -> np.ndarray:
-        return np.arange(self.azimuths.size) % len(model.class_names)
+    def classes(self, model: ViewpointModel) -> Index:
+        """One for each of the azimuths."""
+        return np.asarray(np.arange(self.azimuths.size) % len(model.class_names))
 
     def test_shapes(self, model: ViewpointModel) -> None:
         prediction = model.predict(self.classes(model), looking_from(self.azimuths))

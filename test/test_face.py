@@ -1,0 +1,203 @@
+"""The face of the package: what a plain Python session imports from it, feeds it and reads from its beliefs."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import semantic_slam
+from semantic_slam import Configuration, Detection, Engine, HybridBelief, InputError, Keyframe, MapPrior, ObjectPrior
+
+ROOT = Path(__file__).parents[1]
+GEOMETRY = Configuration.of(semantic_model={"kind": "none"})
+CLASSES = Configuration.of(semantic_model={"kind": "parametric"})
+MAP = MapPrior(tuple(ObjectPrior.planar(n, 2.0 * n, 1.0, sigma_m=0.1, sigma_rad=0.1) for n in range(4)))
+
+WITHOUT_ROS = """
+import sys
+for name in ("rclpy", "std_msgs", "semantic_slam_msgs", "ament_index_python"):
+    sys.modules[name] = None  # an import of it raises ImportError
+from semantic_slam import Configuration, Detection, Engine, Keyframe
+engine = Engine(Configuration.of(association="open", semantic_model={"kind": "none"}))
+for k in range(3):
+    seen = [Detection.at(2.0 - 0.5 * k, 0.5)]
+    belief = engine.process(Keyframe.planar(k, motion=(0.5 if k else 0, 0, 0), detections=seen))
+(only,) = belief.objects
+assert abs(only.position[:2] - (2.0, 0.5)).max() < 0.05, only
+assert only.existence > 0.9 and sum(h.weight for h in belief.hypotheses) > 0.999
+print(belief.table()[0]["name"])
+"""
+
+
+def test_the_engine_works_in_a_plain_session_without_ros() -> None:
+    told = subprocess.run([sys.executable, "-c", WITHOUT_ROS], capture_output=True, text=True, timeout=120)
+    assert told.returncode == 0, told.stderr
+    assert len(WITHOUT_ROS.strip().splitlines()) <= 15
+
+
+def test_every_name_is_there_and_costs_nothing_before_it_is_asked_for() -> None:
+    for name in semantic_slam.__all__:
+        assert getattr(semantic_slam, name) is not None
+    assert set(semantic_slam.__all__) <= set(dir(semantic_slam))
+    with pytest.raises(AttributeError, match="no attribute 'Motor'"):
+        semantic_slam.Motor  # noqa: B018
+    line = "import semantic_slam, sys; assert not {'numpy', 'gtsam', 'torch'} & set(sys.modules)"
+    assert subprocess.run([sys.executable, "-c", line]).returncode == 0
+
+
+def test_engines_are_asked_for_without_loading_networks() -> None:
+    line = "from semantic_slam import Engine; import sys; assert not {'torch', 'rosbags', 'cv2'} & set(sys.modules)"
+    told = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True)
+    assert told.returncode == 0, told.stderr
+
+
+def process(configuration: Configuration, *detections: Detection, map_prior: MapPrior | None = MAP) -> HybridBelief:
+    """The belief after one keyframe of a robot that stands at the origin."""
+    return Engine(configuration, map_prior).process(Keyframe.planar(0, detections=detections))
+
+
+def test_a_point_is_its_range_and_bearing() -> None:
+    point, polar = Detection.at(2.0, 1.0), Detection(range_m=np.sqrt(5.0), bearing_rad=np.arctan2(1.0, 2.0))
+    some, others = process(GEOMETRY, point), process(GEOMETRY, polar)
+    np.testing.assert_allclose(some.object_poses, others.object_poses, atol=1e-12)
+
+
+def test_the_covariance_of_a_point_turns_with_it() -> None:
+    round_one = Detection.at(3.0, 4.0, covariance=0.04 * np.eye(2))
+    np.testing.assert_allclose(round_one.covariance_or_nan(), np.diag([0.04, 0.04 / 25.0]), atol=1e-12)
+
+
+def test_noise_that_nobody_tells_is_the_configured_one() -> None:
+    told = Detection(range_m=2.0, bearing_rad=0.4, covariance=np.diag([0.3**2, 0.02**2]))
+    left_out = Detection(range_m=2.0, bearing_rad=0.4)
+    sigmas = {"perception": {"sigma_range_m": 0.3, "sigma_bearing_rad": 0.02}, "semantic_model": {"kind": "none"}}
+    some, others = process(GEOMETRY, told), process(Configuration.of(**sigmas), left_out)
+    np.testing.assert_array_equal(some.poses, others.poses)
+    assert not np.array_equal(some.poses, process(GEOMETRY, left_out).poses)
+
+
+def test_motion_noise_that_nobody_tells_is_the_configured_one() -> None:
+    noise = {"sigma_translation_per_m": 0.1, "sigma_translation_floor_m": 0.3, "sigma_rotation_per_m": 0.2}
+    configuration = Configuration.of(semantic_model={"kind": "none"}, odometry=noise)
+    sigma_m, sigma_rad = np.hypot(0.3, 0.1 * 2.0), np.hypot(0.005, 0.2 * 2.0)
+    drives = [
+        Keyframe.planar(0, motion=(2.0, 0.0, 0.0), motion_sigmas=sigmas)
+        for sigmas in (None, (sigma_m, sigma_m, sigma_rad))
+    ]
+    left_out, told = (Engine(configuration, MAP).process(drive) for drive in drives)
+    np.testing.assert_allclose(left_out.pose_covariances, told.pose_covariances, rtol=1e-12)
+
+
+def test_class_scores_are_the_features_of_the_class_models_whatever_their_order() -> None:
+    near = {"range_m": 2.2, "bearing_rad": 0.5}
+    forwards = process(CLASSES, Detection(**near, class_scores={"class_1": 0.9, "class_2": 0.1}))
+    backwards = process(CLASSES, Detection(**near, class_scores={"class_2": 0.1, "class_1": 0.9}))
+    np.testing.assert_array_equal(forwards.class_probabilities, backwards.class_probabilities)
+    (seen, *_), row = forwards.hypotheses[0].associations, 0
+    row = [known.object_id for known in forwards.objects].index(seen)
+    assert forwards.objects[row].likeliest_class == "class_1"
+    assert forwards.objects[row].class_probabilities["class_1"] > 0.6
+
+
+def test_what_is_read_by_name_is_what_the_arrays_say() -> None:
+    belief = process(CLASSES, Detection(range_m=2.2, bearing_rad=0.5, class_scores={"class_1": 0.9, "class_2": 0.1}))
+    for row, known in enumerate(belief.objects):
+        assert (known.object_id, known.name) == (belief.object_ids[row], belief.object_names[row])
+        assert list(known.class_probabilities.values()) == belief.class_probabilities[row].tolist()
+        np.testing.assert_array_equal(known.position, belief.object_poses[row, :3])
+        assert known.yaw_rad == pytest.approx(2.0 * np.arctan2(*belief.object_poses[row, 5:]))
+    assert sum(hypothesis.weight for hypothesis in belief.hypotheses) == pytest.approx(1.0)
+    for row, hypothesis in enumerate(belief.hypotheses):
+        expected = [belief.object_ids[n] if n >= 0 else -1 for n in belief.associations[row]]
+        assert list(hypothesis.associations) == expected
+    table = belief.table()
+    assert [each["x_m"] for each in table] == belief.object_poses[:, 0].tolist()
+    assert {len(each) for each in table} == {len(table[0])} and "p_class_1" in table[0]
+
+
+def test_a_detection_alone_is_clutter_where_identities_are_given() -> None:
+    belief = process(Configuration.of(association="given", semantic_model={"kind": "none"}), Detection(bearing_rad=0.1))
+    assert belief.hypotheses[0].associations == (-1,)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"range_m": float("nan"), "bearing_rad": 0.0}, "range_m is nan.*None for a bearing alone"),
+        ({"range_m": -1.0, "bearing_rad": 0.0}, "range_m is -1.0.*above 0"),
+        ({"bearing_rad": float("inf")}, "bearing_rad is inf"),
+        ({"bearing_rad": 0.0, "class_scores": {"chair": float("nan")}}, "chair is nan"),
+        ({"bearing_rad": 0.0, "covariance": [[1.0, 2.0], [2.0, 1.0]]}, "positive definite"),
+        ({"bearing_rad": 0.0, "covariance": np.diag([-0.1, 0.1])}, "positive definite"),
+        ({"bearing_rad": 0.0, "covariance": np.eye(3)}, "2 x 2"),
+    ],
+)
+def test_a_detection_that_cannot_be_is_refused_with_the_remedy(wrong: dict, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        Detection(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"motion": (1.0, 0.0)}, "three finite numbers"),
+        ({"motion": (1.0, 0.0, float("nan"))}, "three finite numbers"),
+        ({"motion_sigmas": (0.1, -0.1, 0.1)}, "above 0"),
+    ],
+)
+def test_a_motion_that_cannot_be_is_refused(wrong: dict, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        Keyframe.planar(0, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("scores", "told"),
+    [
+        ({}, "no class scores; the class models know class_1, class_2.*semantic_model.kind: none"),
+        ({"mug": 1.0, "class_1": 0.0, "class_2": 0.0}, "'mug' is of an unknown class"),
+        ({"class_1": 1.0}, "without a score for every class"),
+    ],
+)
+def test_scores_that_the_class_models_do_not_take_are_refused(scores: dict[str, float], told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        process(CLASSES, Detection(range_m=2.0, bearing_rad=0.4, class_scores=scores))
+
+
+def test_a_start_or_a_map_that_cannot_be_is_refused() -> None:
+    with pytest.raises(InputError, match="initial_pose"):
+        Engine(GEOMETRY, MAP, initial_pose=(0.0, float("nan"), 0.0))
+    with pytest.raises(InputError, match="initial_covariance is not symmetric and positive definite"):
+        Engine(GEOMETRY, MAP, initial_covariance=-np.eye(3))
+    with pytest.raises(InputError, match="no map prior"):
+        Engine(GEOMETRY)
+    with pytest.raises(InputError, match="choose one of enumerated, given, open"):
+        Engine(Configuration(association="clairvoyant"))
+
+
+def test_keyframes_out_of_order_are_refused() -> None:
+    engine = Engine(GEOMETRY, MAP)
+    engine.process(Keyframe.planar(0))
+    for wrong in (0, 2):
+        with pytest.raises(InputError, match=f"keyframe {wrong} came in place of 1"):
+            engine.process(Keyframe.planar(wrong))
+
+
+def test_the_lost_robot_of_the_example_finds_itself(tmp_path: Path) -> None:
+    example = ROOT / "examples" / "engine.py"
+    picture = tmp_path / "engine.png"
+    told = subprocess.run([sys.executable, example, picture], capture_output=True, text=True, timeout=120)
+    assert told.returncode == 0, told.stderr
+    first, *_, last = [re.findall(r"[\d.]+", line.partition("weights")[2]) for line in told.stdout.splitlines()]
+    assert len(first) == 5 and max(map(float, first)) < 0.5 and list(map(float, last)) == [1.0]
+    assert picture.stat().st_size > 20_000
+    assert len(example.read_text(encoding="utf-8").splitlines()) <= 40
+
+
+def test_the_session_of_the_page_runs() -> None:
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    (session,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    told = subprocess.run([sys.executable, "-c", session], capture_output=True, text=True, timeout=120)
+    assert told.returncode == 0, told.stderr
