@@ -1,4 +1,4 @@
-"""Some rows of a dataclass whose fields have a row each."""
+"""Selection and joining of rows in dataclasses whose fields have one row for each item."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import fields, replace

@@ -33,5 +33,5 @@ def take(table: "Table", selection: Selection, names: Iterable[str] = ()) -> "Ta
 
 
 def _rest(value: Any, selection: Selection) -> Any:
-    """Of what is no array."""
+    """Selection from a field that is no array: None stays, a table gives its own rows."""
     return None if value is None else take(value, selection)

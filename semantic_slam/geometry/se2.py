@@ -47,7 +47,7 @@ def placed(frames: Array, b: Array) -> Array:
 
 
 def wrapped(pose: Array) -> Array:
-    """The same poses, headings in [-pi, pi)."""
+    """(..., 3) poses with their headings wrapped to [-pi, pi)."""
     return _columns(pose[..., 0], pose[..., 1], wrap_angle(pose[..., 2]))
 
 

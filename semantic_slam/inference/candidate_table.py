@@ -45,7 +45,7 @@ class CandidateTable:
         )
 
     def take(self, rows: Index, log_weights: Array) -> "CandidateTable":
-        """Some of the candidates, with other weights."""
+        """The chosen candidates, with new log weights."""
         names = ("ids", "parent_ids", "associations", "classes", "modes", "poses", "object_poses")
         return replace(self, **{name: getattr(self, name)[rows] for name in names}, log_weights=log_weights)
 

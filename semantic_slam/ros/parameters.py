@@ -52,7 +52,7 @@ def declare_configuration(node: Node) -> Configuration:
 
 
 def refuse_undeclared(node: Node) -> None:
-    """Once all is declared: a mistyped ``pruning.ration`` must not silently leave the default in place.
+    """Refuse parameters left undeclared: a mistyped ``pruning.ration`` must not silently leave the default in place.
 
     The names of the configuration are known to every node, because a file for ``/**`` addresses all of them.
     Raises InputError.

@@ -97,7 +97,7 @@ class NodeProcesses:
 
 
 def loopback_environment(domain_id: int) -> dict[str, str]:
-    """This process's environment, with ROS traffic on this machine only and in a domain of its own."""
+    """Environment of this process with ROS traffic on this machine only, in a domain of its own."""
     return os.environ | {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_DOMAIN_ID": str(domain_id),

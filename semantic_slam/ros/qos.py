@@ -14,7 +14,7 @@ PICTURES = frozenset({topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topic
 
 
 def everything() -> QoSProfile:
-    """Nothing is lost from the moment on that both ends know each other."""
+    """Reliable quality of service that keeps all: nothing is lost once both ends know each other."""
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
 
 

@@ -69,7 +69,7 @@ def _at(runs: Sequence[Located], ends: Sequence[Smoothed], formulation: str) -> 
 
 
 def _descriptors(runs: Sequence[Located], ends: Sequence[Smoothed]) -> dict[str, Array]:
-    """Of each object, averaged over its tracks."""
+    """Descriptor of each object by its name, averaged over its tracks."""
     names = {run.name for run in runs}
     own = {name: [end.descriptor for run, end in zip(runs, ends, strict=True) if run.name == name] for name in names}
     return {name: np.mean(values, axis=0) for name, values in own.items()}
