@@ -22,6 +22,7 @@ from semantic_slam.inference.semantics.interface import Semantics
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
@@ -118,7 +119,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     return Problem(
         num_biases=len(biases),
         noise_factors=configuration.odometry.noise_factors,
-        space=PlanarPoses(),
+        spaces=Spaces.same(PlanarPoses()),
         model=PlanarObservation(
             model if _in_graph(configuration) else None,
             PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),

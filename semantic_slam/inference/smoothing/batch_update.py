@@ -24,7 +24,7 @@ MAX_UPDATES = 8
 class Extension:
     """What a keyframe adds to a smoother: factors, new variables, and semantic measurements.
 
-    ``start``: states (d,) of variables that the semantic measurements concern, and where they are made. The estimate
+    ``start``: states (s,) of variables that the semantic measurements concern, and where they are made. The estimate
     may have ``jumped`` there; with descriptors, ``calm`` are states from which an optimisation may end better.
     """
 
@@ -159,7 +159,7 @@ def _restless(fork: _Fork) -> Smoother:
 def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
     """Of an optimisation: where the extension is, and where it is calm; what it does not name begins at ``origin``."""
     states = [extension.start, extension.calm] if extension.calm else [extension.start]
-    return [changed(smoother.space, origin, own) for own in states]
+    return [changed(smoother.spaces, origin, own) for own in states]
 
 
 def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:

@@ -1,8 +1,8 @@
 """The iSAM2 of a component: forked when its hypothesis branches, else consumed by the only child; updated, read.
 
 Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and those
-of an object that a keyframe observes are made anew where its view has changed. Its variables are poses of dimension d
-and, with a learned latent space, descriptors of L components.
+of an object that a keyframe observes are made anew where its view has changed. Its variables are states of robots and
+objects, of tangent spaces of r and l dimensions, and with a learned latent space descriptors of L components.
 """
 
 from collections.abc import Collection, Sequence
@@ -28,7 +28,7 @@ from semantic_slam.inference.smoothing.factor_table import (
 )
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import BIAS_LETTER, DESCRIPTOR, is_descriptor, letter_of
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
@@ -75,7 +75,7 @@ class Smoother:
     needs it again updates a ``fork()``.
     """
 
-    space: StateSpace
+    spaces: Spaces
     semantics: SemanticFactorMaker
     owned: OwnedIsam
     num_variables: int
@@ -86,13 +86,13 @@ class Smoother:
 
     @classmethod
     def of(
-        cls, space: StateSpace, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+        cls, spaces: Spaces, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ) -> "Smoother":
         """A new one."""
-        isam = _new_isam(space, semantics)
+        isam = _new_isam(spaces, semantics)
         isam.update(graph, values)
         return cls(
-            space=space,
+            spaces=spaces,
             semantics=semantics,
             owned=OwnedIsam(isam),
             num_variables=values.size(),
@@ -109,12 +109,12 @@ class Smoother:
         return replace(self, owned=self.owned.fork(), _known={})
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(n, d) estimates of different keys."""
+        """(n, s) estimates of different keys, as wide as the wider of robots and objects."""
         if not len(keys):
-            return np.zeros((0, self.space.dimension))
+            return np.zeros((0, self.spaces.storage.width))
         if self.num_variables < FEW_VARIABLES:
             return self.estimate.states(keys)
-        ascending = self.space.states(self.isam.calculateEstimate(list(keys)))
+        ascending = self.spaces.states(self.isam.calculateEstimate(list(keys)))
         return ascending[_ranks(tuple(keys))]
 
     @property
@@ -125,7 +125,7 @@ class Smoother:
 
     @cached_property
     def _estimate(self) -> Estimate:
-        return Estimate.of(self.space, self.isam.calculateEstimate(), self.num_descriptors)
+        return Estimate.of(self.spaces, self.isam.calculateEstimate(), self.num_descriptors)
 
     def descriptors(self, keys: Sequence[int]) -> Array:
         """(n, L) estimates of descriptors."""
@@ -140,7 +140,7 @@ class Smoother:
         return bool(self.isam.valueExists(key))
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """Marginal covariance in the order of ``keys``, d rows for a pose and L for a descriptor.
+        """Marginal covariance in the order of ``keys``, r or l rows for a state and L for a descriptor.
 
         In the tangent spaces at the estimate. Read once: a report and the prediction after it ask for the same.
         Raises LostComponentError.
@@ -165,23 +165,29 @@ class Smoother:
         return np.asarray(0.5 * (covariance + covariance.T))
 
     def _size(self, key: int) -> int:
-        return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.space.dimension
+        return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.spaces.of(key).tangent_size
 
     def covariances(self, keys: Sequence[int]) -> Array:
-        """(n, d, d) marginal covariances, in the tangent spaces at the estimate. Raises LostComponentError."""
-        size = self.space.dimension
+        """(n, l, l) marginal covariances of objects, in the tangent spaces there. Raises LostComponentError."""
+        size = self.spaces.layout.landmark
+        return np.array([self._covariance(key) for key in keys]).reshape(len(keys), size, size)
+
+    def _covariance(self, key: int) -> Array:
         try:
-            return np.array([self.isam.marginalCovariance(key) for key in keys]).reshape(len(keys), size, size)
+            return np.asarray(self.isam.marginalCovariance(key))
         except (RuntimeError, IndexError) as fault:
             raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
 
     def joint_blocks(self, keys: Sequence[int]) -> Array:
-        """The same of keys whose joint covariance the next prediction asks for, unless they are many."""
-        count, size = len(keys), self.space.dimension
-        if count > MOST_JOINT:
-            return self.covariances(keys)
-        blocks = self.joint_covariance(keys).reshape(count, size, count, size)
-        return blocks[np.arange(count), :, np.arange(count)]
+        """(n, w, w) marginal covariances of a robot and objects, read from the joint one unless they are many.
+
+        The next prediction asks for that joint covariance, too.
+        """
+        layout = self.spaces.layout
+        if len(keys) > MOST_JOINT:
+            return layout.stacked_squares(self._covariance(keys[0]), self.covariances(keys[1:]))
+        blocks: Array = layout.diagonal(self.joint_covariance(keys)[None])[0].copy()
+        return blocks
 
     def stepped(
         self,
@@ -214,8 +220,8 @@ class Smoother:
         parameters = gtsam.ISAM2Params()
         parameters.relinearizeSkip = STEPPED_SKIP
         thresholds = gtsam.ISAM2ThresholdMap()
-        for symbol in "xo":
-            thresholds.insert((symbol, self.space.far))
+        for symbol, space in (("x", self.spaces.robot), ("o", self.spaces.landmark)):
+            thresholds.insert((symbol, space.far))
         thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
         parameters.setRelinearizeThreshold(thresholds)
         parameters.enablePartialRelinearizationCheck = True
@@ -250,7 +256,7 @@ class Smoother:
         size = self.num_variables + values.size()
         descriptors = self.num_descriptors + sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(
-            space=self.space,
+            spaces=self.spaces,
             semantics=self.semantics,
             owned=owned,
             num_variables=size,
@@ -275,11 +281,11 @@ class Smoother:
         for factor in factors:
             graph.add(factor)
         last = _last(values.keys())
-        isam = _new_isam(self.space, self.semantics)
+        isam = _new_isam(self.spaces, self.semantics)
         try:
             result = isam.update(graph, values, [], _groups(last))
         except RuntimeError:
-            isam = _new_isam(self.space, self.semantics, "QR")
+            isam = _new_isam(self.spaces, self.semantics, "QR")
             result = isam.update(graph, values, [], _groups(last))
         if not np.isfinite(isam.getDelta().vector()).all():
             raise RuntimeError("the system is not finite")
@@ -287,7 +293,7 @@ class Smoother:
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         made = replace(made, indices=tuple(indices))
         return Smoother(
-            space=self.space,
+            spaces=self.spaces,
             semantics=self.semantics,
             owned=OwnedIsam(isam),
             num_variables=values.size(),
@@ -305,8 +311,8 @@ class Smoother:
         deltas = np.abs(self.isam.getDelta().vector()) / AT_REST
         limit = self.semantics.descriptor_threshold
         split = self.num_descriptors * len(limit)
-        if not (deltas[split:].reshape(-1, self.space.dimension) <= self.space.relinearize_threshold).all():
-            return False  # or it is not a number
+        if not self.spaces.are_within(deltas[split:], self.num_variables - self.num_descriptors):
+            return False
         return not self.made.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
@@ -342,12 +348,12 @@ def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
     return np.argsort(np.argsort(keys))
 
 
-def _new_isam(space: StateSpace, semantics: SemanticFactorMaker, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
+def _new_isam(spaces: Spaces, semantics: SemanticFactorMaker, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
     parameters = gtsam.ISAM2Params()
     parameters.setFactorization(factorization)
     parameters.relinearizeSkip = 1
     thresholds = gtsam.ISAM2ThresholdMap()
-    for symbol in "xo":
+    for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
         thresholds.insert((symbol, space.relinearize_threshold))
     if len(semantics.descriptor_threshold):
         thresholds.insert((DESCRIPTOR, semantics.descriptor_threshold))
