@@ -21,7 +21,7 @@ class Scores:
 
     @classmethod
     def of(cls, samples: Array) -> "Scores":
-        """With the moments of the (n, F) samples; the covariance of a single one is zero."""
+        """Scores with the moments of the (n, F) samples; the covariance of a single one is zero."""
         return cls(samples, samples.mean(axis=0), sample_covariance(samples))
 
 

@@ -162,7 +162,7 @@ class _Finish:
         self.set_aside(small | (self.search.damping > LARGEST_DAMPING))
 
     def set_aside(self, ended: Flags) -> None:
-        """Where they are."""
+        """Store the results of problems that have ended, and go on with the others."""
         if not ended.any():
             return
         at, search = self.rows[ended], self.search

@@ -27,7 +27,7 @@ class CandidateTable:
 
     @classmethod
     def of(cls, answers: Sequence[Candidates]) -> "CandidateTable":
-        """From the answers of all backends; the same hypothesis counts once."""
+        """A table from the answers of all backends; the same hypothesis counts once."""
         filled = [answer for answer in answers if len(answer.ids)] or answers[:1]  # without a row D is unknown
         ids, order = np.unique(np.concatenate([answer.ids for answer in filled]), return_index=True)
         parents = np.concatenate([answer.expanded_parent_ids for answer in answers])

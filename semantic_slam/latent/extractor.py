@@ -51,7 +51,7 @@ class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followe
         return int(self.head.out_features)
 
     def project(self, matrix: Array, offset: Array) -> None:
-        """From now on deliver matrix @ (f - offset): (F', F) and (F,)."""
+        """Make the extractor deliver matrix @ (f - offset) from now on: (F', F) and (F,)."""
         weight, bias = self.head.weight.detach().double().numpy(), self.head.bias.detach().double().numpy()
         self.head = nn.Linear(weight.shape[1], len(matrix))
         with torch.no_grad():

@@ -94,7 +94,7 @@ def strips_svg(mean: Array, sigma: Array, labels: list[str]) -> Markup:
 
 
 def _colour(value: float) -> str:
-    """From blue over near white to orange, for -1 to 1."""
+    """Colour of a value from -1 to 1: from blue over near white to orange."""
     end = HIGH if value > 0.0 else LOW
     red, green, blue = np.rint(244 + abs(value) * (end - 244)).astype(int)
     return f"#{red:02x}{green:02x}{blue:02x}"

@@ -18,7 +18,7 @@ SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
 
 
 def leaves(cls: type = Configuration, prefix: str = "") -> Iterator[tuple[str, "dataclasses.Field[Any]", Any]]:
-    """(dotted name, dataclass field, default) of every parameter."""
+    """Every parameter as (dotted name, dataclass field, default)."""
     for item in dataclasses.fields(cls):
         default = _default(item)
         if dataclasses.is_dataclass(default):

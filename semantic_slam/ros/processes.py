@@ -56,7 +56,7 @@ class NodeProcesses:
         self._processes[name].wait()
 
     def wait(self, name: str, timeout_s: float) -> None:
-        """Until the node has ended well. Raises SemanticSlamError, with its last lines, when any node dies before."""
+        """Wait until the node has ended well. Raises SemanticSlamError, with its last lines, when any node dies."""
         give_up = time.monotonic() + timeout_s
         while self.exit_code(name) is None:
             self.check()

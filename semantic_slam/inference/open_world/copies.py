@@ -91,7 +91,7 @@ class Placed(Protocol):
 
 
 class Distinct:
-    """In a world of known objects no hypothesis becomes the copy of another."""
+    """Merging in a world of known objects, where no hypothesis becomes the copy of another."""
 
     num_merged = 0
 

@@ -29,4 +29,4 @@ def _size(descriptors: torch.Tensor) -> torch.Tensor:
 
 
 PRIORS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {"contrastive": contrastive, "n_pairs": n_pairs}
-"""By name."""
+"""Contrastive losses by name."""

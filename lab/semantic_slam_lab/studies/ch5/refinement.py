@@ -17,7 +17,7 @@ from semantic_slam_lab.studies.ch5.tracks import Drive, Located, Smoothed
 def refinement_numbers(
     runs: Sequence[Located], new_names: Sequence[str], formulation: str, jobs: int, settings: RefinementSettings
 ) -> dict[str, float]:
-    """Before and after, for trained and for new objects; the last track around each object judges."""
+    """Numbers before and after refinement, for trained and new objects; the last track around each object judges."""
     last = max(run.number for run in runs)
     used, judged = [run for run in runs if run.number < last], [run for run in runs if run.number == last]
     model, ends = trained(formulation).model, [run.estimates[formulation] for run in used]

@@ -105,7 +105,7 @@ def _track(generator: np.random.Generator) -> Array:
 
 
 def _viewpoints(track: Array, name: str) -> Viewpoints:
-    """From where the robot's camera, turned to the object's middle, sees it."""
+    """Viewpoints from where the robot's camera, turned to the object's middle, sees the object."""
     flat = np.hypot(track[:, 0], track[:, 1])
     above = CAMERA_HEIGHT_M - 0.5 * model_named(name).size[2]
     azimuth = np.arctan2(track[:, 1], track[:, 0])
