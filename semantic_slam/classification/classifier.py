@@ -49,7 +49,7 @@ class SequentialClassifier(ABC):
 
     @property
     def num_tracks(self) -> int:
-        """P."""
+        """P, the number of tracks."""
         return len(self.log_evidence)
 
     @abstractmethod

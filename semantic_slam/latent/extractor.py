@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.network import normalised
 
 BLOCK = 512
-"""Crops at a time."""
+"""Number of crops that are put through the network at a time."""
 
 
 class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy

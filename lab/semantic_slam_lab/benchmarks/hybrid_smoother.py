@@ -61,7 +61,7 @@ class Record:
         return float(np.mean(self.seconds)) if self.seconds else float("nan")
 
     def least_seconds_per_step(self) -> float:
-        """Mean seconds per step over all runs of known time: one out of time counts with its limit, less than it needed."""
+        """Least mean seconds per step over all runs of known time: one out of time counts with its limit."""
         runs = [float(np.mean(run)) for run in self.seconds]
         runs += [LIMIT_S / STEPS for reason in self.unfinished if reason == OUT_OF_TIME]
         return float(np.mean(runs)) if runs else float("nan")

@@ -59,7 +59,7 @@ class Gaussians:
         return np.asarray(logs - finite_log_sum_exp(logs, axis=-2))
 
     def without_prior(self) -> "Gaussians":
-        """All but the last."""
+        """The mixture without its last component, the prior."""
         return Gaussians(self.means[:-1], self.roots[:-1], self.log_shares[:-1])
 
     def with_prior(self) -> "Gaussians":

@@ -53,7 +53,7 @@ class Ascents:
         return float(np.rad2deg(np.median(np.abs(self.end_rad))))
 
     def within(self, degrees: float) -> float:
-        """Share of the ends."""
+        """Share of the ascents that end within so many degrees of the truth."""
         return float((np.abs(self.end_rad) < np.deg2rad(degrees)).mean())
 
 

@@ -118,7 +118,7 @@ class _Problem:
 
 
 def _pose(keyframe: int) -> int:
-    """-1: the start of the drive."""
+    """GTSAM key of a keyframe's pose; -1 is the start of the drive."""
     return int(gtsam.symbol("x", keyframe + 1))
 
 
