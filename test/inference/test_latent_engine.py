@@ -197,6 +197,7 @@ def test_every_view_has_one_factor_and_exact_ones_become_linear(drive) -> None:
     assert in_graph == poses + objects + descriptors + 2 * len(smoother.made)
 
 
+@pytest.mark.slow
 def test_a_component_is_rebuilt_from_its_lineage(drive) -> None:
     world, manager, backend, _ = drive
     number = max(manager.live, key=lambda n: manager.live[n].log_weight)

@@ -295,6 +295,7 @@ def lost_world() -> World:
     return make_world(8, **CORRELATED)
 
 
+@pytest.mark.slow
 def test_a_lost_robot_finds_itself_and_the_classes() -> None:
     world = lost_world()
     belief = beliefs(world, 1)[-1]
