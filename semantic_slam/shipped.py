@@ -3,7 +3,7 @@
 from pathlib import Path
 
 CONFIGURATIONS = Path(__file__).parent / "configurations"
-"""In a checkout this is config/."""
+"""Folder of the shipped configurations; in a checkout this is config/."""
 DEFAULT_CONFIGURATION = CONFIGURATIONS / "default.yaml"
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 PACKAGE_XML = Path(__file__).resolve().parents[1] / "package.xml"
-"""In a checkout, which may run without being installed; an installed package has it in its metadata."""
+"""The package.xml of a checkout, which may run without being installed; an installed package has metadata instead."""
 
 
 def _version() -> str:

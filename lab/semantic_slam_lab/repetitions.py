@@ -18,7 +18,7 @@ CONNECT_TIMEOUT = "10s"
 
 
 def keyed_generator(*key: str | int) -> np.random.Generator:
-    """The same numbers for the same key, whatever else is drawn and on whichever machine."""
+    """Generator that gives the same numbers for the same key, whatever else is drawn and on whichever machine."""
     text = ":".join(str(part) for part in key)
     digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))

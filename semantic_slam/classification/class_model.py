@@ -41,7 +41,7 @@ class ClassModel:
 
     @classmethod
     def from_json(cls, row: Mapping[str, Any]) -> "ClassModel":
-        """From an object with X_T, S_T, sigma2, L and sigma_n; raises InputError."""
+        """A class model from an object with X_T, S_T, sigma2, L and sigma_n; raises InputError."""
         try:
             values = [np.array(row[name], dtype=np.float64) for name in ("X_T", "S_T", "sigma2", "L", "sigma_n")]
         except (KeyError, TypeError, ValueError) as fault:

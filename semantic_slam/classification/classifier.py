@@ -21,7 +21,7 @@ class Scores:
 
     @classmethod
     def of(cls, samples: Array) -> "Scores":
-        """With the moments of the (n, F) samples; the covariance of a single one is zero."""
+        """Scores with the moments of the (n, F) samples; the covariance of a single one is zero."""
         return cls(samples, samples.mean(axis=0), sample_covariance(samples))
 
 
@@ -49,7 +49,7 @@ class SequentialClassifier(ABC):
 
     @property
     def num_tracks(self) -> int:
-        """P."""
+        """P, the number of tracks."""
         return len(self.log_evidence)
 
     @abstractmethod

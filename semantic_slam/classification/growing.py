@@ -20,7 +20,7 @@ class GrowingArray:
 
     @property
     def values(self) -> Array:
-        """(*batch, k, *item), a view."""
+        """The (*batch, k, *item) items that are there, as a view of the buffer."""
         return self._data[(slice(None),) * self._axis + (slice(self._start, self._end),)]
 
     def append(self, item: Array) -> None:
@@ -55,7 +55,7 @@ class GrowingMatrix:
 
     @property
     def values(self) -> Array:
-        """(*batch, n, n), a view."""
+        """The (*batch, n, n) matrix as it is now, as a view of the buffer."""
         live = slice(self._start, self._end)
         return self._data[..., live, live]
 

@@ -38,7 +38,7 @@ class GrowingGaussian:
         self._floor = floor
 
     def predict(self, cross: Array, corner: Array) -> NextBlock:
-        """Of the block with covariance ``corner`` (*batch, b, b), and ``cross`` (*batch, n, b) with the first n."""
+        """Gaussian of the next block, of covariance ``corner`` (*batch, b, b) and ``cross`` (*batch, n, b)."""
         whitened = self._root.values @ cross
         transposed = whitened.swapaxes(-1, -2)
         shift = (transposed @ self._whitened_residual.values[..., None])[..., 0]

@@ -37,7 +37,7 @@ class JointClassifier(SequentialClassifier):
         return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
 
     def of_class(self, class_index: int) -> Self:
-        """Of the same settings, for one class alone: its evidence is p(z_0:k | track, class)."""
+        """A joint classifier with these settings for one class alone: its evidence is p(z_0:k | track, class)."""
         processes = self._processes.only(class_index)
         return type(self)(processes, np.zeros(1), coupling=self._coupling, window=self._window)
 

@@ -49,7 +49,7 @@ class SampledTracks(ABC):
 
     @property
     def log_posterior(self) -> Array:
-        """(C,) average over the tracks."""
+        """(C,) log class posterior averaged over the tracks by their weights."""
         return averaged(self.classifier.log_posteriors, self.log_weights)
 
     def update(self, scores: Scores, posterior: TrackPosterior) -> Array:
@@ -164,7 +164,7 @@ class EvidencePerClass:
 
     @property
     def log_posterior(self) -> Array:
-        """(C,) natural logs."""
+        """(C,) log class posterior from each class's own evidence, in nats."""
         return normalised(self._log_prior + np.array([tracks.log_evidence for tracks in self.of_classes]))
 
     def update(self, scores: Scores, posterior: TrackPosterior) -> Array:

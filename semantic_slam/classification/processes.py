@@ -60,14 +60,14 @@ class ClassProcesses:
         self.rank = max(trained.projection.shape[-1] for trained in self._classes)
 
     def only(self, class_index: int) -> "ClassProcesses":
-        """Of one class alone."""
+        """The Gaussian processes of one class alone."""
         one, rows = copy(self), slice(class_index, class_index + 1)
         one.num_classes, one._classes = 1, self._classes[rows]
         one._own_variance, one._correlated_variance = self._own_variance[rows], self._correlated_variance[rows]
         return one
 
     def marginals(self, locations_m: Array) -> Marginals:
-        """Of one view from (P, 2) locations relative to the object, one for each track."""
+        """Predicted scores at one view from (P, 2) locations relative to the object, one for each track."""
         inputs = self._map(np.asarray(locations_m, dtype=np.float64))
         parts = [trained.at(inputs, self.rank) for trained in self._classes]
         scaled, whitened, mean = (np.stack([part[i] for part in parts], axis=1) for i in range(3))

@@ -13,7 +13,7 @@ from semantic_slam.classification.track import NextView, TrackViews
 from semantic_slam.geometry.arrays import Array, Index
 
 Coupling = Literal["full", "per_component"]
-"""Of the scores' components by Sigma_z: as it is, or its diagonal alone."""
+"""How Sigma_z couples the components of a score: by its full matrix, or by its diagonal alone."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class RecursiveClassifier(SequentialClassifier):
         return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
 
     def of_class(self, class_index: int) -> Self:
-        """Of the same settings, for one class alone: its evidence is p(z_0:k | track, class)."""
+        """A recursive classifier with these settings for one class alone: its evidence is p(z_0:k | track, class)."""
         processes = self._processes.only(class_index)
         return type(self)(processes, np.zeros(1), coupling=self._coupling, window=self._window)
 
@@ -80,7 +80,7 @@ class RecursiveClassifier(SequentialClassifier):
         self._scores.replace(rows, other._scores, source)
 
     def predict(self, locations_m: Array) -> ScorePrediction:
-        """Of the scores at (P, 2) next locations, before they are measured."""
+        """Prediction of the scores at (P, 2) next locations, before they are measured."""
         next_view = self._views.next(locations_m)
         return self._prediction(next_view, self._block(next_view))
 

@@ -16,12 +16,12 @@ class NextView:
 
     @property
     def mean(self) -> Array:
-        """(P, C, F)."""
+        """(P, C, F) mean scores at the new view."""
         return self.marginals.mean
 
     @property
     def variance(self) -> Array:
-        """(P, C, F)."""
+        """(P, C, F) variances of the scores at the new view."""
         return self.marginals.variance
 
 

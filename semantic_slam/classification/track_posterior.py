@@ -15,7 +15,7 @@ class TrackPosterior(Protocol):
     """p(X_0:k, o | H_k) as locations of the camera relative to the object, K = k + 1 views."""
 
     def sample(self, count: int, generator: np.random.Generator) -> Array:
-        """(count, K, 2) tracks."""
+        """(count, K, 2) tracks drawn from the posterior."""
 
     def extend(self, tracks: Array, generator: np.random.Generator) -> Array:
         """(P, 2) locations of view k, drawn given the (P, k, 2) locations before it and all that is known."""
@@ -37,7 +37,7 @@ class GaussianTrack:
         self._factor = np.linalg.cholesky(covariance + jitter * np.eye(self._mean.size))
 
     def sample(self, count: int, generator: np.random.Generator) -> Array:
-        """(count, K, 2) tracks."""
+        """(count, K, 2) tracks drawn from the Gaussian."""
         drawn = generator.standard_normal((count, self._mean.size))
         return np.asarray(self._mean + drawn @ self._factor.T).reshape(count, -1, 2)
 
@@ -64,7 +64,7 @@ class GaussianTrack:
         return np.asarray(-0.5 * np.square(whitened).sum(axis=0) - logdet)
 
     def _whitened(self, tracks: Array) -> Array:
-        """(2 k, P)."""
+        """(2 k, P) first views of the tracks, centred and whitened by the posterior's covariance."""
         size = 2 * tracks.shape[1]
         centred = (tracks.reshape(len(tracks), size) - self._mean[:size]).T
         return np.asarray(solve_triangular(self._factor[:size, :size], centred, lower=True))

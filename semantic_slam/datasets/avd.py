@@ -65,7 +65,7 @@ class AvdScene:
         return self.folder / "high_res_depth" / f"{Path(name).stem[:-2]}03.png"
 
     def image(self, name: str) -> NDArray[np.uint8]:
-        """(height, width, 3) RGB."""
+        """(height, width, 3) RGB picture of an image of the scene."""
         return np.ascontiguousarray(_picture(self.colour_path / name, cv2.IMREAD_COLOR)[..., ::-1])
 
     def depth_m(self, name: str) -> NDArray[np.float32]:

@@ -27,7 +27,7 @@ LABEL = "object"
 FIRST_STAMP_NS = 1_000_000_000_000
 STEP_NS = 500_000_000
 INITIAL_SIGMA = np.array([10.0, 10.0, 0.2])
-"""Of x, y [m] and yaw [rad]: the robot knows its heading from a compass, and is lost otherwise."""
+"""Standard deviations of the initial x, y [m] and yaw [rad]: a compass tells the heading, the position is unknown."""
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
 
 
 def describe(bag: Path, result: Imported, noise: OdometryNoise) -> str:
-    """Some lines for people."""
+    """A summary of the import for people, in a few lines."""
     skipped = ", ".join(f"{count} {reason}" for reason, count in sorted(result.skipped.items())) or "none"
     rebuilt = f" ({', '.join(result.rebuilt)})" if result.rebuilt else ""
     source = "triangulated from boxes and depth, headings unknown" if result.triangulated else "drawn about the truth"

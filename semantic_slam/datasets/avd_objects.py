@@ -18,7 +18,7 @@ POSITION_VARIANCE_M2 = 0.05
 HEADING_VARIANCE_RAD2 = 0.0005
 UNKNOWN_HEADING_VARIANCE_RAD2 = 10.0
 LEVEL_VARIANCE = 1e-6
-"""Of height [m^2] and tilt [rad^2]: furniture stands on the floor."""
+"""Variance of an object's height [m^2] and tilt [rad^2]: furniture stands on the floor."""
 CENTRAL_FRACTION = 0.4
 MAX_DEPTH_M = 4.5
 """Depth of the real data set is not dependable beyond."""

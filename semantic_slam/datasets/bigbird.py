@@ -57,7 +57,7 @@ class TurntableView:
 
     @cached_property
     def image(self) -> NDArray[np.uint8]:
-        """(height, width, 3) RGB."""
+        """(height, width, 3) RGB picture of the view."""
         return np.ascontiguousarray(_picture(self.folder / f"{self.stem}.jpg", cv2.IMREAD_COLOR)[..., ::-1])
 
     @cached_property

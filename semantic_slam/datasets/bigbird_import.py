@@ -95,7 +95,7 @@ def intrinsics_of(view: TurntableView) -> CameraModel:
 
 
 def camera_pose(view: TurntableView) -> Array:
-    """(7,) T_map_camera, optical frame."""
+    """(7,) T_map_camera of a turntable view, in the camera's optical frame."""
     matrix = view.table_from_camera
     return np.concatenate([matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]).as_quat()])
 

@@ -111,7 +111,7 @@ class Converter:
         return handlers
 
     def _copy_to(self, name: str) -> Handler:
-        """The same bytes under the name ``name``."""
+        """A handler that copies a message's bytes unchanged to the topic ``name``."""
 
         def copy(message: RawMessage) -> None:
             self._writer.write_raw(name, message.type_name, message.cdr, message.stamp_ns)

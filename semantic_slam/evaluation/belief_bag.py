@@ -116,7 +116,7 @@ def _trajectory(poses: dict[int, Any]) -> Trajectory:
 
 
 def _believed(poses: dict[int, Any]) -> dict[int, Any]:
-    """Those whose stamps the pipeline believes, too; a single wrong one would bend the dead reckoning."""
+    """Odometry poses whose stamps the pipeline believes; a single wrong one would bend the dead reckoning."""
     clock: TopicClock[Any] = TopicClock(topics.ODOMETRY, Counter())
     believed: dict[int, Any] = {}
     for stamp, pose in poses.items():

@@ -1,4 +1,4 @@
-"""Association histories: the chain of parents of a hypothesis through the recorded beliefs."""
+"""Association histories: the lineage of a hypothesis through the recorded beliefs."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ def best_index(belief: HybridBelief) -> int:
 def lineage(beliefs: Sequence[HybridBelief]) -> list[int]:
     """Index, at every keyframe, of the ancestor of the hypothesis that is best at the end.
 
-    -1 where the chain is not recorded (a bag that starts late or has a gap).
+    -1 where the lineage is not recorded (a bag that starts late or has a gap).
     """
     if not beliefs:
         return []

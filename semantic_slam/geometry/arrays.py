@@ -26,7 +26,7 @@ def squared_norms(vectors: Array) -> Array:
 
 
 def row_sums(values: Array) -> Array:
-    """(...,) of (..., n), likewise."""
+    """(...,) sums of (..., n) over the last axis: many times faster than a sum over an axis that is short."""
     return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))
 
 

@@ -1,7 +1,7 @@
 """Levenberg-Marquardt for many small problems at once, each with its own damping.
 
 Undamped Gauss-Newton loses the minimum where residuals are large or the start is far; the damping follows the gain of
-each step (Nielsen, 1999), so that problems with large residuals settle at the damping they need instead of swinging
+each step (Nielsen, 1999), so that problems with large residuals converge at the damping they need instead of swinging
 about it.
 """
 
@@ -30,7 +30,7 @@ class LeastSquares(Protocol):
         """Energy (B,), gradient (B, n) and Gauss-Newton Hessian (B, n, n) at (B, n)."""
 
     def select(self, selection: Index) -> "LeastSquares":
-        """Some of the problems."""
+        """The chosen problems of the batch."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class LevenbergMarquardt:
         self.damping, self._growth = np.full(len(start), INITIAL_DAMPING), np.full(len(start), 2.0)
 
     def select(self, rows: Index) -> "LevenbergMarquardt":
-        """Some of the problems, where they are."""
+        """The search over the chosen problems alone, going on from where each of them is."""
         part = copy.copy(self)
         part._problems = self._problems.select(rows)
         part.y, part.energy, part._gradient = self.y[rows], self.energy[rows], self._gradient[rows]
@@ -79,7 +79,7 @@ class LevenbergMarquardt:
         return Minimum(self.y.copy(), self.energy.copy(), self.hessian.copy())
 
     def advance(self, iterations: int, enough: Array) -> None:
-        """So many steps of each problem; fewer once its next one is not expected to bring ``enough`` (B,)."""
+        """Take so many steps of each problem; fewer once its next one is not expected to bring ``enough`` (B,)."""
         for _ in range(iterations):
             step, expected = self.next_step()
             near = self.is_near(expected, enough)
@@ -92,7 +92,7 @@ class LevenbergMarquardt:
             self.damping[there], self._growth[there] = damping, growth
 
     def finished(self, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0) -> Minimum:
-        """After that many steps at most; problems that have converged are left alone. Uses up this search.
+        """Minimum after that many steps at most; problems that have converged are left alone. Uses up this search.
 
         ``tolerance`` (B,): decrease that a step may be expected to bring where a minimum counts as found all the same.
         """
@@ -162,7 +162,7 @@ class _Finish:
         self.set_aside(small | (self.search.damping > LARGEST_DAMPING))
 
     def set_aside(self, ended: Flags) -> None:
-        """Where they are."""
+        """Store the results of problems that have ended, and go on with the others."""
         if not ended.any():
             return
         at, search = self.rows[ended], self.search

@@ -45,7 +45,7 @@ def matched_moments_of_many(weights: Array, poses: Array, covariances: Array) ->
 
 
 def _matched(shares: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
-    """Of (H, O) shares that add up to one over H, (H, O, 7) poses and (H, O, 6, 6) covariances."""
+    """Moments by (H, O) shares that add up to one over H, of (H, O, 7) poses and (H, O, 6, 6) covariances."""
     position = np.einsum("ho,hoi->oi", shares, poses[..., :3])
     scatter = np.einsum("ho,hoi,hoj->oij", shares, poses[..., 3:], poses[..., 3:])
     mean = Rotation.from_quat(np.linalg.eigh(scatter)[1][..., -1])  # the mean rotation of Markley et al., 2007

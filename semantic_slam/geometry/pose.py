@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array
 PLANAR_AXES = (0, 1, 5)
 """Rows of a 3-D covariance (x, y, rz) that a planar engine fills."""
 PLANAR_ENTRIES = np.array([6 * row + column for row in PLANAR_AXES for column in PLANAR_AXES])
-"""Of its 36 entries."""
+"""Places of x, y, yaw and their products among the 36 entries of a pose covariance, row by row."""
 
 
 def wrap_angle(angle: Array) -> Array:

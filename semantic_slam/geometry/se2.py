@@ -47,7 +47,7 @@ def placed(frames: Array, b: Array) -> Array:
 
 
 def wrapped(pose: Array) -> Array:
-    """The same poses, headings in [-pi, pi)."""
+    """(..., 3) poses with their headings wrapped to [-pi, pi)."""
     return _columns(pose[..., 0], pose[..., 1], wrap_angle(pose[..., 2]))
 
 
@@ -188,7 +188,7 @@ def _element(x: float, y: float, turn: float) -> list[float]:
 
 
 def _turned(sine: Array, cosine: Array, b: Array) -> tuple[Array, Array]:
-    """The position of b, turned."""
+    """The position of pose b turned by an angle, from its sine and cosine."""
     return cosine * b[..., 0] - sine * b[..., 1], sine * b[..., 0] + cosine * b[..., 1]
 
 

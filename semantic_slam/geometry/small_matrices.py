@@ -21,7 +21,7 @@ def cholesky(matrices: Array) -> Array:
 
 
 def forward(root: Array, values: Array) -> Array:
-    """(B, F, K) L^-1 values."""
+    """(B, F, K) L^-1 values: forward substitution."""
     found = np.empty(values.shape)
     for i in range(root.shape[-1]):
         entry = values[..., i, :]
@@ -41,7 +41,7 @@ def inverted(matrix: Array) -> tuple[Array, float]:
 
 
 def backward(root: Array, values: Array) -> Array:
-    """(B, F, K) L^-T values."""
+    """(B, F, K) L^-T values: backward substitution."""
     found = np.empty(values.shape)
     for i in reversed(range(root.shape[-1])):
         entry = values[..., i, :]

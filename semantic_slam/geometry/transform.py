@@ -16,7 +16,7 @@ def compose(T_a_b: Array, T_b_c: Array) -> Array:
 
 
 def inverse(T_a_b: Array) -> Array:
-    """T_b_a."""
+    """Inverse transform T_b_a of T_a_b."""
     conjugate = T_a_b[3:] * np.array([-1.0, -1.0, -1.0, 1.0]) / np.linalg.norm(T_a_b[3:])
     return np.concatenate([-rotation_matrix(conjugate) @ T_a_b[:3], conjugate])
 

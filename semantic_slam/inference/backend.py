@@ -89,7 +89,7 @@ class Backend:
         return self._answer
 
     def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
-        """As they are held, grown from what was expanded, or rebuilt."""
+        """Components of the survivors: as held already, grown from what was expanded, or rebuilt from lineages."""
         survivors: dict[int, Outcome] = {}
         growing, rebuilt = {}, dict[int, Component]()
         at = self._places_expanded(commit.keyframe)

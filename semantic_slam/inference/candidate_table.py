@@ -27,7 +27,7 @@ class CandidateTable:
 
     @classmethod
     def of(cls, answers: Sequence[Candidates]) -> "CandidateTable":
-        """From the answers of all backends; the same hypothesis counts once."""
+        """A table from the answers of all backends; the same hypothesis counts once."""
         filled = [answer for answer in answers if len(answer.ids)] or answers[:1]  # without a row D is unknown
         ids, order = np.unique(np.concatenate([answer.ids for answer in filled]), return_index=True)
         parents = np.concatenate([answer.expanded_parent_ids for answer in answers])
@@ -45,7 +45,7 @@ class CandidateTable:
         )
 
     def take(self, rows: Index, log_weights: Array) -> "CandidateTable":
-        """Some of the candidates, with other weights."""
+        """The chosen candidates, with new log weights."""
         names = ("ids", "parent_ids", "associations", "classes", "modes", "poses", "object_poses")
         return replace(self, **{name: getattr(self, name)[rows] for name in names}, log_weights=log_weights)
 

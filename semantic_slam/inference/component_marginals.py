@@ -22,7 +22,7 @@ class ComponentMarginals:
 
 
 def component_marginals(component: Component, reported: ReportedObjects) -> ComponentMarginals:
-    """With what Gaussians and factors do not say. Raises LostComponentError."""
+    """Marginals of a component, with what Gaussians and factors do not say. Raises LostComponentError."""
     present = [row for row, n in enumerate(reported.ids) if n in component.object_ids]
     ids = [reported.ids[row] for row in present]
     states, covariances = component.robot_and_objects(ids)

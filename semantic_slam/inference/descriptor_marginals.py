@@ -12,7 +12,7 @@ from semantic_slam.inference.world.objects import ReportedObjects
 
 @dataclass(frozen=True)
 class DescriptorMarginals:
-    """Of O objects in the order in which they are reported; L is 0 without a learned latent space."""
+    """Descriptor marginals of O objects in the order of the report; L is 0 without a learned latent space."""
 
     mean: Array  # (O, L)
     variance: Array  # (O, L) NaN where the component has no such object

@@ -36,7 +36,7 @@ class Expansion:
 
     @property
     def assignments(self) -> Assignments:
-        """The table of the candidates."""
+        """The table of the candidates' assignments."""
         return self.candidates.assignments
 
     @property

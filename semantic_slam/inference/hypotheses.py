@@ -35,7 +35,7 @@ class DiscardedMass:
     lately: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))  # log (1 - d_k)
 
     def add(self, log_kept: float) -> None:
-        """One keyframe more."""
+        """Count the mass that one more keyframe discards."""
         self.log_kept += log_kept
         self.lately.append(log_kept)
 

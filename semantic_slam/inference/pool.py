@@ -20,10 +20,10 @@ class InProcessPool:
             backend.start(run)
 
     def expand(self, keyframe: Any) -> list[Candidates]:
-        """Round one."""
+        """Round one: the candidates of every live hypothesis."""
         return [backend.expand(keyframe) for backend in self._backends]
 
     def commit(self, commit: Commit) -> list[Components]:
-        """Round two."""
+        """Round two: the survivors forked, updated and reported."""
         answers = [backend.commit(commit) for backend in self._backends]
         return [answer for answer in answers if answer is not None]

@@ -69,7 +69,7 @@ class Rounds:
         self._pool.commit(commit)
 
     def _count_lost(self, children: dict[int, Hypothesis], answers: list[Components]) -> None:
-        """By reason; raises SemanticSlamError when none is left."""
+        """Count the components that were lost, by reason; raises SemanticSlamError when none is left."""
         lost = Counter(reason for answer in answers for reason in answer.lost_reasons)
         lost += Counter({"no backend answered": len(_unanswered(children, answers))})
         self.lost.update({f"{LOST}: {reason}": count for reason, count in lost.items()})

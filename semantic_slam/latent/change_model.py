@@ -13,7 +13,7 @@ from semantic_slam.latent.smooth_network import SmoothNetwork
 from semantic_slam.viewpoint.model import Viewpoints
 
 SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -5.0, 5.0
-"""Of the second view's features."""
+"""Bounds of the log standard deviation that is predicted for the second view's features."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class ChangePrediction:
     sigma: Array  # (B, F)
 
     def log_likelihood(self, features: Array) -> Array:
-        """(B,) of (B, F) features [nats]."""
+        """(B,) log likelihood of (B, F) second-view features, in nats."""
         residual = (features - self.mean) / self.sigma
         return np.asarray(
             -(0.5 * residual**2 + np.log(self.sigma)).sum(axis=1) - 0.5 * len(self.mean.T) * np.log(2 * np.pi)

@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.network import normalised
 
 BLOCK = 512
-"""Crops at a time."""
+"""Number of crops that are put through the network at a time."""
 
 
 class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
@@ -51,7 +51,7 @@ class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followe
         return int(self.head.out_features)
 
     def project(self, matrix: Array, offset: Array) -> None:
-        """From now on deliver matrix @ (f - offset): (F', F) and (F,)."""
+        """Make the extractor deliver matrix @ (f - offset) from now on: (F', F) and (F,)."""
         weight, bias = self.head.weight.detach().double().numpy(), self.head.bias.detach().double().numpy()
         self.head = nn.Linear(weight.shape[1], len(matrix))
         with torch.no_grad():

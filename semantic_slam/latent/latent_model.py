@@ -26,7 +26,7 @@ class FeatureNoise:
 
     @property
     def tempered(self) -> Array:
-        """(F,)"""
+        """(F,) standard deviations of the feature as a factor graph counts them, tempered by ``temper``."""
         return self.sigma * self.temper
 
 
@@ -88,7 +88,7 @@ class LatentModel:
         return replace(self, noise=self.turntable_noise)
 
     def mean(self, viewpoints: Viewpoints, descriptors: Array) -> Array:
-        """(B, F) mean alone, for rasters."""
+        """(B, F) predicted mean features alone, without their noise, for rasters."""
         return self.decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))
 
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:

@@ -41,11 +41,11 @@ class DescriptorModel(Protocol):
 
     @property
     def num_features(self) -> int:
-        """F, at most 32."""
+        """F, the number of components of a feature, at most 32."""
 
     @property
     def num_dimensions(self) -> int:
-        """L."""
+        """L, the number of components of a descriptor."""
 
     @property
     def prior(self) -> DescriptorBelief:

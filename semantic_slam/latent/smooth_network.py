@@ -43,7 +43,7 @@ class SmoothNetwork:
         return len(self.layers[-1].weight)
 
     def value(self, inputs: Array) -> Array:
-        """(B, outputs) for (B, inputs)."""
+        """(B, outputs) value of the network at (B, inputs)."""
         hidden = inputs
         for layer, by_input in zip(self.layers[:-1], self._by_input[:-1], strict=True):
             hidden = np.tanh(hidden @ by_input + layer.bias)

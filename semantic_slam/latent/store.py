@@ -79,7 +79,7 @@ def read_latent_model(path: Path) -> LatentModel:
 
 
 def space_of(arrays: Arrays) -> str:
-    """Of a file's parameters: what descriptors mean follows from extractor and decoder alone."""
+    """Name of a file's latent space: what descriptors mean follows from extractor and decoder alone."""
     digest = sha256()
     for name in sorted(arrays):
         if name.startswith(("extractor.", "decoder.")):

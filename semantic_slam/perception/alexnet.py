@@ -44,7 +44,7 @@ class AlexNet(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
         )
 
     def trunk(self, images: torch.Tensor) -> torch.Tensor:
-        """(N, 3, 224, 224) to (N, 9216)."""
+        """(N, 9216) activations before the fully connected layers, of (N, 3, 224, 224) images."""
         return torch.flatten(self.avgpool(self.features(images)), 1)
 
     def head(self) -> nn.Sequential:
@@ -56,6 +56,6 @@ class AlexNet(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
         return normalised(crops, (0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:
-        """(N, 3, 224, 224) to (N, 1000) logits."""
+        """(N, 1000) logits of (N, 3, 224, 224) images."""
         logits: torch.Tensor = self.classifier(self.trunk(images))
         return logits

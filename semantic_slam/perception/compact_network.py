@@ -36,7 +36,7 @@ class CompactNetwork(nn.Module):  # type: ignore[misc]  # torch is not followed 
         )
 
     def trunk(self, images: torch.Tensor) -> torch.Tensor:
-        """(N, 3, 64, 64) to (N, 1536)."""
+        """(N, 1536) activations before the fully connected layers, of (N, 3, 64, 64) images."""
         return torch.flatten(self.features(images), 1)
 
     def head(self) -> nn.Sequential:

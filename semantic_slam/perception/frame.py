@@ -60,7 +60,7 @@ class Detections:
         return len(self.labels)
 
     def take(self, rows: Index) -> "Detections":
-        """Some of the detections."""
+        """The chosen detections."""
         return with_rows(self, rows, whole=("stamp_ns", "frame_id", "class_names"))
 
 

@@ -62,5 +62,5 @@ class SemanticMeasurements:
         return len(self.detection_ids)
 
     def take(self, rows: Index) -> "SemanticMeasurements":
-        """Some of the detections."""
+        """The measurements of the chosen detections."""
         return with_rows(self, rows, whole=OF_THE_FRAME)

@@ -14,7 +14,7 @@ from semantic_slam.perception.frame import CameraModel
 CENTRAL_FRACTION = 0.6
 """Share of a box's width and height, about its centre, in which depth is read."""
 DEPTH_PERCENTILE = 30.0
-"""Of the valid depths there: below the median, because background shows through and past an object, never before it."""
+"""Percentile of the valid depths in a box: below the median, as background shows past an object, never before it."""
 LEAST_READINGS = 5
 """Valid depth pixels without which a box has no depth."""
 

@@ -29,7 +29,7 @@ def build_classifier(configuration: Configuration) -> Classifier:
 
 
 def _coverage(settings: SemanticModelConfiguration, num_features: int) -> CoverageCheck | None:
-    """None where the class models were not fitted, or explain another feature than the classifier measures."""
+    """Viewpoint coverage check; None where class models are not fitted, or explain another feature than is measured."""
     model = load_model(settings)
     if not isinstance(model, GaussianProcessModel) or model.num_features != num_features:
         return None

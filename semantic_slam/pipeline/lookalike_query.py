@@ -26,7 +26,7 @@ class LookalikeQuery:
     def ask(
         self, belief: HybridBelief, image: Bytes, box: Array | None = None, elevation_rad: float = ELEVATION_RAD
     ) -> Lookalikes:
-        """Of an RGB image, or the (4,) box in it. Raises InputError."""
+        """Objects of the map that look like an RGB image, or like the (4,) box in it. Raises InputError."""
         if belief.descriptors.shape[1] != self._model.num_dimensions:
             raise InputError(
                 f"the belief has descriptors of {belief.descriptors.shape[1]} components, the latent space has"

@@ -65,7 +65,7 @@ class TopicClock(Generic[T]):
         return is_first and self._earlier is not None and self._earlier[0] < stamp_ns < (self._last_ns or 0)
 
     def _begin_anew(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
-        """With the item that was refused as too early, and this one."""
+        """What is believed now, with the item that was refused as too early, and this one."""
         assert self._earlier is not None
         self._dropped[f"{self.topic}: {BACKWARDS}"] -= 1
         self._dropped += Counter()  # without a reason that counts none

@@ -49,7 +49,7 @@ class ObjectRow:
 
 @dataclass(frozen=True)
 class ComparisonView:
-    """All of the section."""
+    """The section of a report that compares runs."""
 
     sentences: list[str]
     charts: list[Chart]

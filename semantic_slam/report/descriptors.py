@@ -18,7 +18,7 @@ MAP_SIZE, MAP_MARGIN = 420, 46
 
 @dataclass(frozen=True)
 class DescriptorFigures:
-    """Both pictures of the last belief."""
+    """Figures of the last belief's descriptors: strips by component, and the plane of their largest variance."""
 
     strips: Markup
     plane: Markup | None  # None with fewer than three objects
@@ -27,7 +27,7 @@ class DescriptorFigures:
 
 
 def descriptor_figures(analysis: Analysis) -> DescriptorFigures | None:
-    """None for a run without descriptors."""
+    """Descriptor figures of the last belief; None for a run without descriptors."""
     last = analysis.record.beliefs[-1]
     seen = [row for row, n in enumerate(last.object_ids) if analysis.detection_counts[int(n)]]
     if not last.descriptors.shape[1] or not seen:
@@ -94,7 +94,7 @@ def strips_svg(mean: Array, sigma: Array, labels: list[str]) -> Markup:
 
 
 def _colour(value: float) -> str:
-    """From blue over near white to orange, for -1 to 1."""
+    """Colour of a value from -1 to 1: from blue over near white to orange."""
     end = HIGH if value > 0.0 else LOW
     red, green, blue = np.rint(244 + abs(value) * (end - 244)).astype(int)
     return f"#{red:02x}{green:02x}{blue:02x}"

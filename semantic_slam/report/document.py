@@ -143,7 +143,7 @@ def map_prior(record: Record) -> MapPrior:
 def tum_lines(analysis: Analysis) -> str:
     """One line ``seconds x y z qx qy qz qw`` per keyframe: the path of the hypothesis that is best at the end.
 
-    Where its chain is not recorded, the best hypothesis of that keyframe stands in.
+    Where its lineage is not recorded, the best hypothesis of that keyframe stands in.
     """
     lines = []
     for belief, final in zip(analysis.record.beliefs, analysis.chain, strict=True):

@@ -8,7 +8,7 @@ CHECK_S = 0.2
 
 
 class Credit:
-    """At most ``window`` frames are sent and not yet done with.
+    """Flow control by credit: at most ``window`` frames are sent and not yet done with.
 
     It bounds memory; what keeps every message is the quality of service. So, when nothing has moved for
     ``stall_s`` (the pipeline may wait for a message that only comes later), one more frame may go.

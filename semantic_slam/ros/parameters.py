@@ -18,7 +18,7 @@ SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
 
 
 def leaves(cls: type = Configuration, prefix: str = "") -> Iterator[tuple[str, "dataclasses.Field[Any]", Any]]:
-    """(dotted name, dataclass field, default) of every parameter."""
+    """Every parameter as (dotted name, dataclass field, default)."""
     for item in dataclasses.fields(cls):
         default = _default(item)
         if dataclasses.is_dataclass(default):
@@ -52,7 +52,7 @@ def declare_configuration(node: Node) -> Configuration:
 
 
 def refuse_undeclared(node: Node) -> None:
-    """Once all is declared: a mistyped ``pruning.ration`` must not silently leave the default in place.
+    """Refuse parameters left undeclared: a mistyped ``pruning.ration`` must not silently leave the default in place.
 
     The names of the configuration are known to every node, because a file for ``/**`` addresses all of them.
     Raises InputError.

@@ -83,7 +83,7 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         rclpy.try_shutdown()
 
     def close(self) -> None:
-        """Called once the node has ended and its worker rests."""
+        """Release what the node holds; called once it has ended and its worker has stopped."""
 
     def _failed(self, fault: Exception) -> None:
         if rclpy.ok():  # after an interrupt, whatever still wants to publish fails

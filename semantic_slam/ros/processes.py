@@ -56,7 +56,7 @@ class NodeProcesses:
         self._processes[name].wait()
 
     def wait(self, name: str, timeout_s: float) -> None:
-        """Until the node has ended well. Raises SemanticSlamError, with its last lines, when any node dies before."""
+        """Wait until the node has ended well. Raises SemanticSlamError, with its last lines, when any node dies."""
         give_up = time.monotonic() + timeout_s
         while self.exit_code(name) is None:
             self.check()
@@ -97,7 +97,7 @@ class NodeProcesses:
 
 
 def loopback_environment(domain_id: int) -> dict[str, str]:
-    """This process's environment, with ROS traffic on this machine only and in a domain of its own."""
+    """Environment of this process with ROS traffic on this machine only, in a domain of its own."""
     return os.environ | {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_DOMAIN_ID": str(domain_id),

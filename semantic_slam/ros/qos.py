@@ -14,12 +14,12 @@ PICTURES = frozenset({topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topic
 
 
 def everything() -> QoSProfile:
-    """Nothing is lost from the moment on that both ends know each other."""
+    """Reliable quality of service that keeps all: nothing is lost once both ends know each other."""
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
 
 
 def everything_from_the_start() -> QoSProfile:
-    """As :func:`everything`, and a late or restarted reader receives what was published before."""
+    """Reliable quality of service that keeps all, and a late or restarted reader receives what was published before."""
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
         history=HistoryPolicy.KEEP_ALL,
@@ -28,7 +28,7 @@ def everything_from_the_start() -> QoSProfile:
 
 
 def latched() -> QoSProfile:
-    """One message that every late reader still receives."""
+    """Quality of service that gives every late reader the one last message."""
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
         history=HistoryPolicy.KEEP_LAST,
@@ -38,7 +38,7 @@ def latched() -> QoSProfile:
 
 
 def newest() -> QoSProfile:
-    """Only the newest message matters, as with /clock."""
+    """Quality of service where only the newest message matters, as with /clock."""
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1)
 
 

@@ -52,12 +52,12 @@ class RosPool:
         self._run.send(encode(run))
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
-        """Round one."""
+        """Round one: the candidates of every live hypothesis."""
         self._keyframes.send(encode(keyframe, run_id=self._run_id))
         return self._collect(self._candidates, topics.CANDIDATES, keyframe.index)
 
     def commit(self, commit: Commit) -> list[Components]:
-        """Round two."""
+        """Round two: the survivors forked, updated and reported."""
         self._commits.send(encode(commit))
         return self._collect(self._components, topics.COMPONENTS, commit.keyframe)
 

@@ -16,7 +16,7 @@ LARGEST_OBJECT = 100
 BOX_JITTER = 0.06
 """Standard deviation of each box edge, as a fraction of the object's size."""
 HIDDEN_PROBABILITY = 0.25
-"""Of a part of the object that something covers or the image's border cuts off."""
+"""Probability that a part of the object is hidden, as by what stands before it or by the image's border."""
 LARGEST_HIDDEN_SHARE = 0.35
 
 

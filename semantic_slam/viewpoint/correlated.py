@@ -40,12 +40,12 @@ class Evidence:
         return np.asarray(self.share * -0.5 * (moved**2 / variance + np.log(variance) + LOG_2PI).sum(axis=-1))
 
     def rows(self, selection: slice) -> "Evidence":
-        """Of some of the B."""
+        """Evidence of the chosen rows among the B."""
         return take(self, selection, ("log_likelihood", "newest", "innovation", "variance"))
 
 
 def joined(parts: list[Evidence]) -> Evidence:
-    """One after the other."""
+    """Evidence of several batches, one after the other along B."""
     return Evidence(
         np.concatenate([part.log_likelihood for part in parts]),
         np.concatenate([part.newest for part in parts]),
@@ -69,7 +69,7 @@ class CorrelatedModel:
         self._correlation = np.stack([_correlation(fit) for fit in model.fits])  # (C, F, GRID), over the difference
 
     def evidence(self, azimuth_rad: Array, features: Array, variances: Array) -> Evidence:
-        """Of V views, the newest last: azimuths (B, V), features (B, V, F) and their dropout variances (B, V, F)."""
+        """Evidence of V views, the newest last: azimuths (B, V), features and their dropout variances (B, V, F)."""
         count, views = azimuth_rad.shape
         numbers = self._covariance.shape[0] * self._covariance.shape[1] * views * views
         step = max(1, MAX_BATCH_NUMBERS // numbers)

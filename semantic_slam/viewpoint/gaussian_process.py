@@ -84,7 +84,7 @@ class GaussianProcessModel:
 
     @property
     def class_names(self) -> tuple[str, ...]:
-        """(C,) names of the classes."""
+        """Names of the C classes."""
         return self._class_names
 
     @property

@@ -9,7 +9,7 @@ from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
 NUM_AZIMUTHS = 72
 QUANTILE = 0.999
-"""Of the views that the models describe so many count as known."""
+"""Share of the views that the class models describe which counts as known."""
 
 
 class KnownViews:

@@ -59,7 +59,7 @@ def growth(quick: bool, seed: int) -> list[Row]:
 
 
 def against_literal(quick: bool, seed: int) -> list[Row]:
-    """The same posterior by Alg. 3.1 as printed, one pose sample and one step at k = 40, its predecessor given."""
+    """Our recursion against Alg. 3.1 as printed: one pose sample and one step at k = 40, its predecessor given."""
     models, random = class_models(seed), np.random.default_rng(seed)
     scores, track = _random_scores(random, AT + 1), np.cumsum(random.normal(size=(AT + 1, 2)), axis=0)
     repetitions = 3 if quick else 7

@@ -43,7 +43,7 @@ class Record:
     unfinished: list[str] = field(default_factory=list)  # why, of the runs that did not end
 
     def add(self, world: World, associations: list[tuple[int, ...]], seconds: list[float]) -> None:
-        """One run that ended."""
+        """Record a run that ended."""
         truth = [frame.objects for frame in world.frames]
         same = [a == b for one, other in zip(associations, truth, strict=True) for a, b in zip(one, other, strict=True)]
         self.correct.append(all(same))
@@ -51,17 +51,17 @@ class Record:
         self.seconds.append(seconds)
 
     def add_failure(self, reason: str) -> None:
-        """One that did not."""
+        """Record a run that did not end."""
         self.correct.append(False)
         self.share.append(0.0)
         self.unfinished.append(reason)
 
     def seconds_per_step(self) -> float:
-        """Of the runs that ended."""
+        """Mean seconds per step over the runs that ended."""
         return float(np.mean(self.seconds)) if self.seconds else float("nan")
 
     def least_seconds_per_step(self) -> float:
-        """Of all runs whose time is known: one out of time counts as long as it was given, less than it needed."""
+        """Least mean seconds per step over all runs of known time: one out of time counts with its limit."""
         runs = [float(np.mean(run)) for run in self.seconds]
         runs += [LIMIT_S / STEPS for reason in self.unfinished if reason == OUT_OF_TIME]
         return float(np.mean(runs)) if runs else float("nan")
@@ -136,7 +136,7 @@ def run_ours(world: World) -> tuple[list[tuple[int, ...]], list[float]]:
 
 
 def run_peer(name: str, world: World) -> tuple[list[tuple[int, ...]], list[float]] | str:
-    """Of a peer, in a process of its own; the reason where it does not end."""
+    """Associations and times of a peer, run in a process of its own; the reason where it does not end."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])  # once, so that a process starts at once
     receiver, sender = context.Pipe(duplex=False)

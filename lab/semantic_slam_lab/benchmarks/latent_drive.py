@@ -107,7 +107,7 @@ def drive(quick: bool, seed: int) -> list[Row]:
 
 
 def driven(model: DescriptorModel, seed: int) -> list[Row]:
-    """With any model."""
+    """Rows of the benchmark's drive with any descriptor model."""
     run = Drive.of(model, seed)
     manager, times = run.manager(), []
     for step in run.steps:

@@ -36,7 +36,7 @@ def updates(quick: bool, seed: int) -> list[Row]:
 
 
 def measured(model: DescriptorModel, repetitions: int, seed: int) -> list[Row]:
-    """With any model."""
+    """Rows of the benchmark with any descriptor model."""
     world = Circuit(model, seed)
     frame = POSES
     isams = {latent: world.grown(POSES - repetitions, latent=latent) for latent in (True, False)}

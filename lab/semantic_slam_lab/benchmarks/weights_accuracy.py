@@ -48,7 +48,7 @@ def accuracy(quick: bool, seed: int) -> list[Row]:
 
 
 def errors(seed: int, aligned: bool = False, num_samples: int = NUM_REFERENCE_SAMPLES) -> Errors:
-    """One world, one keyframe."""
+    """Errors of the weights in one world, after one keyframe."""
     world = grid_world(seed, num_detections=DETECTIONS, aligned=aligned)
     reference = reference_posterior(world, seed, num_samples)
     candidates, belief, discarded = our_posteriors(world, reference)
@@ -83,7 +83,7 @@ class _RecordingPool(InProcessPool):
 
 
 def thesis_error(world: World, reference: Reference, seed: int) -> float:
-    """Of samples from the prior; 1 where none of them explains the frame, so that there is no posterior."""
+    """Error of the thesis's samples from the prior; 1 where none explains the frame, so that there is no posterior."""
     objects, _ = candidates_of(len(world.frames[0].objects), len(world.object_means))
     psi = shared_weights(world, world.predicted_robot(), keyed_generator("thesis", seed))
     if psi.sum() == 0.0:

@@ -26,7 +26,7 @@ PILOT = 1024
 NEGLIGIBLE = 1e-6
 """Share of the posterior below which an association gets no more samples."""
 SHARES = np.array([0.75, 0.15, 0.1])
-"""Of the mixture's parts: at the mode, wider, prior."""
+"""Shares of the mixture's parts: at the mode, wider, and the prior."""
 SCALES = (1.1, 1.8)
 """Standard deviations of the first two parts, relative to the mode's curvature."""
 LEAST_REPLICATES = 4

@@ -24,7 +24,7 @@ DETECTIONS = 3
 PARENTS = 20
 REPETITIONS, QUICK_REPETITIONS = 7, 3
 LITERAL_CANDIDATES = 2
-"""Of the 960: the printed loop is the same for every one."""
+"""Candidates of the 960 that the printed loop is timed on: it is the same for every one."""
 
 
 def weights(quick: bool, seed: int) -> list[Row]:

@@ -29,7 +29,7 @@ STUDIES = {
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
 STUDIES_OF_DATA = ("avd_bigbird",)
-"""Those whose ``run`` also takes ``avd`` and ``bigbird``, folders of data sets or None."""
+"""Studies whose ``run`` also takes ``avd`` and ``bigbird``, folders of data sets or None."""
 
 RENDERED = "data"
 """Folder of a study's output that a later run of it may use."""

@@ -50,11 +50,11 @@ class ProcessPool:
         self._ask("start", run)
 
     def expand(self, keyframe: Any) -> list[Candidates]:
-        """Round one."""
+        """Round one: the candidates of every live hypothesis."""
         return self._ask("expand", keyframe)
 
     def commit(self, commit: Commit) -> list[Components]:
-        """Round two."""
+        """Round two: the survivors forked, updated and reported."""
         return [answer for answer in self._ask("commit", commit) if answer is not None]
 
     def resident_mb(self) -> float:

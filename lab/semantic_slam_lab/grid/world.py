@@ -16,7 +16,7 @@ from semantic_slam_lab.repetitions import keyed_generator
 
 SPACING_M = 3.0
 RADIUS_M = 5.0
-"""Of the circle about the grid that the robot follows, looking at the grid's middle."""
+"""Radius of the circle about the grid that the robot follows, looking at the grid's middle."""
 TURN_RAD = 0.16
 """Angle of that circle from one keyframe to the next: 0.8 m."""
 

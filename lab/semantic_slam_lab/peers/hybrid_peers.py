@@ -75,7 +75,7 @@ class _Problem:
         self._new: list[Frame] = []
 
     def newest(self, values: gtsam.Values) -> Array:
-        """(3,) the last robot pose."""
+        """(3,) newest robot pose in an estimate."""
         pose = values.atPose2(_robot(len(self.counts)))
         return np.array([pose.x(), pose.y(), pose.theta()])
 

@@ -14,7 +14,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam_lab.grid.world import World
 
 NUM_SAMPLES = 1000
-"""Of the thesis."""
+"""Number of samples of the prior that the thesis draws."""
 NUM_CLASSES = 2
 
 Gaussian = tuple[Array, Array]

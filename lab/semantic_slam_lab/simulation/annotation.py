@@ -14,7 +14,7 @@ from semantic_slam_lab.simulation.mujoco_scene import PlacedObject
 LEAST_SIDE_PX = 12
 LEAST_VISIBLE_FRACTION = 0.05
 DIFFICULTY_BELOW = ((0.9, 1), (0.75, 2), (0.5, 3), (0.25, 4))
-"""(visible fraction from which on, difficulty); less than the last is 5."""
+"""AVD's difficulty of a box by its visible fraction, (least fraction, difficulty); below the last it is 5."""
 SMALL_BOX_PX = 40
 NEAREST_CORNER_M = 0.05
 

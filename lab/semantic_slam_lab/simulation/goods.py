@@ -29,7 +29,7 @@ class RoundModel:
 
     @property
     def size(self) -> tuple[float, float, float]:
-        """Along x, y, z in metres."""
+        """Size along x, y, z in metres."""
         widest = 2.0 * max(radius for radius, _ in self.profile)
         return widest, widest, self.profile[-1][1] - self.profile[0][1]
 

@@ -39,7 +39,7 @@ def goods_picture(name: str) -> Picture:
 
 
 SIDES = ("right", "front", "left", "back")
-"""From left to right for who walks around an object counter-clockwise seen from above, looking at it."""
+"""Sides from left to right for who walks around an object counter-clockwise seen from above, looking at it."""
 
 
 def _wrapped(sides: list[Picture]) -> Picture:

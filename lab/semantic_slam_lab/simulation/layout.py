@@ -55,7 +55,7 @@ def room() -> Room:
 
 
 def frames_xy(frames: Sequence[TourFrame]) -> Array:
-    """(F, 2) positions of the frames."""
+    """(F, 2) positions of the frames in map [m]."""
     return np.array([[frame.x_m, frame.y_m] for frame in frames])
 
 

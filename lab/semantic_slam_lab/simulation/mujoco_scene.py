@@ -32,7 +32,7 @@ class PlacedObject:
 
     @property
     def pose(self) -> NDArray[np.float64]:
-        """(7,) pose of its frame in map."""
+        """(7,) pose of the object's frame in map."""
         half = self.yaw_rad / 2.0
         return np.array([self.x_m, self.y_m, self.model.size[2] / 2.0, 0.0, 0.0, np.sin(half), np.cos(half)])
 

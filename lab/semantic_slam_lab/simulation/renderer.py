@@ -20,7 +20,7 @@ OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 
 class RenderingError(InputError):
-    """Neither EGL nor OSMesa works on this machine: the user's to mend, hence one line and no traceback."""
+    """Raised where neither EGL nor OSMesa works: the user's to mend, hence one line and no traceback."""
 
 
 @dataclass(frozen=True)

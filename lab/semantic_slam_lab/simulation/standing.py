@@ -39,9 +39,9 @@ WATCHED = "desk_1"
 AZIMUTH_RAD, DISTANCE_M = float(np.deg2rad(99.0)), 2.1
 """Where the robot stands, in the frame of the object that it watches: the desk's planked side is a crate's, too."""
 INITIAL_SIGMA = np.array([0.02, 0.02, 0.01])
-"""Of x, y [m] and yaw [rad]: the robot knows where it stands."""
+"""Standard deviations of the initial x, y [m] and yaw [rad]: the robot knows where it stands."""
 OBJECT_SIGMA = np.array([0.03, 0.03, 0.01])
-"""Of x, y [m] and yaw [rad] of the objects in the map prior, which knows no classes."""
+"""Standard deviations of x, y [m] and yaw [rad] of the objects in the map prior, which knows no classes."""
 JPEG_QUALITY = 85
 PURPOSES = {"initial_pose": 21, "map_prior": 22, "sensors": 23}
 """Keys that make the random draws of one seed independent."""

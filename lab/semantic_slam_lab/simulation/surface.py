@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 
 SEGMENTS = 48
-"""Around a surface of revolution."""
+"""Number of segments around a surface of revolution."""
 
 
 @dataclass(frozen=True)

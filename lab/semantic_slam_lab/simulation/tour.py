@@ -13,7 +13,7 @@ from semantic_slam.geometry.arrays import Array
 STEP_M = 0.3
 VIEWS_PER_POSITION = 12
 RING_OFFSET_M = 1.65
-"""From the outer places of the grid to the ring."""
+"""Distance from the outer places of the grid to the ring [m]."""
 RING_HALF_STEPS = (16, 9)
 """Half the ring's sides along x and y, in steps."""
 HORIZONTAL_FOV_RAD = float(np.deg2rad(80.0))
@@ -63,7 +63,7 @@ def ring() -> Array:
 
 
 def tour(seed: int) -> tuple[TourFrame, ...]:
-    """Once around, counter-clockwise, from a start that depends on the seed; the camera looks inwards.
+    """Frames once around, counter-clockwise, from a start that depends on the seed; the camera looks inwards.
 
     Every second position is a keyframe, and so is every view while the robot turns on the spot.
     """

@@ -22,7 +22,7 @@ DEPTH_SCALE = 1.0
 
 @dataclass(frozen=True)
 class TurntableCamera:
-    """One of the five cameras, all on one side of the table."""
+    """A camera of the turntable, one of five on one side of the table."""
 
     name: str
     range_m: float  # from the object's centre

@@ -73,7 +73,7 @@ class ClosedKeyframe:
         return self._with_evidence(candidates).at_modes()
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
-        """With the priors over classes that the map states."""
+        """Semantic input of the candidates, with the priors over classes that the map states."""
         return SemanticInput(
             step=self.step,
             parents=self.parents.components,
@@ -84,7 +84,7 @@ class ClosedKeyframe:
         )
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Nothing is missed or born by chance here: factors of one, and the objects that detections introduce."""
+        """Existence factors (all one) and updates: a closed world misses no object; detections alone introduce them."""
         updates = [
             ExistenceUpdate.starting(component.objects, list(new))
             for component, new in zip(self.parents.components, self._new, strict=True)
@@ -180,11 +180,11 @@ class ClosedKeyframe:
         return np.array(objects, dtype=int), np.array([self.path.class_assignment[i] for i in self.used], dtype=int)
 
     def _log_class_prior(self, object_ids: Index) -> Array:
-        """(O, C)."""
+        """(O, C) log prior class probabilities of the objects."""
         return self.registry.log_class_prior_of(object_ids.tolist())
 
     def _with_evidence(self, candidates: Candidates) -> Candidates:
-        """By importance samples with mode splitting, by Laplace's approximation, or by samples from the prior."""
+        """Candidates with evidence by samples and mode splitting, by Laplace's approximation, or by prior samples."""
         weights, (problem, mode) = self.problem.weights, candidates.solved()
         if weights.method == "importance":
             unsplit = UnsplitCandidates(

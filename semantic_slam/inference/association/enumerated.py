@@ -30,7 +30,7 @@ class EnumeratedAssociation:
 
     @staticmethod
     def check(configuration: Configuration) -> None:
-        """Any other parameters go together with it."""
+        """Accept every configuration: any other parameters go together with enumeration."""
 
     @staticmethod
     def introduce(registry: ObjectRegistry, step: Step) -> None:

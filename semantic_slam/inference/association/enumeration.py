@@ -57,7 +57,7 @@ class EnumerationProblem:
         return self.model.collect(self.detections)
 
     def first(self, count: int) -> Any:
-        """Some of the detections as arrays."""
+        """The first ``count`` detections as arrays."""
         return self.seen if count == len(self.detections) else self.seen.take(slice(count))
 
 
@@ -147,7 +147,7 @@ def enumerate_classes(setting: EnumerationProblem, associated: Candidates) -> Ca
 
 
 def _of_prior(count: int, size: int) -> Mode:
-    """Of the robot alone, before any detection."""
+    """Modes of the robot's prior alone, before any detection."""
     return Mode(np.zeros((count, size)), np.broadcast_to(np.eye(size), (count, size, size)), np.zeros(count))
 
 

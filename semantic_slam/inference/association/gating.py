@@ -36,7 +36,7 @@ class PairDensities:
 def pair_densities(
     spaces: Spaces, model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array
 ) -> PairDensities:
-    """From the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects."""
+    """Densities of all pairs from the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects."""
     count, storage = len(mean) - 1, spaces.storage
     if not count or not detections:
         nothing = np.zeros((len(detections), count))

@@ -30,7 +30,7 @@ class GivenAssociation:
 
     @staticmethod
     def check(configuration: Configuration) -> None:
-        """Any other parameters go together with it."""
+        """Accept every configuration: any other parameters go together with given associations."""
 
     @staticmethod
     def introduce(registry: ObjectRegistry, step: Step) -> None:

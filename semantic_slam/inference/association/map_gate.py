@@ -38,7 +38,7 @@ class MapGate:
         return np.flatnonzero(self.admitted.any(axis=(0, 1)))
 
     def widened(self, best: Array, gate: float) -> "MapGate | None":
-        """With what might be less than ``gate`` behind the parents' ``best`` (P,) evidence; None where nothing is."""
+        """The gate with what may be less than ``gate`` behind the parents' ``best`` (P,); None where nothing is new."""
         missed = ~self.admitted & (self.log_peak - self.cost >= (best - gate)[:, None, None])
         return replace(self, admitted=self.admitted | missed) if missed.any() else None
 
@@ -59,7 +59,7 @@ def map_gate(
     objects: Sequence[tuple[int, Array]],
     gate: float,
 ) -> MapGate:
-    """From the parents' predictions; ``objects`` are ids and (l, l) prior covariances, which updates only narrow."""
+    """Gate by the parents' predictions; ``objects`` are ids and (l, l) prior covariances, which updates only narrow."""
     keys = [object_key(number) for number, _ in objects]
     sigmas = position_sigmas(np.array([covariance for _, covariance in objects]))
     states = np.array([component.states(keys) for component in components])[..., : spaces.storage.landmark]

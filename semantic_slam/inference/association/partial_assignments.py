@@ -39,7 +39,7 @@ class PartialAssignments:
         return cls(spaces, predicted, rows, predicted.mean[:, :1], root, None, parents)
 
     def take(self, selection: Index) -> "PartialAssignments":
-        """Some of them."""
+        """The chosen partial assignments."""
         return take(self, selection, ("rows", "mean", "root", "origin"))
 
     def extended(self, origin: Index, objects: Index) -> "PartialAssignments":
@@ -86,7 +86,7 @@ class PartialAssignments:
 
     @cached_property
     def cross_blocks(self) -> Array:
-        """(B, m, 1 + O, w) of :attr:`cross`."""
+        """(B, m, 1 + O, w) whitened cross covariances of :attr:`cross`, in blocks by state."""
         return self.spaces.layout.blocks(self.cross)
 
     def stack(self, model: ObservationModel, seen: object) -> KeyframeProblem:

@@ -33,7 +33,7 @@ class Parents:
 
     @classmethod
     def of(cls, ids: Sequence[int], held: Sequence[WeightedComponent]) -> "Parents":
-        """From hypotheses as a backend holds them."""
+        """Parents of a keyframe's candidates, from hypotheses as a backend holds them."""
         weights = np.array([each.log_weight for each in held])
         return cls(ids=ids, components=[each.component for each in held], log_weights=weights)
 
@@ -52,7 +52,7 @@ class PredictedKeyframe(Protocol):
         """The associations of the detections to objects, as far as the gates admit."""
 
     def weigh(self, candidates: Candidates) -> Candidates:
-        """With classes where these are enumerated, evidence (Eq. 4.18) and the states at the modes."""
+        """Candidates with classes where these are enumerated, evidence (Eq. 4.18) and the states at the modes."""
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
         """What the semantics are told of the candidates."""

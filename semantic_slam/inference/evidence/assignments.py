@@ -45,12 +45,12 @@ class Assignments:
 
     @classmethod
     def joined(cls, parts: Sequence["Assignments"]) -> "Assignments":
-        """One after another, with the columns that the first has."""
+        """Assignments of several tables, one after another, with the columns that the first has."""
         known = [name for name, own in vars(parts[0]).items() if own is not None]
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in known})
 
     def with_rows(self, rows: Index, others: "Assignments") -> "Assignments":
-        """With the states and the evidence of ``others`` in some rows."""
+        """The assignments with the states and the evidence of ``others`` in some rows."""
         columns = {name: getattr(self, name).copy() for name in AT_MODES}
         for name, column in columns.items():
             column[rows] = getattr(others, name)
@@ -63,7 +63,7 @@ class Assignments:
         return np.asarray(found)
 
     def gaining(self, **columns: Any) -> "Assignments":
-        """With more columns, or others."""
+        """The assignments with more columns, or with columns replaced."""
         return replace(self, **columns)
 
     def object_ids(self, ids: Index) -> Index:

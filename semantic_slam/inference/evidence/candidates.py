@@ -24,7 +24,7 @@ class Candidates:
     mode: Mode | None = None  # K, where they have been searched
 
     def gaining(self, **columns: Any) -> "Candidates":
-        """With more columns of the table of assignments."""
+        """The candidates with more columns of the table of assignments."""
         return replace(self, assignments=self.assignments.gaining(**columns))
 
     def steps(self, used: Index, num_detections: int) -> list[LineageStep]:
@@ -38,7 +38,7 @@ class Candidates:
         return self.problem, self.mode
 
     def at_modes(self) -> "Candidates":
-        """With states and covariances of the robot and of each detection's object."""
+        """The candidates with states and covariances of the robot and of each detection's object."""
         problem, mode = self.solved()
         states, covariances = problem.marginals(mode.y, mode.hessian)
         robot, own = slice(problem.layout.robot), slice(problem.layout.landmark)

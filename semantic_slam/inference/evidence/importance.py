@@ -24,7 +24,7 @@ WIDENED = 1.1
 
 
 LEAST_EXPONENT = 10
-"""Of two: so many points of one dimension are made at once."""
+"""Least exponent of two of the number of quasi-random points that are made at once."""
 
 
 class Targets(Protocol):
@@ -59,11 +59,11 @@ class Gaussians:
         return np.asarray(logs - finite_log_sum_exp(logs, axis=-2))
 
     def without_prior(self) -> "Gaussians":
-        """All but the last."""
+        """The mixture without its last component, the prior."""
         return Gaussians(self.means[:-1], self.roots[:-1], self.log_shares[:-1])
 
     def with_prior(self) -> "Gaussians":
-        """And N(0, I) as the last."""
+        """The mixture with the prior N(0, I) added as its last component."""
         size = self.means.shape[1]
         return Gaussians(
             np.concatenate([self.means, np.zeros((1, size))]),

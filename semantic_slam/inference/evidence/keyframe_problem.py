@@ -28,7 +28,7 @@ class PredictedBelief:
 
     @property
     def blocks(self) -> Array:
-        """(P, 1 + O, w, 1 + O, w) the covariance by states."""
+        """(P, 1 + O, w, 1 + O, w) predicted covariance in blocks by state."""
         return self.layout.square_blocks(self.covariance)
 
     def pair_covariances(self) -> Array:
@@ -65,7 +65,7 @@ class KeyframeProblem:
     def of(
         cls, spaces: Spaces, model: ObservationModel, predicted: PredictedBelief, seen: Any, rows: Assignments
     ) -> "KeyframeProblem":
-        """With the priors of the candidates' states from those of their parents."""
+        """Problem of the candidates, with the priors of their states from those of their parents."""
         own = (rows.objects >= 0) & (_first_occurrence(rows.objects) == np.arange(rows.objects.shape[1]))
         blocks = np.concatenate([np.zeros((len(own), 1), int), np.where(own, 1 + rows.objects, 0)], axis=1)
         used = np.concatenate([np.ones((len(own), 1), bool), own], axis=1)
@@ -78,19 +78,19 @@ class KeyframeProblem:
         return cls(spaces, model, seen, rows, predicted.mean[rows.parents[:, None], blocks], root)
 
     def with_classes(self, selection: Index, classes: Index) -> "KeyframeProblem":
-        """Some of the candidates, with (B, n) classes of their objects."""
+        """The problem of the chosen candidates, with (B, n) classes of their objects."""
         part = self.select(selection)
         part.rows = Assignments(parents=part.rows.parents, objects=part.rows.objects, classes=classes)
         return part
 
     def select(self, selection: Index) -> "KeyframeProblem":
-        """Some of the candidates, without gathering their priors again."""
+        """The problem of the chosen candidates, without gathering their priors again."""
         part = self._of(selection)
         part._frames, part.root = self._frames[selection], self.root[selection]
         return part
 
     def _of(self, selection: Index) -> "KeyframeProblem":
-        """The same with the priors of all."""
+        """The problem of the chosen candidates, its priors still those of all."""
         part = copy.copy(self)
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
@@ -98,7 +98,7 @@ class KeyframeProblem:
 
     @property
     def mean(self) -> Array:
-        """(B, 1 + n, s) prior means."""
+        """(B, 1 + n, s) prior means of robot and objects."""
         return self._frames[..., : self.spaces.storage.width]
 
     def tangent(self, y: Array) -> Array:
@@ -106,7 +106,7 @@ class KeyframeProblem:
         return self.layout.blocks((self.root @ y[..., None])[..., 0])
 
     def states(self, y: Array) -> Array:
-        """(B, 1 + n, s) states."""
+        """(B, 1 + n, s) states of robot and objects at whitened variables ``y``."""
         return self._joint.retract(self.mean, self.tangent(y))
 
     def marginals(self, y: Array, hessian: Array) -> tuple[Array, Array]:
@@ -160,7 +160,7 @@ class KeyframeProblem:
         return row_sums(many._by_row(logs)).reshape(y.shape[:2]) - 0.5 * squared_norms(y)
 
     def energy(self, y: Array) -> Array:
-        """(B,) -log P(Z | y) + |y|^2 / 2."""
+        """(B,) energy that a mode minimises: -log P(Z | y) + |y|^2 / 2."""
         return 0.5 * squared_norms(y) - self.log_likelihood(y)
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:

@@ -30,7 +30,7 @@ class Mode:
     log_evidence: Array  # (B,) log of Eq. 4.20's integral without the observation model P(beta | x, O)
 
     def take(self, rows: Index) -> "Mode":
-        """Some of the problems."""
+        """Modes of the chosen problems."""
         return take(self, rows)
 
 

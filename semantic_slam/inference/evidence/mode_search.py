@@ -1,4 +1,4 @@
-"""The modes of continuations over their whole history, each with its evidence and its moments.
+"""The modes of continuations over their whole window, each with its evidence and its moments.
 
 Continuations of one shape are searched and sampled together: what they need is many small numbers.
 """
@@ -52,18 +52,18 @@ NEGLIGIBLE = 7.0
 POOR = 0.6
 """Effective share of samples below which the proposal is adapted to them."""
 MAX_ADAPTATIONS, MORE_ADAPTATIONS = 3, 1
-"""Of the first samples, and of all."""
+"""Most adaptations of the proposal to the first samples, and to all of them."""
 FIRST_SHARE = 0.25
-"""Of the samples: so many are drawn at first, all of them where those do not suffice."""
+"""Share of the samples that is drawn at first; the others follow where these do not suffice."""
 GOOD = 0.7
 """Effective share of the first samples from which on they suffice: below, a tail may have been missed."""
 MOST_TOGETHER = 64
-"""Histories looked at together, for the memory that their samples take."""
+"""Windows searched together, for the memory that their samples take."""
 
 
 @dataclass(frozen=True)
 class SearchStart:
-    """A history and where the first search for its modes starts: (1 + T, s) robot and (O, s) objects seen since."""
+    """A window and where the first search for its modes starts: (1 + T, s) robot and (O, s) objects seen since."""
 
     history: Window
     robots: Array
@@ -71,14 +71,14 @@ class SearchStart:
 
 
 def search_one(history: Window, robots: Array, objects: Array, settings: WeightsConfiguration) -> list[PosteriorMode]:
-    """Modes of ``history``, best first; see :func:`search_modes`."""
+    """Modes of the window ``history``, best first; see :func:`search_modes`."""
     return search_modes([SearchStart(history, robots, objects)], settings)[0]
 
 
 def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
-    """Modes of each history, best first; empty where no sample is compatible with it.
+    """Modes of each window, best first; empty where no sample is compatible with it.
 
-    A history of ``max_history`` keyframes is not kept. Raises LostComponentError.
+    A window of ``max_history`` keyframes is not kept. Raises LostComponentError.
     """
     groups: dict[object, list[int]] = {}
     for row, start in enumerate(starts):
@@ -93,7 +93,7 @@ def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) 
 
 
 def _refined(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
-    """Of histories of one shape."""
+    """Modes of windows that have one shape, best first."""
     histories = [start.history for start in starts]
     chain = window_problem_of(histories)
     y = chain.coordinates(np.array([s.robots for s in starts]), np.array([s.objects for s in starts]))
@@ -107,7 +107,7 @@ def _refined(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> l
 
 
 def _states(chain: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
-    """(M, 1 + T + O, s) robot states, the anchor's first, and objects at the M modes of each history."""
+    """(M, 1 + T + O, s) robot states, the anchor's first, and objects at the M modes of each window."""
     counts = [len(own.y) for own in modes]
     repeated = chain.select(np.repeat(np.arange(len(modes)), counts))
     robots, objects = repeated.states(np.concatenate([own.y for own in modes]))
@@ -116,7 +116,7 @@ def _states(chain: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
 
 @dataclass(frozen=True)
 class _Look:
-    """What was found of one history, whose chain it is alone in."""
+    """What was found of one window, alone in its window problem."""
 
     history: Window
     chain: WindowProblem
@@ -202,7 +202,7 @@ def _adapting(
 
 
 def _search(chain: WindowProblem, start: Array) -> tuple[Mode, Index]:
-    """Modes from ``start`` (K, size) and, while histories are short, from the prior; and whose each is.
+    """Modes from ``start`` (K, size) and, while windows are short, from the prior; and whose each is.
 
     What is far behind is not followed, and searches that end in one valley go on as one.
     """
@@ -221,7 +221,7 @@ def _search(chain: WindowProblem, start: Array) -> tuple[Mode, Index]:
 
 
 def valleys(rough: Mode, owners: Index, gate: float) -> Index:
-    """The best mode in each valley of each history, those more than ``gate`` nats behind its best left out.
+    """The best mode in each valley of each window, those more than ``gate`` nats behind its best left out.
 
     By ascending ``owners`` (B,), best first. In a valley is what is close to its best in that one's own metric.
     """
@@ -252,7 +252,7 @@ def _close(found: Mode, leaders: Index, rows: Index) -> NDArray[np.bool_]:
 
 
 def _distinct(histories: Sequence[Window], chain: WindowProblem, found: Mode, owners: Index) -> list[Mode]:
-    """For each history the modes that differ and have weight in its region, heaviest first."""
+    """For each window the modes that differ and have weight in its region, heaviest first."""
     scores = found.log_evidence + chain.select(owners).log_visibility(found.y, soft=True)
     modes = []
     for number, history in enumerate(histories):

@@ -69,7 +69,7 @@ class UnsplitCandidates:
         return WindowStep(self.step.motion, self.step.observed(own.association, own.class_assignment, self.used))
 
     def states_of(self, row: int, refined: PosteriorMode) -> Array:
-        """(1 + n, s) states of the blocks of one candidate at a mode of its whole history."""
+        """(1 + n, s) states of the blocks of one candidate at a mode of its whole window."""
         states: Array = self.stack.mean[row].copy()
         storage = self.stack.spaces.storage
         robot = refined.smoothed[robot_key(self.parents[self.stack.rows.parents[row]].keyframe + 1)]
@@ -82,7 +82,7 @@ class UnsplitCandidates:
 
 
 def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path_mode: int | None) -> Candidates:
-    """All modes of all candidates. ``path_mode`` names the mode of a lineage: 0 has no history looked at."""
+    """All modes of all candidates. ``path_mode`` names the mode of a lineage: 0 has no window searched."""
     log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
     log_evidence = expanded.mode.log_evidence + log_visible
     effective = np.full(len(log_evidence), np.nan)
@@ -141,7 +141,7 @@ def _screened(expanded: UnsplitCandidates, rows: Index, laplace: Array, count: i
 
 
 def _starts(expanded: UnsplitCandidates, rows: Index) -> list[SearchStart]:
-    """Histories of some candidates, and where their parents' and their own modes are."""
+    """Windows of some candidates, and where their parents' and their own modes are."""
     part = expanded.stack.select(rows)
     return [_start(expanded, row, own) for row, own in zip(rows, part.states(expanded.mode.y[rows]), strict=True)]
 
@@ -201,7 +201,7 @@ def _collected(
 
 
 def _objects(values: Sequence[object]) -> NDArray[np.object_]:
-    """(M,) column of them."""
+    """(M,) array of objects: a column of a table."""
     column = np.empty(len(values), dtype=object)
     column[:] = values
     return column
@@ -221,7 +221,7 @@ def _at_posterior_modes(expanded: UnsplitCandidates, origin: Index, rows: Assign
 
 
 def _carried(expanded: UnsplitCandidates, row: int, log_evidence: float, max_links: int) -> Window | None:
-    """The history of a candidate that was not looked at, while its parent has one."""
+    """The window of a candidate that was not searched, while its parent has one."""
     parent = expanded.parents[expanded.stack.rows.parents[row]]
     if parent.window is None or len(parent.window.taken) + 1 >= max_links:
         return None

@@ -31,7 +31,7 @@ class PosteriorMode:
 
 @dataclass(frozen=True)
 class WindowSamples:
-    """Samples of a history, which its modes share."""
+    """Samples of a window, which its modes share."""
 
     chain: WindowProblem  # of one history
     y: Array  # (N, size)

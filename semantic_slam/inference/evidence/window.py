@@ -26,19 +26,19 @@ class Anchor(Protocol):
 
     @property
     def spaces(self) -> Spaces:
-        """Of its states."""
+        """State spaces of robot and objects."""
 
     @property
     def model(self) -> ObservationModel:
-        """Of what is observed since."""
+        """Observation model of what is seen since the anchor."""
 
     @property
     def keyframe(self) -> int:
-        """The newest one."""
+        """Index of the newest keyframe in the belief."""
 
     @property
     def window(self) -> "Window | None":
-        """Since it was last Gaussian; None: it is."""
+        """Window since the belief was last Gaussian; None where it is Gaussian."""
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, s) estimates by GTSAM keys, as wide as the wider of robots and objects."""
@@ -57,7 +57,7 @@ class WindowStep:
 
 @dataclass(frozen=True)
 class Region:
-    """The share of one of several modes, over the blocks of y that a chain had when it split."""
+    """The share of one of several modes, over the blocks of y that a window had when it split."""
 
     modes: Gaussians
     number: int
@@ -65,7 +65,7 @@ class Region:
     num_links: int
 
     def log_share(self, chain: WindowProblem, y: Array) -> Array:
-        """(B,) log responsibility of the mode, a function of the chain's earlier blocks."""
+        """(B,) log responsibility of the mode, a function of the window's earlier blocks."""
         anchor = chain.layout.size(self.num_objects)
         motions = y[:, chain.width : chain.motion_rows(self.num_links).start]
         earlier = np.concatenate([y[:, :anchor], motions], axis=1)
@@ -101,7 +101,7 @@ class Window:
         return list(dict.fromkeys(item.object_id for taken in self.taken for item in taken.observed))
 
     def shape(self) -> Hashable:
-        """Equal where one :class:`WindowProblem` serves several histories."""
+        """Key that is equal where one :class:`WindowProblem` serves several windows."""
         detections = tuple((id(o.detection), o.assigned_class >= 0) for t in self.taken for o in t.observed)
         return self.anchor.keyframe, len(self.taken), detections, len(self.object_ids())
 
@@ -132,7 +132,7 @@ class Window:
 
 
 def window_problem_of(histories: Sequence[Window]) -> WindowProblem:
-    """Of histories that have one shape. Raises LostComponentError."""
+    """The problem of windows that have one shape. Raises LostComponentError."""
     first = histories[0]
     anchored = [history.anchored() for history in histories]
     places, classes = [], []

@@ -1,7 +1,7 @@
 """Hypotheses from the last keyframe at which each was Gaussian: robot states since, and the objects seen since.
 
 The states are x_a = mean Exp(L y_a), o = mean Exp(L y_o) and x_t = x_(t-1) u_t Exp(M_t y_t), so that y ~ N(0, I)
-exactly and the evidence of everything since is the mean of the likelihood over y: Eq. 4.18 for the whole history.
+exactly and the evidence of everything since is the mean of the likelihood over y: Eq. 4.18 for the whole window.
 Hypotheses of one shape (the same keyframes since the anchor, as many objects) are looked at together.
 """
 
@@ -20,7 +20,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True)
 class WindowKeyframe:
-    """What one keyframe adds to every chain."""
+    """What one keyframe adds to every window problem."""
 
     motion: Motion
     detections: tuple[Any, ...]
@@ -78,7 +78,7 @@ class WindowProblem:
         return self._frames[:, : self._count, : self.spaces.storage.width]
 
     def select(self, selection: Any) -> "WindowProblem":
-        """Some of the hypotheses, any number of times."""
+        """The problem of the chosen hypotheses, each any number of times."""
         part = copy.copy(self)
         part.root, part._frames = self.root[selection], self._frames[selection]
         part.places, part.classes = self.places[selection], self.classes[selection]
@@ -110,7 +110,7 @@ class WindowProblem:
         return robots.reshape(len(y), *robots.shape[2:]), objects.reshape(len(y), *objects.shape[2:])
 
     def log_likelihood(self, y: Array) -> Array:
-        """(B,) log P(Z | y)."""
+        """(B,) log likelihood log P(Z | y) of everything seen since the anchor."""
         return self._log_likelihood(*self._states(y))
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
@@ -123,7 +123,7 @@ class WindowProblem:
         return self._log_likelihood(robots, objects) + self._log_visibility(robots, objects, soft=False)
 
     def energy(self, y: Array) -> Array:
-        """(B,) -log P(Z | y) + |y|^2 / 2."""
+        """(B,) energy that a mode minimises: -log P(Z | y) + |y|^2 / 2."""
         return 0.5 * squared_norms(y) - self.log_likelihood(y)
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
@@ -167,7 +167,7 @@ class WindowProblem:
         return row_sums(self.model.log_visibility(x, o, soft=soft).reshape(count, -1))
 
     def _linearised(self, robots: Array, objects: Array) -> list[tuple[list[Linearisation], Index]]:
-        """Geometry of all sights, with semantics where they have a class, and which they are."""
+        """Linearised geometry of all sightings, with semantics where they have a class, and which they are."""
         found = []
         for seen, sights, named in self._parts:
             x, o = self._pairs(robots, objects, sights)
@@ -178,18 +178,18 @@ class WindowProblem:
         return found
 
     def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
-        """(K N S, s) robot and object of S sights."""
+        """(K N S, s) robot and object of S sightings."""
         o = self._placed(objects, sights)
         x = broadcast_copy(self._timed(robots, sights), (*o.shape[:-1], robots.shape[-1]))
         return x.reshape(-1, x.shape[-1]), o.reshape(-1, o.shape[-1])
 
     def _timed(self, values: Array, sights: Index) -> Array:
-        """(K, N, S, ...) of the sights' robot states, from (K, N, 1 + T, ...); one of them where all are the same."""
+        """(K, N, S, ...) of the sightings' robots, from (K, N, 1 + T, ...); one of them where all are the same."""
         times = self._times[sights]
         return values[:, :, times[0] : times[0] + 1] if (times == times[0]).all() else values[:, :, times]
 
     def _placed(self, values: Array, sights: Index) -> Array:
-        """(K, N, S, ...) of the sights' objects, from (K, N, O, ...)."""
+        """(K, N, S, ...) of the sightings' objects, from (K, N, O, ...)."""
         places = self.places[:, sights]
         if (places == places[:1]).all():
             in_order = np.array_equal(places[0], np.arange(values.shape[2]))
@@ -198,7 +198,7 @@ class WindowProblem:
         return np.asarray(values[rows, columns, places[:, None]])
 
     def _repeated(self, sights: Index, count: int) -> Index:
-        """(K N S,) classes."""
+        """(K N S,) classes of the sightings, once for each of N states."""
         classes = self.classes[:, None, sights]
         return broadcast_copy(classes, (len(classes), count, len(sights))).reshape(-1)
 
@@ -245,5 +245,5 @@ class WindowProblem:
 
 
 def _joined(parts: list[Array]) -> Array:
-    """One after the other along the second axis."""
+    """Arrays joined along the second axis."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)

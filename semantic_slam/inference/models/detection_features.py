@@ -12,7 +12,7 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection
 
 @dataclass(frozen=True)
 class DetectionFeatures:
-    """Of B detections; one row stands for any number."""
+    """Semantic features of B detections as arrays; one row stands for any number."""
 
     feature: Array  # (B, F)
     variance: Array  # (B, F) of the feature's components, over the dropout passes

@@ -13,7 +13,7 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection
 
 
 def exact_factor(observation: LatentObservation, detection: PlanarDetection, keys: tuple[int, ...]) -> Any:
-    """Of X(k), O(n), E(n). A CustomFactor: it cannot be pickled, but an iSAM2 that holds it can be forked."""
+    """Exact latent factor on X(k), O(n), E(n): a CustomFactor, which an iSAM2 can be forked with but not pickled."""
     seen = DetectionFeatures.of([detection])
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:

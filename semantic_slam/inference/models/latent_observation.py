@@ -30,7 +30,7 @@ class LatentLinearisation:
     log_normaliser: Array  # (B,)
 
     def log_density(self) -> Array:
-        """(B,)."""
+        """(B,) log density of the features, in nats."""
         return self.log_normaliser - 0.5 * squared_norms(self.residual)
 
 
@@ -47,12 +47,12 @@ class LatentObservation:
 
     @property
     def num_dimensions(self) -> int:
-        """L."""
+        """L, the number of components of a descriptor."""
         return self.model.num_dimensions
 
     @cached_property
     def prior(self) -> DescriptorBelief:
-        """Of an object that no map knows, B = 1."""
+        """Prior of the descriptor of an object that no map knows, B = 1."""
         return self.model.prior
 
     def prior_of(self, object_id: int) -> DescriptorBelief:
@@ -60,7 +60,7 @@ class LatentObservation:
         return self.known.get(object_id, self.prior)
 
     def linearise(self, seen: DetectionFeatures, x: Array, o: Array, e: Array) -> LatentLinearisation:
-        """Of (B,) collected detections at (B, 3) robots and objects and (B, L) descriptors."""
+        """Linearised residual of B collected detections, at (B, 3) robots and objects and (B, L) descriptors."""
         v = camera_in_object(x, o, seen.sensor)
         part = self.by_azimuth(seen, np.arctan2(v[:, 1], v[:, 0]), e)
         turn = _azimuth_by_poses(v, x[:, 2] - o[:, 2], seen.sensor)
@@ -75,7 +75,7 @@ class LatentObservation:
         )
 
     def by_azimuth(self, seen: DetectionFeatures, azimuth: Array, e: Array) -> LatentLinearisation:
-        """The same with (B,) azimuths given; its Jacobians by poses are empty."""
+        """Linearised residual at (B,) azimuths that are given; its Jacobians by poses are empty."""
         elevation = seen.elevation_rad
         if len(elevation) != len(azimuth):
             elevation = np.repeat(elevation, len(azimuth))

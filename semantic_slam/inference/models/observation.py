@@ -43,7 +43,7 @@ class Innovation:
 
     @property
     def distance(self) -> Array:
-        """(B,) Mahalanobis."""
+        """(B,) Mahalanobis distances of the innovation."""
         return np.asarray(np.linalg.norm(self.whitened, axis=-1))
 
 

@@ -44,7 +44,7 @@ class PlanarDetection:
 
     @cached_property
     def log_normaliser(self) -> float:
-        """Of the density of range and bearing, or of the bearing alone."""
+        """Log normaliser of the Gaussian density of range and bearing, or of the bearing alone, in nats."""
         (by_range, _), (_, by_bearing) = self.whiten.tolist()
         return log(by_bearing) - 0.5 * LOG_2PI + (log(by_range) - 0.5 * LOG_2PI if self.has_range else 0.0)
 

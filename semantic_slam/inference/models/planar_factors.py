@@ -28,7 +28,7 @@ def point_range_factor(detection: PlanarDetection, keys: tuple[int, int]) -> Any
 
 
 def bearing_factor(spaces: Spaces, linearise: Callable[[Array, Array], Linearisation], keys: tuple[int, int]) -> Any:
-    """Of a bearing alone."""
+    """Factor on robot and landmark of a measured bearing alone."""
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         robot, target = this.keys()

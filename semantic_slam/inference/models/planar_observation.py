@@ -108,7 +108,7 @@ class PlanarObservation:
     def best_heading(
         self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
-        """Over a window of headings, the objects' prior deviating by ``sigma`` (B,) [rad].
+        """Best headings over a window of them, the objects' prior deviating by ``sigma`` (B,) [rad].
 
         Wide windows are looked at apart from narrow ones, which need fewer angles.
         """
@@ -155,7 +155,7 @@ class PlanarObservation:
         return start
 
     def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
-        """Where the detection points, heading as the robot's; without depth as uncertain as the guess is far."""
+        """Prior where the detection points, heading as the robot's; without depth as uncertain as the guess is far."""
         new = self.new_objects
         distance = detection.range_m if detection.has_range else new.range_m
         sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
@@ -172,7 +172,7 @@ class PlanarObservation:
         return bearing_factor(POSES, lambda x, o: self.geometry(seen, x, o), keys)
 
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
-        """From the covariance of the object in the body frame."""
+        """Standard deviation of the bearing, from the covariance of the object in the body frame."""
         d, turn = object_in_body(x, o), o[:, 2] - x[:, 2]
         jacobian = np.zeros((len(x), 2, 6))
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = -1.0
@@ -193,7 +193,7 @@ class PlanarObservation:
         return least_cost(seen, covariance, body, sigmas)
 
     def view_change(self, before: Array, now: Array) -> Array:
-        """Of direction or heading, from poses of objects in the robot's frame."""
+        """Change of the view's direction or heading [rad], from poses of objects in the robot's frame."""
         distance, _ = polar(before)
         moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
         return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
@@ -281,7 +281,7 @@ def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
 
 
 def _per_detection(values: Array, count: int) -> Array:
-    """(B, ...) as (B / S, S, ...)."""
+    """(B / S, S, ...) rows by detection of (B, ...), S being ``count``."""
     return values.reshape(len(values) // max(count, 1), count, *values.shape[1:])
 
 

@@ -52,7 +52,7 @@ class PointObservation:
         return Linearisation(_residual(seen, d), by_robot, by_landmark, seen.log_normaliser.copy())
 
     def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
-        """There is none."""
+        """Raises NotImplementedError: points have no classes."""
         raise NotImplementedError("points have no classes; set semantic_model.kind: none")
 
     def log_likelihood(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
@@ -64,7 +64,7 @@ class PointObservation:
     def best_heading(
         self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
-        """There is none."""
+        """Raises NotImplementedError: points have no heading."""
         raise NotImplementedError("points have no heading; set semantic_model.kind: none")
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
@@ -79,7 +79,7 @@ class PointObservation:
         return start
 
     def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
-        """Where the detection points; without depth as uncertain as the guess is far."""
+        """Prior where the detection points; without depth as uncertain as the guess is far."""
         new = self.new_objects
         distance = detection.range_m if detection.has_range else new.range_m
         sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
@@ -94,14 +94,14 @@ class PointObservation:
         return bearing_factor(self.spaces, lambda x, o: self.geometry(seen, x, o), keys)
 
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
-        """From the covariance of the point in the body frame."""
+        """Standard deviation of the bearing, from the covariance of the point in the body frame."""
         relative = self.spaces.relative_position(x, o)
         jacobian = np.concatenate([relative.by_robot, relative.by_landmark], axis=-1) @ charts
         spread = ((jacobian @ covariance) * jacobian).sum(axis=(1, 2))
         return np.asarray(np.sqrt(np.maximum(spread, 0.0)) / polar(relative.point)[0])
 
     def view_change(self, before: Array, now: Array) -> Array:
-        """Of direction, from points in the robot's frame."""
+        """Change of the view's direction [rad], from points in the robot's frame before and now."""
         distance, _ = polar(before)
         return np.asarray(np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1]) / distance)
 
@@ -115,14 +115,14 @@ class PointObservation:
 
 
 def _residual(seen: PlanarDetections, d: Array) -> Array:
-    """(B, 2) whitened."""
+    """(B, 2) whitened residual of range and bearing of points ``d`` in the body frame."""
     distance, bearing = polar(d)
     off = np.stack([distance - seen.range_m, wrap_angle(bearing - seen.bearing_rad)], axis=-1)
     return np.asarray((seen.whiten @ off[..., None])[..., 0])
 
 
 def _measured(range_m: Array, bearing_rad: Array) -> Array:
-    """(..., 2) points of the body frame."""
+    """(..., 2) measured points in the body frame [m], from range and bearing."""
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=-1)
 
 

@@ -37,34 +37,34 @@ class Candidates(Protocol):
 
     @property
     def ids(self) -> NDArray[np.uint64]:
-        """(K,)."""
+        """(K,) hypothesis ids of the candidates."""
 
     @property
     def parent_ids(self) -> NDArray[np.uint64]:
-        """(K,)."""
+        """(K,) ids of the hypotheses that the candidates continue."""
 
     @property
     def associations(self) -> NDArray[np.int32]:
-        """(K, D) object ids."""
+        """(K, D) object id that each detection is associated with."""
 
     @property
     def classes(self) -> NDArray[np.int32]:
-        """(K, D)."""
+        """(K, D) class that each detection's object is taken to have."""
 
     @property
     def log_weights(self) -> Array:
-        """(K,)."""
+        """(K,) log weights of the candidates."""
 
     @property
     def poses(self) -> Array:
-        """(K, 7) robot in map."""
+        """(K, 7) robot poses in map."""
 
     @property
     def object_poses(self) -> Array:
-        """(K, D, 7)."""
+        """(K, D, 7) poses in map of the objects that detections are associated with."""
 
     def take(self, rows: Index, log_weights: Array) -> Self:
-        """Some of them, with other weights."""
+        """The chosen candidates, with new log weights."""
 
 
 C = TypeVar("C", bound=Candidates)
@@ -87,16 +87,16 @@ class Placed(Protocol):
 
     @property
     def existence(self) -> Array:
-        """(O,) likewise."""
+        """(O,) existence probabilities, NaN where the hypothesis has no such object."""
 
 
 class Distinct:
-    """In a world of known objects no hypothesis becomes the copy of another."""
+    """Merging in a world of known objects, where no hypothesis becomes the copy of another."""
 
     num_merged = 0
 
     def merged(self, candidates: C) -> C:
-        """All of them."""
+        """The candidates unchanged: known objects leave no copies to merge."""
         return candidates
 
     def remember(
@@ -106,7 +106,7 @@ class Distinct:
         reported: ReportedObjects,
         registry: ObjectRegistry,
     ) -> None:
-        """Nothing needs to be."""
+        """Keep nothing: without merging no object's past is asked for later."""
 
 
 class Copies:

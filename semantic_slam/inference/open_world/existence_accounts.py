@@ -14,7 +14,7 @@ from semantic_slam.inference.open_world.prediction import Prediction, sensor_reg
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 LEAST_DETECTION_SHARE = 0.02
-"""Of the detection probability, for objects that were detected although they seem to lie outside the region."""
+"""Least share of the detection probability for objects detected although they seem to lie outside the region."""
 
 
 def least_detected(settings: OpenWorldConfiguration) -> float:

@@ -54,7 +54,7 @@ class LinearisedEvidence:
         self.layout, self.known = spaces.layout, len(mean) - 1
 
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
-        """With evidence and states; ``columns`` (K, D): an object, or M + i where detection i starts one."""
+        """Assignments with evidence and states; ``columns`` (K, D): object, or M + i where detection i starts one."""
         results = _Results.empty(columns.shape, self.spaces)
         for row in range(len(columns)):
             self._row(columns[row], results, row)

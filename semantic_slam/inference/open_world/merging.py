@@ -31,7 +31,7 @@ class MergeCandidates:
 
 @dataclass(frozen=True)
 class Merged:
-    """Those that stay, heaviest first."""
+    """Hypotheses that remain after merging near copies, heaviest first."""
 
     kept: Index  # (S,)
     log_weights: Array  # (S,) with what they took over

@@ -143,7 +143,7 @@ class OpenKeyframe:
         return [{n: own.prior for n, own in zip(born, each.births, strict=True)} for each in self.predictions]
 
     def _by_linearisation(self, candidates: Candidates) -> Candidates:
-        """By one linearisation at the prediction, and by a search of their own for those that bend."""
+        """Candidates weighed by one linearisation at the prediction, or by own searches where measurements bend."""
         rows, scores = candidates.assignments, candidates.assignments.column("log_evidence")
         parts: list[Assignments] = []
         bent: list[int] = []
@@ -169,7 +169,7 @@ class OpenKeyframe:
         ]
 
     def _searched(self, rows: Assignments) -> Assignments:
-        """Some candidates at modes of their own."""
+        """The assignments weighed at modes that are searched for each."""
         problem = open_keyframe_problem(self.problem, self.step, self.predictions, self.object_ids, rows)
         mode = find_modes(problem, search_start(problem), tolerance=WEIGHING_TOLERANCE)
         found = Candidates(

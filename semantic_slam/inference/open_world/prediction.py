@@ -60,7 +60,7 @@ class Prediction:
 
     @property
     def near_ids(self) -> Index:
-        """(M,) ascending."""
+        """(M,) ids of the objects near the detections, ascending."""
         return self.component.objects.ids[self.near]
 
     @property
@@ -203,7 +203,7 @@ def _predicted(component: Component, robot: Array, near: Index, local: LocalMap)
 def _objects_in_reach(
     tracked: TrackedStates, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
 ) -> PredictedObjects:
-    """Objects in reach given the robot. Those whose covariance with it is not at hand count as moving along with it."""
+    """Objects within range given the robot; without a covariance with it at hand they count as moving along."""
     r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
     spread = predicted.covariance[0, r, r]
     states = tracked.states[reach]
@@ -250,5 +250,5 @@ def _control(component: Component, motion: Motion) -> Array:
 
 
 def _distances(states: Array, point: Array) -> Array:
-    """(O,) metres."""
+    """(O,) distances [m] of objects from a point."""
     return np.asarray(np.hypot(states[:, 0] - point[0], states[:, 1] - point[1]))

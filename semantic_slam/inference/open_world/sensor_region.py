@@ -69,7 +69,7 @@ class SensorRegion:
         return np.asarray(1.0 - (aside & behind).any(axis=-1))
 
     def _within(self, relative: Array, free_range_scan: Array) -> Array:
-        """Positions beside every direction of sight count as seen."""
+        """(...,) 1 for positions within the free range, else 0; those beside every bearing of the scan count as 1."""
         if len(free_range_scan) < 2:
             return np.ones(relative.shape[:-1])
         distance = np.hypot(relative[..., 0], relative[..., 1])

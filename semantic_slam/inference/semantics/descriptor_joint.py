@@ -16,7 +16,7 @@ from semantic_slam.inference.states.keys import descriptor_key, object_key, robo
 from semantic_slam.inference.states.layout import rows_of_blocks
 
 LEAST_SHARE = 1e-4
-"""Of its variance, that a descriptor keeps at least where rounding would leave less than nothing."""
+"""Least share of its variance that a descriptor keeps where rounding would leave less than nothing."""
 JITTER = 1e-9
 """Relative to the prior variances; keeps the conditional covariances of descriptors positive definite."""
 
@@ -33,7 +33,7 @@ class PredictedDescriptors:
     def of(
         cls, component: Component, given: SemanticInput, wanted: Sequence[int], observation: LatentObservation
     ) -> "PredictedDescriptors":
-        """Of the objects of ``given``; those not among the places ``wanted`` keep their priors."""
+        """Predicted descriptors of the objects of ``given``; those not at the places ``wanted`` keep their priors."""
         count, length = len(given.object_ids), observation.num_dimensions
         layout = component.spaces.layout
         priors = [observation.prior_of(n) for n in given.object_ids]

@@ -32,20 +32,20 @@ class DescriptorProblem:
 
     @property
     def num_tangent(self) -> int:
-        """r + n l."""
+        """r + n l, the number of tangent coordinates of robot and objects."""
         return self.spaces.layout.size(self.active.shape[1])
 
     def select(self, selection: Index) -> "DescriptorProblem":
-        """Some of the problems."""
+        """The chosen problems of the batch."""
         return take(self, selection, ("active", "slots", "mean", "offset", "gain"))
 
     def descriptors(self, v: Array) -> Array:
-        """(B, n, L)."""
+        """(B, n, L) descriptors at whitened variables ``v``."""
         flat = self._variables(v)[:, self.num_tangent :]
         return flat.reshape(len(v), self.active.shape[1], -1)
 
     def states(self, v: Array) -> Array:
-        """(B, 1 + n, s)."""
+        """(B, 1 + n, s) states of robot and objects at whitened variables ``v``."""
         return self.spaces.joint.retract(self.mean, self._tangent(v))
 
     def energies(self, v: Array) -> Array:
@@ -82,7 +82,7 @@ class DescriptorProblem:
         return self.spaces.layout.blocks(self._variables(v)[:, : self.num_tangent])
 
     def _parts(self, v: Array) -> tuple[LatentLinearisation, Array]:
-        """Of all detections of all rows, (B n), and (B, 1 + n, w, w) charts of the tangent vectors."""
+        """Linearised features of all detections of all rows, (B n), and (B, 1 + n, w, w) tangent charts."""
         x, o, e, chart = self._placed_states(v)
         batch, count = self.active.shape
         part = self.observation.linearise(self.seen.take(np.tile(np.arange(count), batch)), x, o, e)

@@ -89,11 +89,11 @@ class _Directions:
         return np.where((costs[1] < costs[0])[:, None], encoded, none)
 
     def select(self, selection: Index) -> "_Directions":
-        """Some of them."""
+        """The chosen heading problems of the batch."""
         return take(self, selection, ("seen", "mean", "root", "bearing_rad", "sigma_rad"))
 
     def states(self, w: Array) -> Array:
-        """(B, L + 1)."""
+        """(B, L + 1) descriptors and heading at whitened variables ``w``."""
         size = self.mean.shape[1]
         return np.asarray(self.mean + (self.root @ w[:, :size, None])[..., 0])
 

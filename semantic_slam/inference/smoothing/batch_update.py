@@ -38,7 +38,7 @@ class Extension:
 
 @dataclass(frozen=True)
 class _Fork:
-    """A smoother on its way to rest."""
+    """A smoother on its way to convergence."""
 
     extension: Extension
     smoother: Smoother
@@ -78,7 +78,7 @@ def update_all(
 ) -> list[Outcome]:
     """Forks with their extensions, updated until no state is so far from where it is linearised that it matters.
 
-    Where the estimate jumped, does not settle, or is too poorly conditioned for an update, the whole is optimised. An
+    Where the estimate jumped, does not converge, or is too poorly conditioned for an update, the whole is optimised. An
     error stands for a smoother whose system is indeterminate. The rows ``consumed``, which nobody needs again, are not
     forked. (Parents at which a window begins are needed; but their children have jumped.)
     """
@@ -109,7 +109,7 @@ def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) 
 def _begun(
     smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension]
 ) -> dict[int, _Fork | LostComponentError]:
-    """After one update, which consumes them and renews what has moved since it was made."""
+    """Forks after one update, which consumes the smoothers and renews what has moved since it was made."""
     if not smoothers:
         return {}
     before, own = list(smoothers.values()), list(extensions.values())
@@ -157,13 +157,13 @@ def _restless(fork: _Fork) -> Smoother:
 
 
 def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
-    """Of an optimisation: where the extension is, and where it is calm; what it does not name begins at ``origin``."""
+    """Starts of an optimisation: at the extension's states and at its ``calm`` ones, all others being at ``origin``."""
     states = [extension.start, extension.calm] if extension.calm else [extension.start]
     return [changed(smoother.spaces, origin, own) for own in states]
 
 
 def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
-    """Stale factors of forks that go on; those of a fork at rest wait until their object is seen again.
+    """Stale factors of forks that go on; those of a converged fork wait until their object is seen again.
 
     Unless they are far off, or an update is due anyway. Under classes they wait in any case: their variables are poses.
     """
@@ -189,7 +189,7 @@ def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -
 
 
 def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]:
-    """Of the given linear factors those that are to be made anew."""
+    """Linear factors among ``rows`` whose linearisation points have moved so far that they are to be made anew."""
     some = [number for number, own in enumerate(rows) if len(own)]
     stale = [_Stale() for _ in rows]
     if not some:
@@ -206,7 +206,7 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]
 
 
 def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | LostComponentError]:
-    """With these factors made anew, all linear, at the estimates; the second time on half-way there.
+    """Forks with these factors made anew, all linear, at the estimates; the second time on half-way there.
 
     Gauss-Newton through a decoder may swing about its optimum.
     """

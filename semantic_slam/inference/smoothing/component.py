@@ -97,7 +97,7 @@ class Component:
         return states, covariances
 
     def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:
-        """As they are tracked, or else read from the smoother."""
+        """States and covariances of robot and objects as they are tracked, or else read from the smoother."""
         if self.tracked is None:
             return self.states(keys), self.smoother.joint_blocks(keys)
         rows = self.objects.rows(np.array(object_ids, dtype=int))
@@ -106,7 +106,7 @@ class Component:
         return states, spaces.layout.stacked_squares(tracked.robot_covariance, tracked.covariances[rows])
 
     def _corrections(self) -> list[tuple[int, Correction]]:
-        """By GTSAM keys, in the order in which they apply."""
+        """Corrections of the Gaussians by GTSAM keys, in the order in which they apply."""
         semantic = [(object_key(number), views.correction) for number, views in self.views.items()]
         every = [*self.corrections.items(), *semantic, (robot_key(self.keyframe), self.robot_correction)]
         return [(key, correction) for key, correction in every if correction is not None]

@@ -25,17 +25,17 @@ class Estimate:
 
     @classmethod
     def of(cls, spaces: Spaces, values: gtsam.Values, num_descriptors: int) -> "Estimate":
-        """From GTSAM's values, whose other variables come before these."""
+        """The estimate in GTSAM's values, whose other variables come before these."""
         descriptors = gtsam.utilities.extractVectors(values, DESCRIPTOR) if num_descriptors else np.zeros((0, 0))
         poses, keys = spaces.states(values), tuple(values.keys())
         return cls(keys[len(keys) - len(poses) - len(descriptors) :], descriptors, poses, spaces.storage)
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(B, s) of poses. Raises KeyError."""
+        """(B, s) estimated states of robots and objects by their keys. Raises KeyError."""
         return np.asarray(self.poses[_rows(self.keys, tuple(keys)) - len(self.descriptors)])
 
     def places(self, keys: Index) -> LinearisationPoints:
-        """Of the variables of some semantic measurements, (B, 2) keys or with descriptors (B, 3)."""
+        """Linearisation points of some semantic measurements' variables, (B, 2) keys or with descriptors (B, 3)."""
         rows = np.searchsorted(_ascending(self.keys), keys)
         states = self.storage.joined(self.poses[rows[:, :2] - len(self.descriptors)])
         if len(self.descriptors):
@@ -45,13 +45,13 @@ class Estimate:
 
 @lru_cache(maxsize=256)
 def _ascending(keys: tuple[int, ...]) -> Index:
-    """The same as an array: smoothers of one keyframe share it."""
+    """Ascending keys as an array, which smoothers of one keyframe share."""
     return np.array(keys, dtype=int)
 
 
 @lru_cache(maxsize=1024)
 def _rows(keys: tuple[int, ...], wanted: tuple[int, ...]) -> Index:
-    """Of some among all."""
+    """Rows of the ``wanted`` keys among ascending ``keys``. Raises KeyError."""
     known = _ascending(keys)
     rows = np.searchsorted(known, wanted)
     lacking = set(wanted) - set(keys)

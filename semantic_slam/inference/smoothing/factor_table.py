@@ -28,7 +28,7 @@ class FactorTable:
     def added(
         self, named: Sequence[SemanticFactor], indices: Sequence[int], places: LinearisationPoints
     ) -> "FactorTable":
-        """With more of them."""
+        """The table with more factors."""
         if not named:
             return self
         keys = keys_of(named)
@@ -43,7 +43,7 @@ class FactorTable:
     def replaced(
         self, rows: Sequence[int], named: Sequence[SemanticFactor], indices: Sequence[int], places: LinearisationPoints
     ) -> "FactorTable":
-        """With some made anew."""
+        """The table with some factors made anew."""
         if not rows:
             return self
         all_named, all_indices, exact = list(self.named), list(self.indices), self.exact.copy()

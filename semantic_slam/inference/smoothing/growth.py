@@ -49,7 +49,7 @@ def _converged(
     in_place: bool,
     max_fresh: int,
 ) -> list[Outcome]:
-    """All together, updated until they converge."""
+    """Outcomes of updates taken together, until they converge."""
     moved = _moved(parents, updates)
     extensions = [
         extension(parent, shared[parent.noise], update, moved=bool(far))
@@ -71,7 +71,7 @@ def _stepped(
     in_place: bool,
     max_fresh: int,
 ) -> list[Outcome]:
-    """One after another with one update each, the next keyframe going on; a last child may consume its parent's.
+    """Outcomes of one update each, one after another, the next keyframe going on; a last child may consume a parent.
 
     Descriptors stay with their records: they enter with a turn of their object, which one update cannot make.
     """

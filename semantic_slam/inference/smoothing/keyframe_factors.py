@@ -20,14 +20,14 @@ class KeyframeFactors:
 
     @cached_property
     def odometry(self) -> Any:
-        """Of the motion from the keyframe before, and of what odometry always gets wrong where that is estimated."""
+        """Factor of the motion from the keyframe before, and of the odometry's biases where those are estimated."""
         motion, keys = self.motion, (robot_key(self._keyframe - 1), robot_key(self._keyframe))
         if motion.by_bias is None:
             return self._spaces.robot.between_factor(*keys, motion.control, motion.covariance)
         return biased_factor((*keys, bias_key(self._keyframe)), motion.control, motion.covariance, motion.by_bias)
 
     def geometry(self, item: AssociatedDetection) -> Any:
-        """Of a detection as one of an object's."""
+        """Factor of a detection that is associated with an object."""
         name = id(item.detection), item.object_id
         if name not in self._geometry:
             keys = robot_key(self._keyframe), object_key(item.object_id)

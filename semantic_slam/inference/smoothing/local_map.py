@@ -52,12 +52,12 @@ class LocalMap:
         return self.covariance[rows[:, None], rows]
 
     def single(self, object_ids: Index) -> Array:
-        """(n, l, l) of (n,) objects."""
+        """(n, l, l) marginal covariances of (n,) objects."""
         rows = self.rows(object_ids)[self.layout.robot :].reshape(-1, self.layout.landmark)
         return self.covariance[rows[:, :, None], rows[:, None, :]]
 
     def moved(self, before: Array, transition: Array, noise: Array) -> "LocalMap":
-        """After a motion with (r, r + p) [F G] and covariance, ``before`` being the covariance until then."""
+        """The map after a motion with (r, r + p) [F G] and covariance, ``before`` being the covariance until then."""
         size, width = transition.shape
         covariance = before.copy()
         covariance[:size] = transition @ covariance[:width]
@@ -66,7 +66,7 @@ class LocalMap:
         return replace(self, covariance=covariance, age=self.age + 1)
 
     def updated(self, seen: list[LocalDetection]) -> "LocalMap":
-        """After detections of objects that are here."""
+        """The map after detections of objects that are in it."""
         if not seen:
             return self
         size = seen[0].by_robot.shape[1]
@@ -83,7 +83,7 @@ class LocalMap:
         return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
     def with_new(self, object_id: int, gain: Array, noise: Array) -> "LocalMap":
-        """With an object that follows from the robot: o = G x + e."""
+        """The map with an object that follows from the robot: o = G x + e."""
         size = self.layout.robot
         cross = gain @ self.covariance[:size]
         own = cross[:, :size] @ gain.T + noise

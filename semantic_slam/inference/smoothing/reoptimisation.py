@@ -19,7 +19,7 @@ MAX_ROUNDS = 6
 FEW_VARIABLES = 40
 """Up to so many, it costs less to optimise all than to find out which are tied to others."""
 MAX_EXACT_ITERATIONS = 15
-"""Of an optimisation with callbacks."""
+"""Most iterations of an optimisation whose factors call back into Python."""
 
 
 def reoptimised(

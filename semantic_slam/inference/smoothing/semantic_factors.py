@@ -42,7 +42,7 @@ class SemanticFactor:
 
     @property
     def keys(self) -> tuple[int, ...]:
-        """Of its variables."""
+        """GTSAM keys of the robot, the object and, with a latent space, its descriptor."""
         poses = (self.robot_key, self.object_key)
         return poses if self.descriptor_key is None else (*poses, self.descriptor_key)
 
@@ -56,7 +56,7 @@ class LinearisationPoints:
 
     @classmethod
     def of(cls, named: Sequence[SemanticFactor], states: Mapping[int, Array]) -> "LinearisationPoints":
-        """From the state of every key."""
+        """Linearisation points from the state of every key."""
         rows = [np.concatenate([states[key] for key in item.keys]) for item in named]
         if not rows:
             return NO_POINTS
@@ -65,43 +65,43 @@ class LinearisationPoints:
 
     @classmethod
     def stacked(cls, robots: Array, objects: Array, descriptors: Array) -> "LinearisationPoints":
-        """Of (n, s), (n, s) and (n, L)."""
+        """Linearisation points from (n, s) robots, (n, s) objects and (n, L) descriptors."""
         return cls(np.concatenate([robots, objects, descriptors], axis=1), Layout(robots.shape[1], objects.shape[1]))
 
     @classmethod
     def joined(cls, parts: Sequence["LinearisationPoints"]) -> "LinearisationPoints":
-        """One after another; those of no measurement do not matter."""
+        """Linearisation points of several parts, one after another; parts without measurements do not matter."""
         some = [part for part in parts if len(part.states)]
         return cls(np.concatenate([part.states for part in some]), some[0].storage) if some else NO_POINTS
 
     @property
     def robots(self) -> Array:
-        """(n, s)."""
+        """(n, s) robot states of the linearisation points."""
         return self.states[:, self.storage.block(0)]
 
     @property
     def objects(self) -> Array:
-        """(n, s)."""
+        """(n, s) object states of the linearisation points."""
         return self.states[:, self.storage.block(1)]
 
     @property
     def descriptors(self) -> Array:
-        """(n, L), of no components under classes."""
+        """(n, L) descriptors of the linearisation points, of no components under classes."""
         return self.states[:, self.storage.size(1) :]
 
     def take(self, rows: Sequence[int] | NDArray[np.int_]) -> "LinearisationPoints":
-        """Of some measurements."""
+        """Linearisation points of the chosen measurements."""
         return LinearisationPoints(self.states[rows], self.storage)
 
     def replaced(self, rows: Sequence[int], others: "LinearisationPoints") -> "LinearisationPoints":
-        """With those of some measurements changed."""
+        """The linearisation points with those of some measurements changed."""
         states = self.states.copy()
         states[rows] = others.states
         return LinearisationPoints(states, self.storage)
 
 
 NO_POINTS = LinearisationPoints(np.zeros((0, 0)), Layout(0, 0))
-"""Of no measurement."""
+"""Linearisation points of no measurement."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class SemanticFactorMaker:
         return self.latent.prior.sigma[0] if self.latent is not None else np.zeros(0)
 
     def descriptor_prior(self, object_id: int) -> DescriptorBelief:
-        """Of one object, B = 1."""
+        """Prior of the descriptor of one object, B = 1."""
         assert self.latent is not None
         return self.latent.prior_of(object_id)
 
@@ -175,7 +175,7 @@ class SemanticFactorMaker:
     def _with_descriptors(
         self, named: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]
     ) -> list[Any]:
-        """Linear ones."""
+        """Linear factors on robot, object and descriptor, one for each measurement."""
         assert self.latent is not None
         seen = DetectionFeatures.of([item.detection for item in named])
         part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)

@@ -58,11 +58,11 @@ class OwnedIsam:
         return self._isam
 
     def fork(self) -> "OwnedIsam":
-        """A copy, of another owner."""
+        """A copy of the iSAM2, for another owner."""
         return OwnedIsam(gtsam.ISAM2(self.isam))
 
     def hand_on(self) -> "OwnedIsam":
-        """To another owner; this one raises from now on."""
+        """The iSAM2 handed on to another owner; this one raises from now on."""
         other, self._isam = OwnedIsam(self.isam), None
         return other
 
@@ -88,7 +88,7 @@ class Smoother:
     def of(
         cls, spaces: Spaces, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ) -> "Smoother":
-        """A new one."""
+        """A smoother of the factors ``graph`` at ``values``, without semantic measurements."""
         isam = _new_isam(spaces, semantics)
         isam.update(graph, values)
         return cls(
@@ -101,7 +101,7 @@ class Smoother:
 
     @property
     def isam(self) -> gtsam.ISAM2:
-        """GTSAM's own. Raises ConsumedSmootherError."""
+        """GTSAM's iSAM2 of this smoother. Raises ConsumedSmootherError."""
         return self.owned.isam
 
     def fork(self) -> "Smoother":
@@ -119,7 +119,7 @@ class Smoother:
 
     @property
     def estimate(self) -> Estimate:
-        """Of all variables, read once."""
+        """Estimate of all variables, read from iSAM2 once."""
         _ = self.isam  # raises where it was consumed
         return self._estimate
 
@@ -128,7 +128,7 @@ class Smoother:
         return Estimate.of(self.spaces, self.isam.calculateEstimate(), self.num_descriptors)
 
     def descriptors(self, keys: Sequence[int]) -> Array:
-        """(n, L) estimates of descriptors."""
+        """(n, L) estimates of descriptors by their keys."""
         return np.array([self.isam.calculateEstimateVector(key) for key in keys])
 
     def vector(self, key: int) -> Array:
@@ -151,7 +151,7 @@ class Smoother:
         return self._known[wanted].copy()
 
     def _part_of_known(self, wanted: tuple[int, ...]) -> Array:
-        """Of what was read before, where it holds all of it."""
+        """Joint covariance out of one that was read before, where that holds all ``wanted`` keys; else read anew."""
         for keys, covariance in self._known.items():
             if set(wanted) <= set(keys):
                 ends = np.cumsum([self._size(key) for key in keys])
@@ -198,7 +198,7 @@ class Smoother:
         *,
         again: bool,
     ) -> "Smoother":
-        """After one update, two where ``again``, without waiting until it converges; it consumes this smoother.
+        """The smoother after one update, two where ``again``, without waiting until it converges; it consumes this one.
 
         Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
         """
@@ -213,7 +213,7 @@ class Smoother:
         return child
 
     def with_single_steps(self, num_biases: int) -> "Smoother":
-        """The same system, to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
+        """The smoother to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
 
         With biases of odometry as a variable of its own, in which all is linear.
         """
@@ -242,7 +242,7 @@ class Smoother:
         added: AddedFactors,
         renewal: RelinearisedFactors = NONE_RELINEARISED,
     ) -> "Smoother":
-        """After one update with ``graph`` and semantic factors, new and renewed; it consumes this smoother."""
+        """The smoother after one update with ``graph`` and semantic factors, new and renewed; it consumes this one."""
         owned = self.owned.hand_on()
         together = gtsam.NonlinearFactorGraph(graph)
         for factor in (*added.factors, *renewal.factors):
@@ -266,7 +266,7 @@ class Smoother:
         )
 
     def renewed(self, renewal: RelinearisedFactors) -> "Smoother":
-        """After an update that relinearises, in which semantic factors are replaced; it consumes this smoother."""
+        """The smoother after an update that relinearises and replaces semantic factors; it consumes this one."""
         return self.updated(gtsam.NonlinearFactorGraph(), gtsam.Values(), NONE_ADDED, renewal)
 
     def restarted(
@@ -329,7 +329,7 @@ class Smoother:
         return linear.nonzero()[0]
 
     def linear(self, rows: Sequence[int]) -> list[SemanticFactor]:
-        """Some semantic measurements, to have linear factors."""
+        """Semantic measurements of the ``rows`` as they are to get linear factors."""
         named = [self.made.named[row] for row in rows]
         return [replace(item, exact=False) if item.exact else item for item in named]
 
@@ -344,7 +344,7 @@ class Smoother:
 
 @lru_cache(maxsize=1024)
 def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
-    """Of each key among them all."""
+    """Rank of each key among them all."""
     return np.argsort(np.argsort(keys))
 
 

@@ -16,7 +16,7 @@ from semantic_slam.inference.states.tracked_objects import TrackedStates
 def tracked_before(
     spaces: Spaces, robot: GaussianPrior, objects: list[GaussianPrior], num_biases: int
 ) -> TrackedStates:
-    """Before any keyframe: the priors of the robot and of a map's objects, ascending by id."""
+    """Tracked states before any keyframe: the priors of the robot and of a map's objects, ascending by id."""
     storage, size = spaces.storage, spaces.layout.landmark
     covariances = np.array([prior.covariance for prior in objects]).reshape(-1, size, size)
     return TrackedStates(
@@ -34,7 +34,7 @@ def tracked_before(
 def tracked_after(
     smoother: Smoother, keyframe: int, before: TrackedStates, ids: Index, update: ComponentUpdate, max_fresh: int
 ) -> TrackedStates:
-    """After one keyframe, over the objects ``ids`` (O,). Raises LostComponentError.
+    """Tracked states after one keyframe, over the objects ``ids`` (O,). Raises LostComponentError.
 
     ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
     """

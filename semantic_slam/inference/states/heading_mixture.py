@@ -29,7 +29,7 @@ class HeadingMixture:
 
     @classmethod
     def all_around(cls, belief: DescriptorBelief) -> "HeadingMixture":
-        """Any heading; ``belief`` of one descriptor."""
+        """Mixture for an object whose heading may be any; ``belief`` is that of its one descriptor."""
         length = belief.mean.shape[1]
         mean = np.empty((CELLS, length + 1))
         mean[:, :length] = belief.mean

@@ -12,20 +12,20 @@ def robot_key(keyframe: int) -> int:
 
 @cache
 def object_key(object_id: int) -> int:
-    """O(n)."""
+    """GTSAM key O(n) of an object."""
     return int(gtsam.symbol("o", object_id))
 
 
 @cache
 def descriptor_key(object_id: int) -> int:
-    """E(n)."""
+    """GTSAM key E(n) of an object's descriptor."""
     return int(gtsam.symbol(DESCRIPTOR, object_id))
 
 
 DESCRIPTOR = "e"
 """Symbol of E(n), below those of objects and robots."""
 _SYMBOL_BITS = 56
-"""Of a key, before its letter."""
+"""Number of bits of a GTSAM key below its letter."""
 _DESCRIPTOR_CODE, _ROBOT_CODE, _OBJECT_CODE = ord(DESCRIPTOR), ord("x"), ord("o")
 
 

@@ -119,7 +119,7 @@ class Layout:
         return found
 
     def stacked_squares(self, robot: Array, landmarks: Array) -> Array:
-        """(1 + n, w, w) of (r, r) and (n, l, l)."""
+        """(1 + n, w, w) blocks, zero where unused, of a robot's (r, r) and landmarks' (n, l, l) covariances."""
         if self.is_even:
             return np.concatenate([robot[None], landmarks])
         found = np.zeros((1 + len(landmarks), self.width, self.width))

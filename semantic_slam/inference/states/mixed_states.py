@@ -60,7 +60,7 @@ class MixedStates:
         return found
 
     def _kinds(self, count: int) -> list[tuple[StateSpace, list[int]]]:
-        """Both spaces and their rows among ``count``."""
+        """Robot and landmark space, each with its rows among ``count`` states."""
         landmarks = list(range(count))[1 : self.end]
         return [(self.robot, [0, *range(1 + len(landmarks), count)]), (self.landmark, landmarks)]
 

@@ -56,7 +56,7 @@ class ObjectViews:
 
 
 def class_posterior(log_prior: Array, log_likelihood: Array) -> Array:
-    """(..., C) probabilities."""
+    """(..., C) class probabilities by Bayes' rule from log prior and log likelihood."""
     joint = log_prior + log_likelihood
     weight = np.exp(joint - joint.max(axis=-1, keepdims=True))
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))

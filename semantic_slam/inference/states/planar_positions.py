@@ -76,7 +76,7 @@ class PlanarPositions:
         return seen, -_identity(seen), _identity(seen)
 
     def poses(self, states: Array) -> Array:
-        """Without rotation."""
+        """(..., 7) pose vectors of positions, without rotation."""
         poses = np.zeros((*states.shape[:-1], 7))
         poses[..., :2], poses[..., 6] = states, 1.0
         return poses

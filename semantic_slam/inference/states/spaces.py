@@ -18,7 +18,7 @@ from semantic_slam.inference.states.state_space import StateArithmetic, StateSpa
 from semantic_slam.viewpoint.model import Viewpoints
 
 LEAST_DISTANCE_M = 1e-6
-"""Of camera and landmark: a direction is to be had where they stand together, too."""
+"""Least distance of camera and landmark: a direction is to be had where they stand together, too."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class Spaces:
 
     @cached_property
     def layout(self) -> Layout:
-        """Of tangent vectors."""
+        """Layout of tangent vectors of a robot and its landmarks."""
         return Layout(self.robot.tangent_size, self.landmark.tangent_size)
 
     @cached_property
     def storage(self) -> Layout:
-        """Of states."""
+        """Layout of states of a robot and its landmarks."""
         return Layout(self.robot.storage_size, self.landmark.storage_size)
 
     @cached_property
@@ -100,7 +100,7 @@ class Spaces:
         return all(bool((part.reshape(-1, s.tangent_size) <= s.relinearize_threshold).all()) for s, part in parts)
 
     def largest_change(self, keys: Sequence[int], before: Array, after: Sequence[Array]) -> float:
-        """Of any coordinate, metres or radians, from (n, w) states of some variables to others, (s,) each."""
+        """Largest change of a coordinate, metres or radians, from (n, w) states of some variables to others (s,)."""
         if self.are_same:
             return float(np.abs(self.robot.local(before, np.array(after))).max())
         pairs = zip(keys, before, after, strict=True)
@@ -121,12 +121,12 @@ class Spaces:
         return self.robot.between(x, o) if self.are_same else self.relative_position(x, o).point
 
     def relative_position(self, x: Array, o: Array) -> RelativePosition:
-        """Of landmarks ``o`` (..., s) in the frames of robots ``x`` (..., s)."""
+        """Positions of landmarks ``o`` (..., s) in the frames of robots ``x`` (..., s), with their slopes."""
         point, by_robot, by_point = self.robot.in_frame(x, self.landmark.position(o))
         return RelativePosition(point, by_robot, by_point @ self.landmark.position_slopes(o))
 
     def viewpoints(self, x: Array, o: Array, sensor: Array) -> Viewpoints:
-        """From where the cameras of robots ``x`` (B, s) see landmarks ``o`` (B, s).
+        """Viewpoints from where the cameras of robots ``x`` (B, s) see landmarks ``o`` (B, s).
 
         ``sensor`` (q,) or (B, q) in the body frame; in the plane an elevation is told by its third component.
         """

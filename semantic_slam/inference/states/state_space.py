@@ -50,7 +50,7 @@ class StateSpace(StateArithmetic, Protocol):
         """(..., T, s) states from ``start`` (..., s) after each of (..., T, s) controls, headings as they add up."""
 
     def wrapped(self, state: Array) -> Array:
-        """The same states, headings in [-pi, pi)."""
+        """States with their headings wrapped to [-pi, pi)."""
 
     def between(self, state: Array, other: Array) -> Array:
         """``other`` as seen from ``state``."""
@@ -80,7 +80,7 @@ class StateSpace(StateArithmetic, Protocol):
         """(..., p) a point in map as seen from the state, its (..., p, d) and (..., p, p) slopes by state and point."""
 
     def poses(self, states: Array) -> Array:
-        """(..., 7) pose vectors of messages."""
+        """(..., 7) pose vectors of the states, as messages have them."""
 
     def covariances(self, states: Array, covariances: Array) -> Array:
         """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map."""
@@ -89,7 +89,7 @@ class StateSpace(StateArithmetic, Protocol):
         """Insert one state (s,) into GTSAM values."""
 
     def state(self, values: gtsam.Values, key: int) -> Array:
-        """(s,) state of ``key``."""
+        """(s,) state of the variable ``key`` in GTSAM's values."""
 
     def states(self, values: gtsam.Values) -> Array:
         """(n, s) of all variables of this type, by ascending key."""

@@ -25,7 +25,7 @@ class HypothesisObjects:
         return np.asarray(np.searchsorted(self.ids, object_ids))
 
     def updated(self, update: "ExistenceUpdate") -> "HypothesisObjects":
-        """After one keyframe; the table itself where nothing comes, goes or changes."""
+        """The objects after one keyframe; the table itself where nothing comes, goes or changes."""
         if update.changes_nothing:
             return self
         return HypothesisObjects(
@@ -68,7 +68,7 @@ class ExistenceUpdate:
 
     @classmethod
     def starting(cls, objects: HypothesisObjects, new_ids: list[int]) -> "ExistenceUpdate":
-        """In a world where objects surely exist: nothing goes, and ``new_ids`` come."""
+        """Update in a world where objects surely exist: nothing goes, and ``new_ids`` come."""
         count = len(objects.ids)
         new = np.array(sorted(new_ids), dtype=int)
         return cls(

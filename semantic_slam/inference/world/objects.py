@@ -41,7 +41,7 @@ class ReportedObjects:
 
     @cached_property
     def log_class_prior(self) -> Array:
-        """(O, C) natural logs, read-only."""
+        """(O, C) log prior class probabilities of the reported objects, in nats, read-only."""
         with np.errstate(divide="ignore"):
             logs = np.log(self.class_prior)
         logs.setflags(write=False)

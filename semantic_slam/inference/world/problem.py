@@ -47,7 +47,7 @@ class Problem:
 
     @property
     def log_root_weights(self) -> list[float]:
-        """Of the hypotheses before any measurement: one for each noise that odometry may have."""
+        """Log weights of the hypotheses before any measurement: one for each noise that odometry may have."""
         count = len(self.noise_factors)
         return [-float(np.log(count))] * count
 

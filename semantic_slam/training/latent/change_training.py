@@ -32,7 +32,7 @@ class ChangeSettings:
 
 
 def fit_change_model(views: FeatureViews, settings: ChangeSettings) -> ChangeModel:
-    """From pairs of views of one instance each, drawn anew in every step."""
+    """A model fitted to pairs of views of one instance each, drawn anew in every step."""
     torch.set_num_threads(1)
     torch.manual_seed(settings.seed)
     size = views.features.shape[1]

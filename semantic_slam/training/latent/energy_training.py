@@ -18,7 +18,7 @@ from semantic_slam.viewpoint.model import Viewpoints
 BOWL_RAD = 0.25
 """Standard deviation of the target delta(dx, de) along azimuth and elevation (the thesis's epsilon)."""
 BOWL_DESCRIPTOR = 0.25
-"""The same along every component of the descriptor."""
+"""Standard deviation of the target delta(dx, de) along every component of the descriptor."""
 PERTURBED = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 """How far pose and descriptor are perturbed in each of the sets that the data term averages over."""
 ORDER_WEIGHT = 0.1

@@ -95,7 +95,7 @@ def _estimate(end: Minimum) -> DescriptorEstimate:
 
 
 def _by_object(viewpoints: Viewpoints, features: Array) -> Viewpoints:
-    """(B, V) of (B * V,)."""
+    """Viewpoints of all views, (B V,), arranged as (B, V) by object."""
     by_object = features.shape[:2]
     return Viewpoints(
         viewpoints.azimuth_rad.reshape(by_object),

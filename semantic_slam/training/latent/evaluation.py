@@ -53,7 +53,7 @@ class Ascents:
         return float(np.rad2deg(np.median(np.abs(self.end_rad))))
 
     def within(self, degrees: float) -> float:
-        """Share of the ends."""
+        """Share of the ascents that end within so many degrees of the truth."""
         return float((np.abs(self.end_rad) < np.deg2rad(degrees)).mean())
 
 
@@ -92,7 +92,7 @@ class Consistency:
 
 
 def nees(model: LatentModel, views: FeatureViews, descriptors: Array, sigma: Array | None = None) -> Consistency:
-    """Of the azimuth inferred by ascent from the true one; ``sigma`` (F,) instead of the model's own, tempered one."""
+    """Consistency (NEES) of the azimuth inferred by ascent; ``sigma`` (F,) replaces the model's own, tempered one."""
     return consistency(azimuth_nees(model, views, descriptors, sigma))
 
 
@@ -188,12 +188,12 @@ def descriptors_from_views(
 
 
 def nees_in_doubt(model: LatentModel, inferred: Inferred) -> Consistency:
-    """Of the azimuth where the descriptor is no more certain than the views that it was inferred from."""
+    """Consistency (NEES) of the azimuth where the descriptor is no more certain than the views that it came from."""
     return consistency(_squared_in_doubt(model, inferred))
 
 
 def nees_tempered_by_others(model: LatentModel, inferred: Inferred) -> Consistency:
-    """The same where half of the objects tell how much wider sigma has to be for the other half, and these for them.
+    """Consistency where each half of the objects tells how much wider sigma has to be for the other half.
 
     A decoder is less right about objects that it was not fitted to, however certain their descriptors are.
     """

@@ -26,7 +26,7 @@ class FeatureViews:
         return take(self, rows, ("instance", "viewpoints", "features"))
 
     def with_features(self, features: Array) -> "FeatureViews":
-        """The same views seen by another extractor."""
+        """The views with the features of another extractor."""
         return FeatureViews(self.names, self.instance, self.viewpoints, features)
 
 

@@ -53,5 +53,5 @@ def shuffled(count: int, batch_size: int, epochs: int, generator: np.random.Gene
 
 
 def num_batches(count: int, batch_size: int) -> int:
-    """Of one epoch, at least one."""
+    """Number of batches in one epoch, at least one."""
     return max(count // batch_size, 1)

@@ -49,19 +49,19 @@ class JointModel(nn.Module):  # type: ignore[misc]  # torch is not followed by m
         self.sharpness = 1.0  # 1 / sigma of the likelihood that views are told apart with
 
     def features(self, crops: Bytes) -> torch.Tensor:
-        """(B, F) with gradients."""
+        """(B, F) features of crops, with gradients."""
         features: torch.Tensor = self.extractor(self.extractor.normalise(crops))
         return features
 
     def mean(self, viewpoints: Viewpoints, descriptors: torch.Tensor) -> torch.Tensor:
-        """(B, F) mu(x_rel, e)."""
+        """(B, F) predicted mean features mu(x_rel, e)."""
         directions = torch.from_numpy(encoded(viewpoints)).float()
         mean: torch.Tensor = self.decoder(torch.cat([directions, descriptors], dim=1))
         return mean
 
 
 Loss = Callable[[JointModel, torch.Tensor, CropViews, Index, np.random.Generator], torch.Tensor]
-"""Of a batch: model, (B, F) features, all views, (B,) rows of the batch, random numbers."""
+"""Training loss of a batch, from model, (B, F) features, all views, (B,) rows of the batch, random numbers."""
 
 
 def train_jointly(model: JointModel, views: CropViews, loss_function: Loss, settings: JointSettings) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import torch
 
 MARGIN = 2.0
-"""Of the contrastive loss: instances further apart than this do not repel each other."""
+"""Margin of the contrastive loss: instances further apart than this do not repel each other."""
 SIZE_WEIGHT = 0.05
 
 
@@ -29,4 +29,4 @@ def _size(descriptors: torch.Tensor) -> torch.Tensor:
 
 
 PRIORS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {"contrastive": contrastive, "n_pairs": n_pairs}
-"""By name."""
+"""Contrastive losses by name."""

@@ -32,7 +32,7 @@ class MapSettings:
 
 @dataclass(frozen=True)
 class Fitted:
-    """The maximum of Eq. 5.7."""
+    """Parameters at the maximum of Eq. 5.7."""
 
     decoder: SmoothNetwork
     descriptors: Array  # (instances, L)

@@ -19,13 +19,13 @@ def tanh_network(sizes: tuple[int, ...]) -> nn.Sequential:
 
 
 def exported(network: nn.Sequential) -> SmoothNetwork:
-    """The same function without torch."""
+    """A torch network as the same function without torch."""
     linear = [layer for layer in network if isinstance(layer, nn.Linear)]
     return SmoothNetwork([Layer(_array(layer.weight), _array(layer.bias)) for layer in linear])
 
 
 def imported(network: SmoothNetwork) -> nn.Sequential:
-    """The same function, to be trained further."""
+    """A smooth network as a torch network that can be trained further."""
     sizes = (network.num_inputs, *(len(layer.bias) for layer in network.layers))
     result = tanh_network(sizes)
     linear = [layer for layer in result if isinstance(layer, nn.Linear)]

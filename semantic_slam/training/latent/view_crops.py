@@ -13,7 +13,7 @@ from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.model import Viewpoints
 
 GREY = 128
-"""Behind a plain crop."""
+"""Grey value of the background behind a plain crop."""
 
 
 def room_crops(views: Sequence[ObjectView], size: int, draws: int, seed: int) -> Bytes:

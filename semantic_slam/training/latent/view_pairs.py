@@ -8,7 +8,7 @@ from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.training.latent.feature_views import FeatureViews
 
 PAIRS = 600
-"""Drawn to judge a model by."""
+"""Number of pairs of views that are drawn to judge a model by."""
 NEAR_RAD, LEAST_TURN_RAD = float(np.deg2rad(45.0)), float(np.deg2rad(1.0))
 """Azimuths of a near pair differ by no more; of any pair that is judged, by no less."""
 

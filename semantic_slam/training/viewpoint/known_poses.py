@@ -80,7 +80,7 @@ def _complete(truth: GroundTruth | None, origin: str) -> GroundTruth:
 
 
 def _azimuth(body: Array, target: Array, sensor: Array) -> float:
-    """Of the camera in the object's frame; poses (7,) in map, ``sensor`` (3,) in the body frame."""
+    """Azimuth [rad] of the camera in the object's frame; poses (7,) in map, ``sensor`` (3,) in the body frame."""
     camera = body[:3] + Rotation.from_quat(body[3:]).apply(sensor)
     direction = Rotation.from_quat(target[3:]).inv().apply(camera - target[:3])
     return float(np.arctan2(direction[1], direction[0]))

@@ -30,9 +30,9 @@ from semantic_slam_lab.studies.aliased_room.data import Rates, Recording
 from semantic_slam_lab.studies.victoria_park.methods import StudyPool, smoothed_poses
 
 START_SIGMA = (0.01, 0.01, 0.01)
-"""Of x, y [m] and yaw [rad]: map is where the robot starts."""
+"""Standard deviations of the initial x, y [m] and yaw [rad]: map is where the robot starts."""
 CUT_OFF_SHARE = 0.1
-"""Of the objects inside the region, those that the camera does not see as a whole and the detector leaves out."""
+"""Share of the objects inside the region that the camera cuts off and the detector leaves out."""
 FIRST_SIGHT_DENSITY = 0.02
 """Objects per square metre not seen yet: few enough that a single detection leaves an existence below one half."""
 MAX_HYPOTHESES = {"ours": 60, "max_mixture": 1, "no_semantics": 60, "nearest_neighbour": 1}

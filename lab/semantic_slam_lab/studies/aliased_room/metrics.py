@@ -25,7 +25,7 @@ class Gospa:
 
 
 def gospa(estimate: Array, truth: Array, cutoff_m: float = CUTOFF_M) -> Gospa:
-    """Of (N, 2) and (M, 2) positions [m]: the least over all one-to-one pairings of points nearer than the cut-off.
+    """GOSPA of (N, 2) and (M, 2) positions [m]: least over all one-to-one pairings of points nearer than the cut-off.
 
     A pair costs its squared distance, a point without one c^2 / 2; a pair farther apart than c never pays.
     """

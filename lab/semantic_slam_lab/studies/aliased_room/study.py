@@ -58,7 +58,7 @@ def runs_in_room(task: Task) -> Lines:
 
 
 def one_run(recording: Recording, line: str, seed: int, draw: int) -> dict[str, dict[str, list[Row]]]:
-    """The same disturbed drive for every method; odometry errors of the lines differ by their scale alone."""
+    """One disturbed drive, the same for every method; odometry errors of the lines differ by their scale alone."""
     rates = LINES[line]
     drive = disturbed(recording, rates, keyed_generator(NAME, recording.scene, seed, draw))
     alarms = alarms_per_frame(recording, rates)

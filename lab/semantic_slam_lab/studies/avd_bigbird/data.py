@@ -78,7 +78,7 @@ def choose_track(sources: Sources) -> SceneTrack:
 
 
 def _objects(scene: AvdScene) -> list[tuple[TrueObject, bool]]:
-    """With whether the heading is known: the real data set does not tell it."""
+    """True objects, each with whether its heading is known: the real data set does not tell it."""
     truth = true_objects(scene)
     if truth:
         return [(each, True) for each in truth]

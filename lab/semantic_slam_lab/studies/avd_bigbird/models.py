@@ -75,13 +75,13 @@ def feature_sets(measured: Sequence[TurntableScores], seed: int) -> FeatureSets:
 
 
 def fit_models(measured: Sequence[TurntableScores], jobs: int) -> tuple[ClassModel, ...]:
-    """Of every class, with a process for every score of the network."""
+    """Class models of every class, with a process for every score of the network."""
     tasks = (delayed(fit_model)(of.directions, of.samples.mean(axis=1), INPUT_MAP) for of in measured)
     return tuple(Parallel(n_jobs=jobs)(tasks))
 
 
 def with_components(models: Sequence[ClassModel], components: Sequence[int]) -> tuple[ClassModel, ...]:
-    """The same models of some of the scores alone."""
+    """Class models of the chosen components of the scores alone."""
     chosen = list(components)
     return tuple(
         ClassModel(

@@ -41,7 +41,7 @@ NAME = "avd_bigbird"
 NUM_CANDIDATES = 4
 REALISATIONS, QUICK_REALISATIONS = 100, 12
 BIAS_LENGTH_M = float(np.hypot(0.3, 0.2))
-"""Of the example in Sec. 3.4.5.2."""
+"""Length of the localization bias in the example of Sec. 3.4.5.2."""
 BIAS_DIRECTIONS = 16
 MAP_HALF_WIDTH_M, MAP_SIZE = 0.6, 61
 FIRST_SET = "mean_score"
@@ -208,7 +208,7 @@ def figures(
 
 
 def _repeated(problem: Problem, quick: bool, seed: int, jobs: int, name: str) -> dict[str, Array]:
-    """(N + 1, K, C) log posteriors by method."""
+    """(N + 1, K, C) log posteriors of N realisations and of the bias alone, by method."""
     methods = [method for method in METHODS if method != "simple_bayes" or problem.class_scores]
     count = 1 + (QUICK_REALISATIONS if quick else REALISATIONS)
     done = repeat(realisation, [(problem, methods, (seed, index)) for index in range(count)], jobs, name)

@@ -30,11 +30,11 @@ class Belief:
     rigid: bool = False  # one offset moves the whole track
 
     def mean(self, k: int) -> Array:
-        """(k + 1, 2) after view k."""
+        """(k + 1, 2) mean locations [m] after view k."""
         return self._moments(k)[0]
 
     def posterior(self, k: int) -> GaussianTrack:
-        """Of the track up to and with view k."""
+        """Gaussian belief of the track up to and with view k."""
         mean, covariance = self._moments(k)
         return GaussianTrack(mean, np.asarray(np.kron(covariance, np.eye(2)), dtype=np.float64))
 

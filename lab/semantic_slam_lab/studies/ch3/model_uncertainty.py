@@ -23,7 +23,7 @@ from semantic_slam_lab.studies.result import Claim, Figure, Table, write_result
 NAME = "ch3_model_uncertainty"
 REALISATIONS, QUICK_REALISATIONS = 300, 30
 STEP = 15
-"""At which the thesis reads Fig. 3.3."""
+"""Step at which the thesis reads Fig. 3.3."""
 
 Make = Callable[[ClassProcesses, Array], SequentialClassifier]
 AWARE: dict[str, Make] = {

@@ -26,7 +26,7 @@ class Scenario:
 
 
 def given_scenario(name: str) -> tuple[Scenario, dict[str, Any]]:
-    """One of ``scenarios/ch3_gp_models.json``, and its other numbers and lists of numbers."""
+    """A scenario of ``scenarios/ch3_gp_models.json``, and its other numbers and lists of numbers."""
     text = (files("semantic_slam_lab.studies") / "scenarios" / "ch3_gp_models.json").read_text(encoding="utf-8")
     row = json.loads(text)[name]
     models = tuple(ClassModel.from_json(model) for model in row.pop("models"))

@@ -29,7 +29,7 @@ IMPROVED = ("association_entropy", "det_position_covariance", "error_max_weight_
 
 
 def claims(worlds: Mapping[str, Summaries]) -> list[Claim]:
-    """All of them."""
+    """Claims of the chapter-4 study, judged on the results of its worlds."""
     given = worlds["given"]
     return [
         *_requirements(worlds),

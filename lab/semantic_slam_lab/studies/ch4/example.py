@@ -98,7 +98,7 @@ def _apart_seen(simulated: Run) -> int | None:
 
 
 def _from_when(found: Followed, settled: Callable[[Moment], bool]) -> int | None:
-    """First k from which on a run stays settled; None when it never does."""
+    """First k from which on a run stays converged; None when it never does."""
     unsettled = [k for k, moment in enumerate(found.moments, 1) if not settled(moment)]
     first = max(unsettled, default=0) + 1
     return first if first <= len(found.moments) and not found.fault else None

@@ -39,7 +39,7 @@ class Method:
 
     @property
     def name(self) -> str:
-        """Its key in results."""
+        """Key of the method in results."""
         name = "no_semantics" if self.alpha is None else str(self.alpha)
         return name if self.weights == WeightsConfiguration().method else f"{name}_{self.weights}"
 

@@ -64,7 +64,7 @@ def given_scenario() -> tuple[Scenario, Array]:
 
 
 def settings() -> Mapping[str, Any]:
-    """All of ``scenarios/ch4_layout.json``."""
+    """Settings of the chapter-4 worlds, from ``scenarios/ch4_layout.json``."""
     text = (files("semantic_slam_lab.studies") / "scenarios" / "ch4_layout.json").read_text(encoding="utf-8")
     found: Mapping[str, Any] = json.loads(text)
     return found

@@ -28,7 +28,7 @@ TAGGED = 2
 DRAWS, QUICK_DRAWS = 20, 2
 QUICK_INSTANCES = 24
 VIEWS = 3
-"""Of known direction, that a descriptor is inferred from where several are used."""
+"""Views of known direction that a descriptor is inferred from where several are used."""
 METHODS = {
     "gaussian_3_views": "Gaussians P(e | c), e from 3 views of known direction",
     "nearest_3_views": "nearest tagged descriptor, e from 3 views of known direction",

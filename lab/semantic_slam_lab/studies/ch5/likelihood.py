@@ -82,7 +82,7 @@ def _of_known(model: LatentModel, own: FeatureViews, seed: int) -> dict[str, flo
 
 
 def _of_new(model: LatentModel, views: FeatureViews, seed: int) -> dict[str, float]:
-    """Of instances that were held out, their descriptors inferred from three views."""
+    """Numbers for instances that were held out, their descriptors inferred from three views."""
     inferred = evaluation.descriptors_from_views(model, views, VIEWS_OF_NEW, keyed_generator(NAME, "new", seed))
     peaks = np.abs(evaluation.azimuth_peaks(model, inferred.views, inferred.descriptors))
     local = evaluation.local_ascent(
@@ -99,7 +99,7 @@ def _of_new(model: LatentModel, views: FeatureViews, seed: int) -> dict[str, flo
 
 
 def _of_changes(model: LatentModel, views: FeatureViews, prefix: str, seed: int) -> dict[str, float]:
-    """Of the model that tells changes of viewpoint from two views alone (Sec. 5.1)."""
+    """Numbers for the model that tells changes of viewpoint from two views alone (Sec. 5.1)."""
     assert model.changes is not None, "shipped models have one"
     found = changes_found(model.changes, views, keyed_generator(NAME, f"{prefix}changes", seed))
     return {prefix + name: share for name, share in found.items()}

@@ -60,7 +60,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
 
 
 def _spread(names: tuple[str, ...], count: int) -> tuple[str, ...]:
-    """So many names, from all over the list."""
+    """So many names, spread over the whole list."""
     chosen = np.linspace(0, len(names) - 1, min(count, len(names))).round().astype(int)
     return tuple(names[index] for index in chosen)
 

@@ -66,12 +66,12 @@ def chosen_goods(quick_count: int | None) -> tuple[str, ...]:
 
 
 def known(model: Shipped, names: Sequence[str]) -> tuple[str, ...]:
-    """Those of ``names`` that the model was trained on."""
+    """Names among ``names`` that the model was trained on."""
     return tuple(name for name in names if name in model.model.instances.names)
 
 
 def new(model: Shipped, names: Sequence[str]) -> tuple[str, ...]:
-    """Those of ``names`` that its training held out."""
+    """Names among ``names`` that the model's training held out."""
     return tuple(name for name in names if name in model.held_out)
 
 

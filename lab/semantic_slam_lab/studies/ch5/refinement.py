@@ -17,7 +17,7 @@ from semantic_slam_lab.studies.ch5.tracks import Drive, Located, Smoothed
 def refinement_numbers(
     runs: Sequence[Located], new_names: Sequence[str], formulation: str, jobs: int, settings: RefinementSettings
 ) -> dict[str, float]:
-    """Before and after, for trained and for new objects; the last track around each object judges."""
+    """Numbers before and after refinement, for trained and new objects; the last track around each object judges."""
     last = max(run.number for run in runs)
     used, judged = [run for run in runs if run.number < last], [run for run in runs if run.number == last]
     model, ends = trained(formulation).model, [run.estimates[formulation] for run in used]
@@ -69,7 +69,7 @@ def _at(runs: Sequence[Located], ends: Sequence[Smoothed], formulation: str) -> 
 
 
 def _descriptors(runs: Sequence[Located], ends: Sequence[Smoothed]) -> dict[str, Array]:
-    """Of each object, averaged over its tracks."""
+    """Descriptor of each object by its name, averaged over its tracks."""
     names = {run.name for run in runs}
     own = {name: [end.descriptor for run, end in zip(runs, ends, strict=True) if run.name == name] for name in names}
     return {name: np.mean(values, axis=0) for name, values in own.items()}

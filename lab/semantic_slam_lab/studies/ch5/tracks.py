@@ -29,9 +29,9 @@ SIGMA_STEP = np.array([0.08, 0.08, 0.08])
 SIGMA_START = np.array([0.15, 0.15, 0.1])
 SIGMA_OBJECT = np.array([0.05, 0.05, 0.03])
 ITERATIONS_ON_THE_WAY = 4
-"""Of an optimisation that later ones go on from."""
+"""Iterations of an optimisation that later ones go on from."""
 KNOWN_DESCRIPTOR_SIGMA = 1e-3
-"""In units of the prior's: a descriptor that counts as known."""
+"""Standard deviation of a descriptor that counts as known, in units of the prior's."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def _track(generator: np.random.Generator) -> Array:
 
 
 def _viewpoints(track: Array, name: str) -> Viewpoints:
-    """From where the robot's camera, turned to the object's middle, sees it."""
+    """Viewpoints from where the robot's camera, turned to the object's middle, sees the object."""
     flat = np.hypot(track[:, 0], track[:, 1])
     above = CAMERA_HEIGHT_M - 0.5 * model_named(name).size[2]
     azimuth = np.arctan2(track[:, 1], track[:, 0])
@@ -157,7 +157,7 @@ class Drive:
         return graph, values
 
     def _factor(self, model: LatentModel, number: int, feature: Array) -> gtsam.NonlinearFactor:
-        """Neither range nor bearing: the feature and the elevation of its view."""
+        """Factor without range or bearing, for the feature and the elevation of its view alone."""
         size = len(feature)
         detection = PlanarDetection(
             np.nan, np.nan, np.eye(2), np.zeros(2), feature, np.zeros((size, size)), float(self.elevation_rad[number])

@@ -14,7 +14,7 @@ SHARE_OF_PRIOR = 0.1
 
 
 def unannotated(prior: MapPrior) -> MapPrior:
-    """Poses alone."""
+    """The map prior with its poses alone."""
     return MapPrior(tuple(replace(entry, class_probabilities={}) for entry in prior.objects))
 
 

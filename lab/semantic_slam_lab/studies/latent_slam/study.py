@@ -148,7 +148,7 @@ def _claims(results: list[RoomResult]) -> list[Claim]:
 
 
 def _mean(results: list[RoomResult], told: str, method: str, metric: str, missing: float) -> float:
-    """Over the rooms, ``missing`` where a room has no such number."""
+    """Mean of a metric over the rooms, ``missing`` where a room has no such number."""
     values = [room.maps[told][method][metric] for room in results]
     return float(np.mean([missing if value is None else value for value in values]))
 

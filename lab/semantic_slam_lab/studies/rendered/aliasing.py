@@ -32,7 +32,7 @@ class AliasingMap:
 
 
 def aliasing_map(processes: ClassProcesses, true_class: int) -> AliasingMap:
-    """With the location wrong by BIAS_M, and with the right one."""
+    """Classifications over a map of places, with the location wrong by BIAS_M, and with the right one."""
     places, size = map_places()
     scores = processes.marginals(places).mean[:, true_class]
     maps = [_single_view(processes, scores, places + bias).reshape(size, size, -1) for bias in (BIAS_M, 0.0)]

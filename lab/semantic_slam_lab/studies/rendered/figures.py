@@ -30,7 +30,7 @@ BANDS = (10, 20, 30, 40)
 CLASS_COLOURS = np.array([to_rgb(colour) for colour in class_colours(len(CLASSES))])
 BINS = 15
 LEAST_SHARE = 0.005
-"""Of all answers: bins with fewer are not drawn."""
+"""Least share of all answers in a bin of the plot: bins with fewer are not drawn."""
 
 
 def class_maps(
@@ -134,7 +134,7 @@ def mark_object(axis: Axes) -> None:
 
 
 def _draw_tracks(axis: Axes, tracks: Mapping[str, Array]) -> None:
-    """(K, 2) tracks by their colour."""
+    """Draw (K, 2) tracks by their colour."""
     for colour, track in tracks.items():
         axis.plot(*track.T, "o-", color=colour, markersize=3, linewidth=1.2)
 

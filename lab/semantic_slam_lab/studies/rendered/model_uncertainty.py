@@ -32,9 +32,9 @@ NAME = "rendered_model_uncertainty"
 TRUE_CLASS = CLASSES.index("crate")
 RED = (190, 50, 40)
 SUBJECT = Subject("crate", "planked_side", RED)
-"""Its left side, boards without a mark, is plain red. Chosen on other tracks than those of the study."""
+"""Crate whose left side, boards without a mark, is plain red. Chosen on other tracks than those of the study."""
 HARDER_SUBJECT = Subject("crate", "crate_side", RED)
-"""Its right side, of which the network knows beam and arrow, is plain red: dropout tells little of that shift."""
+"""Crate whose right side, known to the network by beam and arrow, is plain red: dropout tells little of that shift."""
 TRACKS, QUICK_TRACKS, HARDER_TRACKS = 300, 60, 60
 GRID_STEP_M, QUICK_GRID_STEP_M = 0.25, 0.4
 THESIS = {
@@ -253,7 +253,7 @@ def _elevated(uncertainty: Mapping[str, float]) -> Claim:
 
 
 def _spread(samples: Array) -> Array:
-    """(N, T, F) to (N,)."""
+    """(N,) spread of (N, T, F) dropout samples, the components' standard deviations added up."""
     return np.asarray(samples.std(axis=1).sum(axis=-1))
 
 

@@ -15,7 +15,7 @@ from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.rendered.methods import METHODS, follow
 
 SAMPLES = 100
-"""Of the track, for the methods that know of the uncertainty."""
+"""Samples of the track, for the methods that know of the uncertainty."""
 SWEPT = ("ours", "model_based")
 EXACT = ("model_based", "simple_bayes")
 """Methods that take the estimated track for the true one."""

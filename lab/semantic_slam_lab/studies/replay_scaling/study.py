@@ -1,4 +1,4 @@
-"""The same drive in maps of 10, 100 and 1000 objects, replayed through the manager with one and two backends.
+"""Replay of one drive in maps of 10, 100 and 1000 objects, through the manager with one and two backends.
 
 A backend is a process of its own here, as it is a node of its own on a robot; the manager is the one of every run and
 speaks to them over pipes. The replay starts from keyframes, so that neither images nor ROS are in the times.

@@ -13,9 +13,9 @@ from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.models.odometry_bias import composed_slopes, slopes
 
 FILE_VARIANCES = np.array([1e-4, 1e-4, 4e-6])
-"""Of one odometry step in the file: x, y [m^2], yaw [rad^2]."""
+"""Variances of one odometry step in the file: x, y [m^2], yaw [rad^2]."""
 LANDMARK_VARIANCE_M2 = 0.4
-"""Of a trunk's position along each axis, as the file has it."""
+"""Variance of a trunk's position along each axis, as the file has it."""
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ class Outcome:
 
 
 def configuration_of(method: str, max_hypotheses: int | None = None) -> Configuration:
-    """The same front end for every method; they differ in how many hypotheses they keep."""
+    """Configuration with one front end for every method; they differ in how many hypotheses they keep."""
     return Configuration(
         association="nearest_neighbour" if method == "nearest_neighbour" else "open",
         semantic_model=SemanticModelConfiguration(kind="none"),
@@ -131,7 +131,7 @@ def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> 
 
 
 def smoothed_poses(component: Component) -> Array:
-    """(K, 3) of all keyframes."""
+    """(K, 3) planar poses of all keyframes."""
     from semantic_slam.inference.states.keys import robot_key
 
     keys = [robot_key(keyframe) for keyframe in range(component.keyframe + 1)]

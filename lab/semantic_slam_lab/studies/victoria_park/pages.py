@@ -18,7 +18,7 @@ REFERENCE = (
     " own associations."
 )
 FRAME_S = 0.222
-"""From one frame of the drive to the next."""
+"""Time from one frame of the drive to the next [s]."""
 STYLES = {"nearest_neighbour": "C1:", "joint_assignment": "C2--", "ours": "C0-"}
 WORDS = {"ours": "open world", "joint_assignment": "joint assignment", "nearest_neighbour": "nearest neighbour"}
 COLUMNS = {

@@ -14,7 +14,7 @@ from semantic_slam.inference.states.keys import begins_stretch, bias_key
 from semantic_slam_lab.studies.victoria_park.data import Drive
 
 ANCHOR_SIGMAS = np.array([0.01, 0.01, 0.001])
-"""Of the pose at the start of the drive, which fixes the gauge: metres, metres, radians."""
+"""Standard deviations of the pose at the start, which fixes the gauge: metres, metres, radians."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class _Problem:
         self.num_keyframes = 0
 
     def poses(self, values: gtsam.Values) -> Array:
-        """(K, 3) of all keyframes."""
+        """(K, 3) planar poses of all keyframes."""
         poses = [values.atPose2(_pose(k)) for k in range(self.num_keyframes)]
         return np.array([[p.x(), p.y(), p.theta()] for p in poses])
 
@@ -118,7 +118,7 @@ class _Problem:
 
 
 def _pose(keyframe: int) -> int:
-    """-1: the start of the drive."""
+    """GTSAM key of a keyframe's pose; -1 is the start of the drive."""
     return int(gtsam.symbol("x", keyframe + 1))
 
 

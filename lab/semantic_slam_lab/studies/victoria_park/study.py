@@ -33,10 +33,10 @@ from semantic_slam_lab.studies.victoria_park.reference import Solution, from_pos
 
 QUICK_KEYFRAMES = 400
 FACTORS = (4.0, 8.0, 16.0, 32.0, 50.0)
-"""On the odometry covariance that is given."""
+"""Factors on the odometry covariance that is given."""
 RERUNS, QUICK_RERUNS = 20, 1
 RERUNS_OF_OTHERS = 5
-"""Of nearest neighbour and joint assignment."""
+"""Reruns of the methods besides ours: nearest neighbour and joint assignment."""
 HARD = {
     "dropped_40": Variant(dropped_share=0.4),
     "blind_100m": Variant(blind_m=100.0, blind_every_m=300.0),
