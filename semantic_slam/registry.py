@@ -23,7 +23,7 @@ class Registry:
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """Those of this package."""
+        """The names that this package defines."""
         return tuple(dict(self.own))
 
     def names(self) -> tuple[str, ...]:

@@ -39,12 +39,12 @@ class Keyframe:
         cls,
         index: int,
         *,
-        motion: Sequence[float] = (0.0, 0.0, 0.0),
+        motion: Sequence[float] | Array = (0.0, 0.0, 0.0),
         detections: Sequence[Detection] = (),
-        motion_sigmas: Sequence[float] | None = None,
+        motion_sigmas: Sequence[float] | Array | None = None,
         stamp_ns: int | None = None,
     ) -> "Keyframe":
-        """Of a robot in the plane: what it saw after a ``motion``, x, y [m] and yaw [rad] from the pose before.
+        """Keyframe of a robot in the plane: what it saw after a ``motion`` x, y [m], yaw [rad] from the pose before.
 
         ``motion_sigmas``: standard deviations of x, y and yaw; None: what ``odometry.*`` of the configuration makes of
         the motion. Without ``stamp_ns`` keyframes are a second apart. Raises InputError.
@@ -59,14 +59,14 @@ class Keyframe:
         )
 
 
-def _three(values: Sequence[float], what: str) -> Array:
+def _three(values: Sequence[float] | Array, what: str) -> Array:
     numbers = np.asarray(values, dtype=np.float64)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise InputError(f"keyframe: {what} is {values}; give three finite numbers, of x, y [m] and yaw [rad]")
     return numbers
 
 
-def _planar_covariance(sigmas: Sequence[float] | None) -> Array:
+def _planar_covariance(sigmas: Sequence[float] | Array | None) -> Array:
     """(3, 3), NaN where it is left to the configuration."""
     if sigmas is None:
         return np.full((3, 3), np.nan)

@@ -94,7 +94,7 @@ def _records(
 
 
 def _record(heading: HeadingRecord, likelihood: Array, inside: bool, before: ObjectViews | None) -> ObjectViews:
-    """Its views enter as factors as soon as the heading is known."""
+    """Record of an object's views, which enter as factors as soon as its heading is known."""
     best, covariance, share = heading.modes.best()
     sigma = float(np.sqrt(covariance[-1, -1]))
     mean, variance = heading.modes.descriptor()

@@ -42,7 +42,7 @@ class DrawnFeatures:
 
     @classmethod
     def of(cls, detections: Sequence[PlanarDetection]) -> "DrawnFeatures":
-        """One of each detection."""
+        """Draws of the features of several detections, as many for each."""
         offsets = [score_offsets(detection) for detection in detections]
         most = max(len(own) for own in offsets)
         return cls(
@@ -53,7 +53,7 @@ class DrawnFeatures:
         )
 
     def take(self, rows: Index) -> "DrawnFeatures":
-        """Some of them, or the same again."""
+        """The chosen measurements, any number of times."""
         return take(self, rows)
 
 

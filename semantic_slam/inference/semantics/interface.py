@@ -57,7 +57,7 @@ class SemanticInput:
         return ids
 
     def take(self, rows: Index) -> "SemanticInput":
-        """Some of the candidates."""
+        """Semantic input of the chosen candidates."""
         problem, mode = self.candidates.solved()
         assignments = self.candidates.assignments.take(rows)
         some = replace(self.candidates, assignments=assignments, problem=problem.select(rows), mode=mode.take(rows))
@@ -89,7 +89,7 @@ class SemanticEvidence:
 
     @classmethod
     def silent(cls, count: int, records: Records | None = None) -> "SemanticEvidence":
-        """Nothing besides the factors, and ``records`` if any."""
+        """Evidence of nothing besides the factors, with ``records`` if any."""
         found = cls.of(np.zeros(count), [{}] * count)
         return found if records is None else replace(found, records=records)
 
@@ -116,7 +116,7 @@ class Semantics(Protocol):
 
 
 class NoSemantics:
-    """Of a run without class models."""
+    """Semantics of a run without class models."""
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
@@ -124,5 +124,5 @@ class NoSemantics:
         return cls()
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """Nothing."""
+        """Evidence of nothing, for every candidate."""
         return SemanticEvidence.silent(len(given.candidates.assignments))
