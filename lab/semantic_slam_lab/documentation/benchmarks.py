@@ -34,8 +34,10 @@ SECTIONS = (
     Section(
         "bench",
         "Benchmarks",
-        "`make bench`: ratios against peers, each measured within one run on one core. A ratio is peer's time over"
-        " ours where a peer is named, ours over the floor where a floor is, an exponent where growth is measured.",
+        "Ours and a peer in turn within one run, on one core. The ratio is the peer's time over ours for"
+        " `…_vs_literal…`, `…_vs_sampled`, `…_vs_shared_samples` and `…_vs_loop`; ours over the other's for"
+        " `…_vs_one_pass`, `…_floor`, `…_time…`, `…_all_runs…`, `…_builtin`, total variations and the like; throughput"
+        " for `two_backends_vs_one`; the exponent itself for `…_growth…`.",
         (("", benchmarks),),
     ),
 )
