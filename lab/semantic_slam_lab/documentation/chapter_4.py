@@ -7,7 +7,7 @@ from semantic_slam_lab.documentation.section import Section
 
 STATISTICS = MethodsTable(
     study="ch4_statistics",
-    first="mean over 50 tracks",
+    first="mean over the tracks",
     columns=(
         Column("entropy of associations", "association_entropy", ".2f nats"),
         Column("det Σ", "det_position_covariance", ".4f m⁴"),
@@ -26,7 +26,7 @@ STATISTICS = MethodsTable(
 )
 CONFIDENCE = MethodsTable(
     study="ch4_statistics",
-    first="all keyframes of 50 tracks",
+    first="all keyframes of all tracks",
     columns=(
         Column("mean probability of the likeliest association history", "confidence", ".3f"),
         Column("share in which it is the true one", "likeliest_is_true", ".3f"),
@@ -39,7 +39,7 @@ CONFIDENCE = MethodsTable(
 )
 EXAMPLE = MethodsTable(
     study="ch4_example",
-    first="20 repetitions",
+    first="over the repetitions",
     columns=(
         Column("settled at keyframe, median", "median_keyframe_disambiguated", ".0f"),
         Column("one component from, median", "median_keyframe_single_component", ".0f"),

@@ -18,7 +18,7 @@ def _latent_slam(told: str) -> MethodsTable:
     words = {"latent": "descriptors", "classes": "a classifier of the same goods", "no_semantics": "geometry alone"}
     return MethodsTable(
         study="latent_slam",
-        first="mean over ten rooms",
+        first="mean over the rooms",
         columns=(
             Column("associations right", "association_right", ".1%"),
             Column("settled at keyframe", "keyframe_disambiguated", ".1f"),
@@ -127,7 +127,8 @@ SECTIONS = (
     Section(
         "latent_slam",
         "Chapter 5: descriptors in SLAM",
-        "Ten rooms with two different instances of each of four classes, robot lost by 10 m, association unknown.",
+        "Ten rooms (a quick run: one) with two different instances of each of four classes, robot lost by 10 m,"
+        " association unknown.",
         (
             ("A map of poses alone", _latent_slam("poses")),
             ("A map that names what stands there", _latent_slam("names")),

@@ -10,7 +10,9 @@ from semantic_slam.errors import InputError
 LEFT_OUT = frozenset({"steps", "final", "shown", "runs", "keyframes", "tracks_m"})
 """Keys of what figures are drawn from: every step of every run. No table shows them."""
 MOST_ITEMS = 40
-"""Longer lists are data of figures, too."""
+"""Longer lists are data of figures, too, but for those below."""
+SHOWN = frozenset({"claims", "results"})
+"""Lists of which every row is in a table."""
 DIGITS = 6
 """Significant ones: more than any table shows."""
 
@@ -75,6 +77,6 @@ def shortened(value: Any) -> Any:
 
 
 def _only_for_figures(key: str, value: Any) -> bool:
-    return isinstance(value, (dict, list)) and (
-        key in LEFT_OUT or (isinstance(value, list) and len(value) > MOST_ITEMS)
-    )
+    if not isinstance(value, (dict, list)) or key in SHOWN:
+        return False
+    return key in LEFT_OUT or (isinstance(value, list) and len(value) > MOST_ITEMS)

@@ -7,7 +7,7 @@ from semantic_slam_lab.documentation.section import Section
 
 ROOMS = MethodsTable(
     study="aliased_scenes",
-    first="mean over ten rooms",
+    first="mean over the rooms",
     columns=(
         Column("associations right", "association_right", ".1%"),
         Column("settled at keyframe", "keyframe_disambiguated", ".1f"),
@@ -115,16 +115,16 @@ SECTIONS = (
     Section(
         "aliased_scenes",
         "Ten rooms, robot lost",
-        "Ten rendered rooms of eight pieces of furniture, several identical, almost on a grid; an uncertain map,"
-        " classes unknown, the start off by metres with a standard deviation of 10 m. *Settled at k*: from keyframe"
-        " k on the true association history has probability 0.99 or more.",
+        "Ten rendered rooms (a quick run: one) of eight pieces of furniture, several identical, almost on a grid; an"
+        " uncertain map, classes unknown, the start off by metres with a standard deviation of 10 m. *Settled at k*:"
+        " from keyframe k on the true association history has probability 0.99 or more.",
         (("", ROOMS), ("Room by room", each_room)),
     ),
     Section(
         "aliased_room",
         "No map: births, misses, false alarms",
-        "30 drives through ten rooms with identical furniture, no map, 10 % false alarms and 10 % misses added. All"
-        " methods share the front end of births and existence.",
+        "30 drives through ten rooms (fewer in a quick run) with identical furniture, no map, 10 % false alarms and"
+        " 10 % misses added. All methods share the front end of births and existence.",
         (("Odometry as configured", _mapped("default")), ("Three times its noise", _mapped("slippery"))),
     ),
     Section(
