@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from semantic_slam.errors import InputError, SemanticSlamError
     from semantic_slam.evaluation.belief_bag import read_record
     from semantic_slam.inference.belief import HybridBelief
-    from semantic_slam.inference.detection import Detection
     from semantic_slam.inference.engine import Engine
-    from semantic_slam.inference.keyframe import Keyframe
+    from semantic_slam.inference.inputs.detection import Detection
+    from semantic_slam.inference.inputs.keyframe import Keyframe
     from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, read_map_prior
     from semantic_slam.pipeline.offline import run_bag
     from semantic_slam.version import __version__
@@ -44,11 +44,11 @@ __all__ = [
 
 _ORIGIN = {
     "Configuration": "configuration",
-    "Detection": "inference.detection",
+    "Detection": "inference.inputs.detection",
     "Engine": "inference.engine",
     "HybridBelief": "inference.belief",
     "InputError": "errors",
-    "Keyframe": "inference.keyframe",
+    "Keyframe": "inference.inputs.keyframe",
     "MapPrior": "inference.world.map_prior",
     "ObjectPrior": "inference.world.map_prior",
     "SemanticSlamError": "errors",

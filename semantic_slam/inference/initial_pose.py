@@ -8,7 +8,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.build import initial_pose_of
-from semantic_slam.inference.detection import positive_definite
+from semantic_slam.inference.inputs.detection import positive_definite
 
 
 def start_of_run(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.states.lineage import LineageStep
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.messages import belief, ground_truth, measurements, rounds, standard
 from semantic_slam.messages.layout import Layout

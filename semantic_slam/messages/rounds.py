@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.errors import InputError
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, columns
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep

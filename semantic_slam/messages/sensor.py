@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose, inverse
-from semantic_slam.inference.keyframe import OdometrySample
+from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, pose_vector
 from semantic_slam.perception.frame import CameraModel
 

@@ -6,7 +6,7 @@ from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics

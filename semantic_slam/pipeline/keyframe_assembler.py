@@ -19,7 +19,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import AssociationStrategy
-from semantic_slam.inference.keyframe import Keyframe, OdometrySample
+from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample

@@ -9,7 +9,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector
 from semantic_slam.geometry.transform import between, interpolate, rotation_angle
-from semantic_slam.inference.keyframe import OdometrySample
+from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.odometry_noise import odometry_covariance
 

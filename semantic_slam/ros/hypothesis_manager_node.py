@@ -19,7 +19,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message

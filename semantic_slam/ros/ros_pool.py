@@ -9,7 +9,7 @@ import rclpy
 from rclpy.node import Node
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode

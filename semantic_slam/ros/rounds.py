@@ -5,7 +5,7 @@ after a restart all of them arrive at once. Nothing here knows ROS.
 """
 
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 
 Answer = Candidates | Components

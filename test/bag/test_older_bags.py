@@ -16,7 +16,7 @@ from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Components
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations

@@ -15,7 +15,7 @@ from semantic_slam.configuration import OdometryConfiguration, OpenWorldConfigur
 from semantic_slam.evaluation.trajectory import absolute_trajectory_error
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.load import load_model

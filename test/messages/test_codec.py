@@ -8,7 +8,7 @@ from worlds.same_values import assert_same
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep

@@ -13,7 +13,7 @@ from worlds.distinct_values import SIZES, of
 from worlds.same_values import assert_same
 
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import OPTIONAL, QUANTITIES
 from semantic_slam.inference.protocol import Components
 from semantic_slam.messages.codec import CODECS, decode, encode, from_message, to_message

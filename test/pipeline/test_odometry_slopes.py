@@ -13,7 +13,7 @@ from semantic_slam.datasets.victoria_park_import import measurements, write_bag
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.odometry_bias import composed_slopes, slopes
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message

@@ -6,7 +6,7 @@ import sys
 import time
 
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates
 from semantic_slam.ros.backend_node import BackendNode
 from semantic_slam.ros.pipeline_node import main_of

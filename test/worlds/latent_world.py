@@ -10,9 +10,9 @@ from worlds.planar_world import OBJECTS, make_world
 
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables

@@ -10,7 +10,7 @@ from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep

@@ -23,7 +23,7 @@ from semantic_slam.geometry.pose import (
 )
 from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.geometry.transform import between
-from semantic_slam.inference.keyframe import Keyframe, OdometrySample
+from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
 from semantic_slam.perception.measurement import OF_THE_FRAME, SemanticMeasurements
 from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, start
 

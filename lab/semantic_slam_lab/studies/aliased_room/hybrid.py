@@ -15,7 +15,7 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE

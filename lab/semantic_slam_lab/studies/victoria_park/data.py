@@ -9,7 +9,7 @@ from semantic_slam.datasets.victoria_park_import import measurements
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.odometry_bias import composed_slopes, slopes
 
 FILE_VARIANCES = np.array([1e-4, 1e-4, 4e-6])

@@ -8,12 +8,12 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
-from semantic_slam.inference.keyframe import Keyframe
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.inputs.score_features import score_features
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion, Step
-from semantic_slam.inference.score_features import score_features
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 

@@ -5,11 +5,11 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
-from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces

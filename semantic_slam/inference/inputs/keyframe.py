@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
-from semantic_slam.inference.detection import Detection
+from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 SECOND_NS = 10**9
