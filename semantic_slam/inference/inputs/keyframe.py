@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
@@ -39,12 +40,12 @@ class Keyframe:
         cls,
         index: int,
         *,
-        motion: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        motion: ArrayLike = (0.0, 0.0, 0.0),
         detections: Sequence[Detection] = (),
-        motion_sigmas: Sequence[float] | Array | None = None,
+        motion_sigmas: ArrayLike | None = None,
         stamp_ns: int | None = None,
     ) -> "Keyframe":
-        """Keyframe of a robot in the plane: what it saw after a ``motion`` x, y [m], yaw [rad] from the pose before.
+        """Of a robot in the plane: what it saw after a ``motion``, x, y [m] and yaw [rad] from the pose before.
 
         ``motion_sigmas``: standard deviations of x, y and yaw; None: what ``odometry.*`` of the configuration makes of
         the motion. Without ``stamp_ns`` keyframes are a second apart. Raises InputError.
@@ -59,20 +60,20 @@ class Keyframe:
         )
 
 
-def _three(values: Sequence[float] | Array, what: str) -> Array:
+def _three(values: ArrayLike, what: str) -> Array:
     numbers = np.asarray(values, dtype=np.float64)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise InputError(f"keyframe: {what} is {values}; give three finite numbers, of x, y [m] and yaw [rad]")
+        raise InputError(f"keyframe: {what} is {values!r}; give three finite numbers, of x, y [m] and yaw [rad]")
     return numbers
 
 
-def _planar_covariance(sigmas: Sequence[float] | Array | None) -> Array:
+def _planar_covariance(sigmas: ArrayLike | None) -> Array:
     """(3, 3), NaN where it is left to the configuration."""
     if sigmas is None:
         return np.full((3, 3), np.nan)
     numbers = _three(sigmas, "motion_sigmas")
     if numbers.min() <= 0.0:
-        raise InputError(f"keyframe: motion_sigmas are {sigmas}; standard deviations must be above 0")
+        raise InputError(f"keyframe: motion_sigmas are {sigmas!r}; standard deviations must be above 0")
     return np.diag(numbers**2)
 
 
