@@ -5,6 +5,7 @@ field ``pruning.ratio`` is the ROS parameter ``pruning.ratio`` and the YAML key 
 """
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,10 @@ from semantic_slam.registry import ASSOCIATIONS, CLASS_MODELS, OBSERVATIONS, Reg
 
 
 def parameter(default: Any, text: str, **limits: Any) -> Any:
-    """A dataclass field with its description; ``minimum``, ``maximum``, ``choices`` or ``lengths`` bound its value."""
+    """A dataclass field with its description; ``minimum``, ``maximum``, ``choices`` or ``lengths`` bound its value.
+
+    ``formerly``: an older name under which files may still have it.
+    """
     metadata = {"description": text, **limits}
     if isinstance(default, tuple):
         return field(default_factory=lambda: default, metadata=metadata)
@@ -33,10 +37,11 @@ class SemanticModelConfiguration:
     path: str = parameter("", "file of the viewpoint models, or of the latent space; empty: the shipped one")
     space: str = parameter("", "latent: the space that the file must hold; empty: any, a run notes which it is")
     class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
-    correlated_views: float = parameter(
+    likelihood_tempering: float = parameter(
         4.0,
         "gp_independent, latent: so many consecutive views tell as much as one, they repeat their errors",
         minimum=1.0,
+        formerly="correlated_views",
     )
     sigma_view: float = parameter(
         0.03, "gp_correlated: standard deviation of a score between views from the same direction", minimum=1e-3
@@ -137,8 +142,10 @@ class OpenWorldConfiguration:
         "carried: a table over class and heading for each object; enumerated: hypotheses of their own",
         choices=("carried", "enumerated"),
     )
-    settle: bool = parameter(
-        True, "iterate every update until it converges; false: one update per keyframe, for drives of kilometres"
+    iterate_updates: bool = parameter(
+        True,
+        "iterate every update until it converges; false: one update per keyframe, for drives of kilometres",
+        formerly="settle",
     )
     merge_position_m: float = parameter(
         0.1, "hypotheses whose robots are so close are merged if all below agrees too; 0: never", minimum=0.0
@@ -186,7 +193,7 @@ class OdometryConfiguration:
         (1.0,), "association: open: factors on the covariance, of which every hypothesis has one; evidence decides"
     )
     estimate_bias: bool = parameter(
-        False, "estimate a constant error per metre with the poses; for association: open with settle: false"
+        False, "estimate a constant error per metre with the poses; for association: open with iterate_updates: false"
     )
     sigma_bias_rad_per_m: float = parameter(
         0.003, "estimate_bias: standard deviation of the heading error per metre before the drive", minimum=1e-9
@@ -304,10 +311,20 @@ def _build(cls: Any, values: Any, origin: str, prefix: str) -> Any:
     if not isinstance(values, dict):
         raise InputError(f"{origin}: '{prefix.rstrip('.')}' must be a mapping; see config/default.yaml")
     fields = {item.name: item for item in dataclasses.fields(cls)}
+    values = _by_new_names(values, fields.values(), origin, prefix)
     unknown = sorted(set(values) - set(fields))
     if unknown:
         raise InputError(f"{origin}: unknown parameter '{prefix}{unknown[0]}'; known here: {', '.join(sorted(fields))}")
     return cls(**{name: _value(fields[name], value, origin, prefix) for name, value in values.items()})
+
+
+def _by_new_names(values: dict[str, Any], fields: Iterable[Any], origin: str, prefix: str) -> dict[str, Any]:
+    """Older names in a file or in the configuration of an older bag, as they are today."""
+    today = {item.metadata["formerly"]: item.name for item in fields if "formerly" in item.metadata}
+    for old in set(values) & set(today):
+        if today[old] in values:
+            raise InputError(f"{origin}: '{prefix}{old}' and '{prefix}{today[old]}' are one parameter; give the latter")
+    return {today.get(name, name): value for name, value in values.items()}
 
 
 def _value(item: Any, value: Any, origin: str, prefix: str) -> Any:

@@ -116,6 +116,21 @@ def test_impossible_values_are_refused(values: dict, text: str) -> None:
     assert text in str(caught.value)
 
 
+def test_older_names_of_parameters_are_understood() -> None:
+    older = from_dict({"open_world": {"settle": False}, "semantic_model": {"correlated_views": 2.0}})
+    assert older == from_dict(
+        {"open_world": {"iterate_updates": False}, "semantic_model": {"likelihood_tempering": 2.0}}
+    )
+    with pytest.raises(InputError, match=r"'open_world\.settle' and 'open_world\.iterate_updates' are one parameter"):
+        from_dict({"open_world": {"settle": False, "iterate_updates": False}})
+
+
+@pytest.mark.ros
+def test_older_names_of_ros_parameters_are_understood(ros: None) -> None:
+    configuration, _ = declared(open_world__settle=False)
+    assert not configuration.open_world.iterate_updates
+
+
 @pytest.mark.parametrize("name", ["pruning.ration", "associaton", "prunning.ratio"])
 @pytest.mark.ros
 def test_mistyped_parameter_is_refused(ros: None, name: str) -> None:

@@ -82,11 +82,11 @@ def _check_odometry(configuration: Configuration, association: type[AssociationS
     factors, is_open = configuration.odometry.noise_factors, association.tracks_objects
     if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not is_open):
         raise InputError("odometry.noise_factors must be positive, and other than [1.0] only with association: open")
-    single_steps = is_open and not configuration.open_world.settle
+    single_steps = is_open and not configuration.open_world.iterate_updates
     if configuration.odometry.estimate_bias and not single_steps:
         raise InputError(
             "odometry.estimate_bias works only where updates are not iterated;"
-            " set association: open and open_world.settle: false"
+            " set association: open and open_world.iterate_updates: false"
         )
 
 
@@ -200,7 +200,7 @@ def _views_are_factors(configuration: Configuration) -> bool:
 
 def _tempering(settings: SemanticModelConfiguration) -> float:
     """So many views tell as much as one."""
-    return settings.correlated_views if class_model_kind(settings).repeats_errors else 1.0
+    return settings.likelihood_tempering if class_model_kind(settings).repeats_errors else 1.0
 
 
 def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) -> ObjectEntry:

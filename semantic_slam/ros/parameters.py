@@ -44,8 +44,10 @@ def changed_parameters(configuration: Configuration) -> dict[str, Any]:
 def declare_configuration(node: Node) -> Configuration:
     """Declare every parameter and return the effective configuration. Raises InputError."""
     values: dict[str, Any] = {}
+    given = node._parameter_overrides  # rclpy offers no public view of parameters given but not declared
     for name, item, default in leaves():
-        value = _declared(node, name, item, default)
+        former = given.get(_former(name, item))
+        value = _declared(node, name, item, default if former is None else former.value)
         if value is not None:  # an empty list in a YAML file has no type and arrives as "not set"
             _insert(values, name.split("."), value)
     return from_dict(values, f"parameters of {node.get_name()}")
@@ -57,8 +59,8 @@ def refuse_undeclared(node: Node) -> None:
     The names of the configuration are known to every node, because a file for ``/**`` addresses all of them.
     Raises InputError.
     """
-    known = {name for name, _, _ in leaves()} | SETTINGS_OF_ROS
-    for name in node._parameter_overrides:  # rclpy offers no public view of parameters given but not declared
+    known = {name for name, _, _ in leaves()} | {_former(name, item) for name, item, _ in leaves()} | SETTINGS_OF_ROS
+    for name in node._parameter_overrides:
         if not (name in known or node.has_parameter(name) or name.startswith("qos_overrides.")):
             raise InputError(
                 f"parameters of {node.get_name()}: unknown parameter '{name}'; see --help and config/default.yaml"
@@ -88,6 +90,12 @@ def _declared(node: Node, name: str, item: "dataclasses.Field[Any]", default: An
     except InvalidParameterValueException as fault:
         raise InputError(f"parameters of {node.get_name()}: {' '.join(str(fault).split())}") from None
     return list(value) if isinstance(default, tuple) and value is not None else value
+
+
+def _former(name: str, item: "dataclasses.Field[Any]") -> str | None:
+    """The dotted older name of a parameter."""
+    old = item.metadata.get("formerly")
+    return old and ".".join([*name.split(".")[:-1], old])
 
 
 def _insert(values: dict[str, Any], path: list[str], value: Any) -> None:

@@ -15,7 +15,7 @@ NUM_KEYFRAMES = 20
 PARAMETERS = {
     "association": "open",
     "semantic_model": {"kind": "none"},
-    "open_world": {"settle": False, "min_range_m": 4.0, "max_range_m": 21.0, "field_of_view_rad": 3.1416},
+    "open_world": {"iterate_updates": False, "min_range_m": 4.0, "max_range_m": 21.0, "field_of_view_rad": 3.1416},
     "odometry": {"estimate_bias": True},
     "initial_pose": {"mean": [0.0, 0.0, 0.0], "sigma": [0.01, 0.01, 0.001]},
     "pruning": {"max_hypotheses": 4},

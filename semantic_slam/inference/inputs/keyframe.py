@@ -45,7 +45,7 @@ class Keyframe:
         motion_sigmas: ArrayLike | None = None,
         stamp_ns: int | None = None,
     ) -> "Keyframe":
-        """Of a robot in the plane: what it saw after a ``motion``, x, y [m] and yaw [rad] from the pose before.
+        """Keyframe of a robot in the plane: what it saw after a ``motion`` x, y [m], yaw [rad] from the pose before.
 
         ``motion_sigmas``: standard deviations of x, y and yaw; None: what ``odometry.*`` of the configuration makes of
         the motion. Without ``stamp_ns`` keyframes are a second apart. Raises InputError.

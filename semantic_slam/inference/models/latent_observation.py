@@ -38,11 +38,11 @@ class LatentLinearisation:
 class LatentObservation:
     """A descriptor model, and what is known of descriptors before any view.
 
-    ``correlated_views`` N: so many views tell as much as one, each density enters with the power 1 / N.
+    ``tempering`` N: so many views tell as much as one, each density enters with the power 1 / N.
     """
 
     model: DescriptorModel
-    correlated_views: float = 1.0
+    tempering: float = 1.0
     known: dict[int, DescriptorBelief] = field(default_factory=dict)  # object id -> prior of a map, B = 1
 
     @property
@@ -81,8 +81,8 @@ class LatentObservation:
             elevation = np.repeat(elevation, len(azimuth))
         prediction = self.model.predict(Viewpoints(azimuth, elevation, azimuth), e)  # the range does not count
         variance = prediction.sigma**2 + seen.variance
-        sigma = np.sqrt(self.correlated_views * variance)
-        log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.correlated_views
+        sigma = np.sqrt(self.tempering * variance)
+        log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.tempering
         none = np.zeros((len(azimuth), variance.shape[1], 0))
         return LatentLinearisation(
             (prediction.mean - seen.feature) / sigma,

@@ -45,11 +45,11 @@ class PlanarObservation:
         model: ViewpointModel | None,
         visibility: PlanarVisibility,
         new_objects: NewObjectConfiguration | None = None,
-        correlated_views: float = 1.0,
+        tempering: float = 1.0,
     ):
-        """``correlated_views`` N: so many views tell as much as one, each density enters with the power 1 / N."""
+        """``tempering`` N: so many views tell as much as one, each density enters with the power 1 / N."""
         self.model = model
-        self.correlated_views = correlated_views
+        self.tempering = tempering
         self.visibility = visibility
         self.new_objects = new_objects or NewObjectConfiguration()
         self.num_classes = len(model.class_names) if model is not None else 0
@@ -209,8 +209,8 @@ class PlanarObservation:
         by_detection = own[:1, None] if own.strides[0] == 0 else _per_detection(own, count)
         root = cholesky(by_detection + seen.feature_covariance)
         logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
-        log_peak = (-logdet - 0.5 * seen.feature.shape[1] * LOG_2PI) / self.correlated_views
-        return np.sqrt(self.correlated_views) * root, broadcast_copy(log_peak, (len(own) // count, count)).reshape(-1)
+        log_peak = (-logdet - 0.5 * seen.feature.shape[1] * LOG_2PI) / self.tempering
+        return np.sqrt(self.tempering) * root, broadcast_copy(log_peak, (len(own) // count, count)).reshape(-1)
 
     def _feature_residual(self, prediction: Prediction, seen: PlanarDetections) -> Array:
         """(B / S, S, F) of the mean against the features."""

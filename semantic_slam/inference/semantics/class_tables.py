@@ -40,9 +40,9 @@ class _Seen:
 class ClassTables:
     """Evidence of views under tables over class and heading."""
 
-    def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
-        """``correlated_views``: so many views tell as much as one."""
-        self._model, self._likelihoods = model, ClassLikelihoods(model, correlated_views)
+    def __init__(self, model: ViewpointModel, tempering: float) -> None:
+        """``tempering``: so many views tell as much as one."""
+        self._model, self._likelihoods = model, ClassLikelihoods(model, tempering)
         angles: Array = STEP_RAD * np.arange(HEADINGS, dtype=np.float64)
         self._around = Viewpoints(angles, np.zeros(HEADINGS), np.ones(HEADINGS))
 

@@ -60,9 +60,9 @@ class DrawnFeatures:
 class ClassLikelihoods:
     """Densities of semantic measurements under every class of a viewpoint model."""
 
-    def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
-        """``correlated_views``: so many views tell as much as one, as in the factors."""
-        self._model, self._power = model, 1.0 / correlated_views
+    def __init__(self, model: ViewpointModel, tempering: float) -> None:
+        """``tempering``: so many views tell as much as one, as in the factors."""
+        self._model, self._power = model, 1.0 / tempering
 
     def of(self, drawn: DrawnFeatures, viewpoints: Viewpoints) -> tuple[Array, Array]:
         """(K, C) of K measurements, each from its own viewpoint, and up to a constant (K, M, C) of draws of them."""
@@ -84,9 +84,9 @@ class ClassLikelihoods:
 class IndependentViews:
     """Class likelihoods at the modes, to tell the epistemic part and the coverage; no weight of its own."""
 
-    def __init__(self, model: ViewpointModel, correlated_views: float) -> None:
-        """``correlated_views``: so many views tell as much as one, as in the factors."""
-        self._model, self._likelihoods = model, ClassLikelihoods(model, correlated_views)
+    def __init__(self, model: ViewpointModel, tempering: float) -> None:
+        """``tempering``: so many views tell as much as one, as in the factors."""
+        self._model, self._likelihoods = model, ClassLikelihoods(model, tempering)
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:

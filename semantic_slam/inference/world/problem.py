@@ -59,7 +59,7 @@ class Problem:
 
     def tracking_root(self, number: int) -> Component:
         """One that tracks its states, under one of the noises of odometry, as the configuration wants it updated."""
-        plain, single_steps = self.root(), not self.open_world.settle
+        plain, single_steps = self.root(), not self.open_world.iterate_updates
         entries = sorted(self.objects, key=lambda entry: entry.object_id)
         tracked = tracked_before(self.spaces, self.robot, [entry.prior for entry in entries], self.num_biases)
         return replace(

@@ -18,7 +18,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 RANDOM = np.random.default_rng(2)
 MODEL = HarmonicModel()
-LATENT = LatentObservation(MODEL, correlated_views=2.0)
+LATENT = LatentObservation(MODEL, tempering=2.0)
 COUNT = 5
 X = RANDOM.normal(size=(COUNT, 3))
 O = RANDOM.normal(loc=[2.0, 0.0, 0.0], size=(COUNT, 3))  # noqa: E741

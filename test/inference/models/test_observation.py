@@ -159,8 +159,8 @@ def test_a_covariance_that_is_the_same_everywhere_counts_as_one_of_each_row_does
             found = super().predict(classes, viewpoints)
             return Prediction(found.mean, found.covariance.copy(), found.mean_jacobian)
 
-    spelled = PlanarObservation(Spelled(0.5, 15.0), PlanarVisibility(), correlated_views=4.0)
-    shared = PlanarObservation(ParametricModel(0.5, 15.0), PlanarVisibility(), correlated_views=4.0)
+    spelled = PlanarObservation(Spelled(0.5, 15.0), PlanarVisibility(), tempering=4.0)
+    shared = PlanarObservation(ParametricModel(0.5, 15.0), PlanarVisibility(), tempering=4.0)
     other = replace(detection(True), feature_covariance=np.array([[0.02, 0.005], [0.005, 0.03]]))
     for seen in ([detection(True)], [detection(True), other]):
         parts = [model.semantics(model.collect(seen), X, O, CLASSES) for model in (spelled, shared)]

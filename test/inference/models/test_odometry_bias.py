@@ -96,7 +96,7 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
 
 def room_with(bias: np.ndarray, num_keyframes: int, seed: int) -> Room:
     """A room whose odometry leaves out ``bias``, so that the motion has it on top."""
-    room = make_room(num_keyframes, seed, clutter=0.05, odometry=PRIOR, open_world={"settle": False})
+    room = make_room(num_keyframes, seed, clutter=0.05, odometry=PRIOR, open_world={"iterate_updates": False})
     step = planar_from_pose_vector(room.keyframes[0].odometry)
     odometry = pose_vector_from_planar(se2.retract(step, -slopes(step) @ bias))
     keyframes = [dataclasses.replace(keyframe, odometry=odometry) for keyframe in room.keyframes]
@@ -135,5 +135,5 @@ def test_a_lineage_is_rebuilt_with_its_bias() -> None:
 
 
 def test_only_single_steps_estimate_it() -> None:
-    with pytest.raises(InputError, match="settle"):
+    with pytest.raises(InputError, match="iterate_updates"):
         make_room(1, odometry=PRIOR)

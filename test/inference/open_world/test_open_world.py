@@ -66,9 +66,9 @@ def test_detections_of_one_object_share_an_id() -> None:
     assert sorted(label for labels in tracked for label in labels) == seen_objects(room)  # one id for each, no more
 
 
-@pytest.mark.parametrize("settle", [True, False])
-def test_a_child_that_is_lost_takes_no_other_along(settle: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    room = make_room(12, seed=0, open_world={"merge_position_m": 0.0, "settle": settle})
+@pytest.mark.parametrize("iterates", [True, False])
+def test_a_child_that_is_lost_takes_no_other_along(iterates: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = make_room(12, seed=0, open_world={"merge_position_m": 0.0, "iterate_updates": iterates})
     manager = Engine.of_run(room.run, InProcessPool(1))
     child, given_up = Component.child, []
 
