@@ -144,8 +144,8 @@ def _anew(out: Path) -> Iterator[None]:
     except InputError:
         if out.is_dir():
             shutil.rmtree(out)
-        else:
-            out.unlink(missing_ok=True)
+        elif out.exists():
+            out.unlink()
         raise
 
 

@@ -145,6 +145,7 @@ def test_wrong_ros_arguments_are_one_line(words: list[str], named: str) -> None:
     assert named in result.stderr
 
 
+@pytest.mark.slow
 def test_one_file_of_the_configuration_may_address_every_node() -> None:
     words = ["bag_player", "--ros-args", "--params-file", str(CONFIG / "default.yaml")]
     result = subprocess.run(words, capture_output=True, text=True, timeout=120)

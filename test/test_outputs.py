@@ -61,6 +61,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_bag(tmp_path_factory.mktemp("source") / "recording", input_entries(12))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_asks_before_it_replaces(name: str, tmp_path: Path) -> None:
     is_bag = name.startswith("import_dataset")
@@ -80,6 +81,7 @@ def test_every_command_asks_before_it_replaces(name: str, tmp_path: Path) -> Non
     assert os.listdir(tmp_path) == [mine.name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "existing"),
     [
@@ -97,6 +99,7 @@ def test_make_scene_asks_for_what_it_would_replace_and_not_for_its_neighbours(
     assert (result.returncode, result.stderr.splitlines()) == (2, [f"{tmp_path / existing}: {REFUSAL}"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [(), ("--overwrite",)])
 @pytest.mark.parametrize("where", ["itself", "a link to it", "above it", "inside it"])
 def test_an_output_is_never_the_input(recording: Path, tmp_path: Path, where: str, words: tuple[str, ...]) -> None:
@@ -121,6 +124,7 @@ def test_a_report_never_takes_the_place_of_the_map_that_it_was_given(recording: 
     assert result.returncode == 2 and "an input of this command" in result.stderr
 
 
+@pytest.mark.slow
 def test_with_leave_a_report_replaces_its_own_files_and_no_others(recording: Path, tmp_path: Path) -> None:
     configuration = write_configuration(tmp_path / "configuration")
     out = tmp_path / "mine"
@@ -138,6 +142,7 @@ def test_with_leave_a_report_replaces_its_own_files_and_no_others(recording: Pat
         assert reader.num_messages and not reader.damage
 
 
+@pytest.mark.slow
 def test_with_leave_a_bag_is_replaced_as_a_whole(recording: Path, tmp_path: Path) -> None:
     old = write_bag(tmp_path / "old", input_entries(1))
     result = call(tmp_path, "import_dataset", "bag", recording, "--out", old, "--overwrite")
@@ -148,6 +153,7 @@ def test_with_leave_a_bag_is_replaced_as_a_whole(recording: Path, tmp_path: Path
     assert os.listdir(tmp_path) == ["old"]
 
 
+@pytest.mark.slow
 def test_below_out_commands_repeat_without_leave(recording: Path, tmp_path: Path) -> None:
     for _ in range(2):
         assert call(tmp_path, "import_dataset", "bag", recording, "--out", "out/bag").returncode == 0
@@ -163,6 +169,7 @@ def test_a_link_below_out_does_not_make_what_it_names_ours(tmp_path: Path, monke
     assert not is_ours(Path("out")) and not is_ours(Path("out/link")) and not is_ours(Path("out/../mine"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_or_killed_command_leaves_the_old_output(tmp_path: Path, ending: signal.Signals) -> None:
     old = tmp_path / "mine"
@@ -185,6 +192,7 @@ def test_an_interrupted_or_killed_command_leaves_the_old_output(tmp_path: Path, 
         assert sorted(os.listdir(old)) == ["objects.json", "report.json"]
 
 
+@pytest.mark.slow
 def test_bad_input_leaves_nothing_so_that_the_corrected_command_needs_no_leave(tmp_path: Path, recording: Path) -> None:
     result = call(tmp_path, "bag_to_report", recording, "--map-prior", "nowhere.json", "--out", "mine")
     assert result.returncode == 2
@@ -212,6 +220,8 @@ def test_what_is_no_bag_is_not_replaced_by_one_even_with_leave(tmp_path: Path) -
         pass
 
 
+@pytest.mark.ros
+@pytest.mark.slow
 def test_the_recorder_asks_and_with_leave_keeps_the_old_bag_until_it_is_done(tmp_path: Path) -> None:
     old = write_bag(tmp_path / "old", input_entries(1))
     before = digest(old)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from worlds.installed import declared
 
 from semantic_slam.configuration import Configuration, to_dict
 
@@ -54,6 +55,7 @@ def test_readme_is_of_one_screen_or_two() -> None:
     assert len(README.splitlines()) <= MOST_LINES
 
 
+@pytest.mark.slow
 def test_its_python_runs_as_it_stands(tmp_path: Path) -> None:
     first = next(block for block in blocks(README, "python") if "rclpy" not in block)
     (tmp_path / "bags").symlink_to(ROOT / "bags")
@@ -72,6 +74,7 @@ def test_its_ros_is_the_example_that_runs_with_the_nodes(name: str) -> None:
     assert example in blocks(PAGES[name], "python")
 
 
+@pytest.mark.slow
 def test_the_offline_example_runs(tmp_path: Path) -> None:
     command = [sys.executable, "examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
@@ -100,9 +103,7 @@ def test_files_it_names_exist(name: str) -> None:
 
 @each_page
 def test_commands_it_names_are_installed(name: str) -> None:
-    installed = set(re.findall(r'"(\w+)"', (ROOT / "setup.py").read_text(encoding="utf-8")))
-    for declared in (ROOT / "pyproject.toml", ROOT / "lab" / "pyproject.toml"):
-        installed |= set(re.findall(r"^(\w+) = \"[\w.]+:\w+\"", declared.read_text(encoding="utf-8"), re.MULTILINE))
+    installed = {line.split("=")[0].strip() for line in declared(ROOT).entry_points["console_scripts"]}
     found = [words for block in blocks(PAGES[name], "bash") for words in commands_of(block)]
     unknown = {words[0] for words in found} - installed - OUTSIDE
     assert {word for word in unknown if "=" not in word and not word.startswith(("./", "."))} == set()

@@ -140,7 +140,7 @@ class Backend:
         return component
 
     def _candidates(self, step: Step, found: Expansion, parents: list[int]) -> Candidates:
-        reader, rows = self.problem.reader, found.assignments
+        rows, robot, landmark = found.assignments, self.problem.spaces.robot, self.problem.spaces.landmark
         states, covariances = self._of_all_detections(step, found)
         weights = np.array([self.held[n].log_weight for n in parents])
         return Candidates(
@@ -154,18 +154,19 @@ class Backend:
             modes=np.array([s.mode for s in found.steps], dtype=np.uint16),
             log_weights=weights[rows.parents] + found.log_psi,
             effective_sample_sizes=found.effective_sample_sizes,
-            poses=reader.poses(rows.column("robot")),
-            pose_covariances=reader.covariances(rows.column("robot"), rows.column("robot_covariance")),
-            object_poses=reader.poses(states),
-            object_covariances=reader.covariances(states, covariances),
+            poses=robot.poses(rows.column("robot")),
+            pose_covariances=robot.covariances(rows.column("robot"), rows.column("robot_covariance")),
+            object_poses=landmark.poses(states),
+            object_covariances=landmark.covariances(states, covariances),
             expanded_parent_ids=np.array(parents, dtype=np.uint64),
             log_mass_not_enumerated=weights + found.log_left_out,
         )
 
     def _of_all_detections(self, step: Step, found: Expansion) -> tuple[Array, Array]:
-        """(K, D, d) states and (K, D, d, d) covariances of the detections' objects, NaN for detections not used."""
-        shape = (len(found.ids), len(step.names), self.problem.space.dimension)
-        states, covariances = np.full(shape, np.nan), np.full((*shape, shape[-1]), np.nan)
+        """(K, D, s) states and (K, D, l, l) covariances of the detections' objects, NaN for detections not used."""
+        landmark, shape = self.problem.spaces.landmark, (len(found.ids), len(step.names))
+        states = np.full((*shape, landmark.storage_size), np.nan)
+        covariances = np.full((*shape, landmark.tangent_size, landmark.tangent_size), np.nan)
         states[:, found.used] = found.assignments.column("object_states")
         covariances[:, found.used] = found.assignments.column("object_covariances")
         return states, covariances
@@ -235,8 +236,8 @@ class Backend:
 
     def _in_map(self, found: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:
         """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances and (H, O) existence, NaN for what is absent."""
-        states, spread, existence = aligned_marginals(found, num_objects, self.problem.space.dimension)
-        poses, covariances = self.problem.reader.poses(states), self.problem.reader.covariances(states, spread)
+        states, spread, existence = aligned_marginals(found, num_objects, self.problem.spaces)
+        poses, covariances = self.problem.spaces.in_map(states, spread)
         absent = np.isnan(states).any(axis=-1)
         poses[absent], covariances[absent] = np.nan, np.nan
         return poses, covariances, existence

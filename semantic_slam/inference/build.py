@@ -112,7 +112,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     return Problem(
         num_biases=len(bias_sigmas(configuration.odometry)),
         noise_factors=configuration.odometry.noise_factors,
-        space=sensing.space,
+        spaces=sensing.spaces,
         model=sensing.model,
         reader=sensing.reader,
         robot=sensing.robot_prior(run.initial_pose, run.initial_covariance),

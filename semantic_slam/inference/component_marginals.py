@@ -7,16 +7,17 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ReportedObjects
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentMarginals:
-    """Robot and n objects of one hypothesis; d dimensions of a state."""
+    """Robot and n objects of one hypothesis, in rows as wide as the wider kind."""
 
     present: Index  # (n,) positions of its objects among those reported
-    states: Array  # (1 + n, d) the robot first
-    covariances: Array  # (1 + n, d, d)
+    states: Array  # (1 + n, s) the robot first
+    covariances: Array  # (1 + n, w, w)
     existence: Array  # (n,)
 
 
@@ -32,11 +33,12 @@ def component_marginals(component: Component, reported: ReportedObjects) -> Comp
 
 
 def aligned_marginals(
-    parts: Sequence[ComponentMarginals], num_objects: int, dimension: int
+    parts: Sequence[ComponentMarginals], num_objects: int, spaces: Spaces
 ) -> tuple[Array, Array, Array]:
-    """(H, 1 + O, d) states, (H, 1 + O, d, d) covariances and (H, O) existence, NaN for what is absent."""
-    states = np.full((len(parts), 1 + num_objects, dimension), np.nan)
-    covariances = np.full((*states.shape, dimension), np.nan)
+    """(H, 1 + O, s) states, (H, 1 + O, w, w) covariances and (H, O) existence, NaN for what is absent."""
+    shape, width = (len(parts), 1 + num_objects), spaces.layout.width
+    states = np.full((*shape, spaces.storage.width), np.nan)
+    covariances = np.full((*shape, width, width), np.nan)
     existence = np.full((len(parts), num_objects), np.nan)
     for row, part in enumerate(parts):
         at = np.append(0, 1 + part.present)

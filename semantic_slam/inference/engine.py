@@ -16,6 +16,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration, problem_of
+from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.initial_pose import start_of_run
 from semantic_slam.inference.marginals import Mixture, state_belief
@@ -24,8 +25,8 @@ from semantic_slam.inference.object_table import stack_rows
 from semantic_slam.inference.open_world.copies import Copies, Distinct
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
-from semantic_slam.inference.pruning import prune
+from semantic_slam.inference.protocol import BackendPool, RunConfiguration
+from semantic_slam.inference.pruning import Pruned, prune
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
@@ -83,25 +84,18 @@ class Engine:
         return self.rounds.lost
 
     def process(self, keyframe: Any) -> HybridBelief:
-        """One keyframe; raises SemanticSlamError when no hypothesis survives it."""
+        """Algorithm 4.1 for one keyframe; raises SemanticSlamError when no hypothesis survives it."""
         self.budget.begin()
-        step = self._prepare(keyframe)
-        candidates = self.rounds.expand(keyframe, step.index)  # propagate, associate, weigh: Eqs. 4.11, 4.18
-        candidates = self.copies.merged(candidates)
-        pruned = prune(candidates.log_weights, candidates.ids, candidates.log_missing, self.budget.limits())
-        children = self.hypotheses.children(candidates, pruned, self.pool.backend_ids)
-        children, answers = self.rounds.commit(step.index, children)  # update the components: Eqs. 4.9, 4.10
-        reported = self._reported(answers)
-        components = held_components(answers, reported)
-        self.hypotheses.accept(children, components, pruned.discarded)
-        self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
-        self.log_evidence += pruned.log_mass
+        step = self.introduce(keyframe)
+        candidates = self.propagate_weights(keyframe, step)  # for every component with w > 0
+        kept = self.prune_and_normalise(candidates)
+        components, reported = self.add_observation_factors(step, candidates, kept)  # those with w > 0 alone
         self.budget.end(len(self.hypotheses))
-        belief = self._belief(step, components, reported, len(candidates.ids))  # marginals: Eqs. 4.4-4.8
-        return replace(belief, log_evidence=pruned.log_mass)
+        belief = self.weighted_components(step, components, reported, len(candidates.ids))
+        return replace(belief, log_evidence=kept.log_mass)
 
-    def _prepare(self, keyframe: Any) -> Step:
-        """The keyframe as the engine sees it, its objects noted. Raises InputError."""
+    def introduce(self, keyframe: Any) -> Step:
+        """Actions and measurements u_k-1, Z_k in the order of detections; objects that they may start get their ids."""
         step = self.problem.reader.step(keyframe)
         if step.index != self.hypotheses.num_keyframes:
             raise InputError(
@@ -110,25 +104,48 @@ class Engine:
         self.association.introduce(self.registry, step)
         return step
 
-    def _reported(self, answers: list[Components]) -> ReportedObjects:
-        """The objects of the belief."""
-        alive = {n for answer in answers for n in answer.object_ids.tolist()}
-        return self.association.reported(self.registry, alive)
+    def propagate_weights(self, keyframe: Any, step: Step) -> CandidateTable:
+        """PropWeights: w psi of every assignment beta_k of every component, moved by the motion model: Eqs. 4.18-4.21.
 
-    def _belief(
+        Components are moved and weighed where they are held, see ``Expander.expand``.
+        """
+        return self.copies.merged(self.rounds.expand(keyframe, step.index))
+
+    def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
+        """PruneAndNormalize, over all parents at once; the mass that goes is counted."""
+        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, self.budget.limits())
+        self.log_evidence += kept.log_mass
+        return kept
+
+    def add_observation_factors(
+        self, step: Step, candidates: CandidateTable, kept: Pruned
+    ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
+        """The components of what was kept, with the factors of Z_k: Eqs. 4.9 and 4.10; and the objects they are over.
+
+        A component whose system turns out to be indeterminate goes, with its hypothesis.
+        """
+        children = self.hypotheses.children(candidates, kept, self.pool.backend_ids)
+        children, answers = self.rounds.commit(step.index, children)
+        alive = {n for answer in answers for n in answer.object_ids.tolist()}
+        reported = self.association.reported(self.registry, alive)
+        components = held_components(answers, reported)
+        self.hypotheses.accept(children, components, kept.discarded)
+        self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
+        return components, reported
+
+    def weighted_components(
         self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects, num_candidates: int
     ) -> HybridBelief:
-        """The weighted hypotheses, and their marginals."""
-        first_new = self.registry.first_new_id(step.index) if self.association.merges_copies else None
+        """The belief {(b[X_k], w)} of Eq. 4.5, with its marginals: Eqs. 4.6-4.8."""
         discarded = self.hypotheses.discarded
         belief = state_belief(
             step,
             self._mixture(components),
             reported,
             self.problem.class_names,
-            num_candidates,
-            discarded.total,
-            first_new,
+            num_candidates=num_candidates,
+            discarded_mass=discarded.total,
+            first_new_id=self.registry.first_new_id(step.index) if self.association.merges_copies else None,
         )
         return replace(
             belief,
@@ -138,6 +155,7 @@ class Engine:
         )
 
     def _mixture(self, components: dict[int, HeldComponent]) -> Mixture:
+        """The live hypotheses, heaviest first."""
         rows = [components[n] for n in self.live]
         return Mixture(
             ids=list(self.live),

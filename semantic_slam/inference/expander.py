@@ -64,10 +64,10 @@ class Expander:
     def expand(
         self, step: Step, parent_ids: Sequence[int], held: Sequence[WeightedComponent], path: LineageStep | None = None
     ) -> Expansion:
-        """Candidates of every parent, or the one along ``path`` alone. Raises LostComponentError."""
+        """PropWeights of Algorithm 4.1 for every parent, or along ``path`` alone. Raises LostComponentError."""
         parents = Parents.of(parent_ids, held)
-        keyframe = self.association.predict(step, parents, path)  # Eqs. 4.11, 4.21
-        candidates = keyframe.weigh(keyframe.associate())  # Eq. 4.18, with classes and modes
+        keyframe = self.association.predict(step, parents, path)  # by the motion model: Eqs. 4.11, 4.21
+        candidates = keyframe.weigh(keyframe.associate())  # every beta_k, Eq. 4.20; classes and modes
         semantics = self._semantics(keyframe, candidates)
         factors, existence = keyframe.existence(candidates)
         rows, steps = candidates.assignments, candidates.steps(keyframe.used, len(step.names))

@@ -55,6 +55,7 @@ def state_belief(
     mixture: Mixture,
     reported: ReportedObjects,
     class_names: Sequence[str],
+    *,
     num_candidates: int,
     discarded_mass: float,
     first_new_id: int | None = None,

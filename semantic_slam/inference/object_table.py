@@ -144,4 +144,8 @@ def _is_left_out(name: str, values: NDArray[Any]) -> bool:
 
 
 def _stacked(values: list[NDArray[Any]], name: str) -> NDArray[Any]:
-    return np.zeros(0) if any(_is_left_out(name, one) for one in values) else np.array(values)
+    """Rows as one array; a backend that could not tell of any object leaves the other backends' values alone."""
+    shape = next((one.shape for one in values if not _is_left_out(name, one)), None)
+    if shape is None:
+        return np.zeros(0)
+    return np.array([np.full(shape, np.nan) if _is_left_out(name, one) else one for one in values])

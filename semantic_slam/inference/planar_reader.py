@@ -7,13 +7,7 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import (
-    covariance_from_planar,
-    planar_from_covariance,
-    planar_from_pose_vector,
-    pose_vector_from_planar,
-)
-from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import slopes
@@ -79,14 +73,6 @@ class PlanarReader:
             return Motion(control, covariance)
         given = keyframe.odometry_slopes
         return Motion(control, covariance, (slopes(control) if given is None else given) * self.bias_sigmas)
-
-    def poses(self, states: Array) -> Array:
-        """(..., 3) planar poses to pose vectors."""
-        return pose_vector_from_planar(states)
-
-    def covariances(self, states: Array, covariances: Array) -> Array:
-        """(..., 3, 3) in the body frames to (..., 6, 6) along the axes of map."""
-        return covariance_from_planar(rotate_covariance(states, covariances))
 
 
 def _detection(measurements: SemanticMeasurements, covariances: Array, index: int) -> PlanarDetection:

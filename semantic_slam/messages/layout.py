@@ -52,7 +52,9 @@ def unpack(type_name: str, layout: Layout, message: Any, sizes: Mapping[str, int
 
     ``sizes`` are dimensions that the message tells in fields of their own.
     """
-    known = dict(sizes or {})
+    known: dict[str, int] = {}
+    for letter, size in (sizes or {}).items():
+        _learn(known, letter, size)
     return {name: _unpacked(type_name, name, shape, getattr(message, name), known) for name, shape in layout.items()}
 
 
@@ -61,25 +63,30 @@ def _packed(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[str
     array = np.empty(len(value)) if kind == "string" else np.asarray(value)
     if isinstance(shape, MayBeEmpty) and _says_nothing(array, shape, sizes):
         return np.zeros(0, dtype=kind)
-    expected = tuple(_size(key, sizes, actual) for key, actual in zip(shape, array.shape, strict=False))
-    if array.shape != expected or array.ndim != len(shape):
+    for key, actual in zip(shape, array.shape, strict=False):
+        if isinstance(key, str) and key not in sizes:
+            _learn(sizes, key, actual)
+    if array.shape != tuple(sizes[key] if isinstance(key, str) else key for key in shape):
         raise ValueError(f"{type_name}.{name}: shape {array.shape}, expected {_text(shape, sizes)}")
     return [str(item) for item in value] if kind == "string" else array.ravel().astype(kind, copy=False)
 
 
 def _says_nothing(array: Any, shape: Shape, sizes: dict[str, int]) -> bool:
     """Whether an array has no values, or NaN alone where its size is known without it."""
-    return not array.size or (_is_known(shape, sizes) and bool(np.isnan(array).all()))
+    if not array.size:
+        return True
+    is_known = all(isinstance(key, int) or key in sizes for key in shape)
+    return is_known and bool(np.isnan(array).all())
 
 
 def _unpacked(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[str, int]) -> Any:
-    unknown = [key for key in shape if not _is_known((key,), sizes)]
-    if unknown:
-        rest = math.prod(_size(key, sizes) for key in shape if key not in unknown)
-        sizes[str(unknown[0])] = len(value) // rest if rest else 0
-    expected = tuple(_size(key, sizes) for key in shape)
     if isinstance(shape, MayBeEmpty) and not len(value):
         return np.zeros(0)
+    unknown = [key for key in shape if isinstance(key, str) and key not in sizes]
+    if unknown:
+        rest = math.prod(sizes[key] if isinstance(key, str) else key for key in shape if key not in unknown)
+        _learn(sizes, unknown[0], len(value) // rest if rest else 0)
+    expected = tuple(sizes[key] if isinstance(key, str) else key for key in shape)
     if math.prod(expected) != len(value):
         raise InputError(
             f"{type_name}.{name}: {len(value)} values, expected shape {_text(shape, sizes)};"
@@ -90,25 +97,12 @@ def _unpacked(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[s
     return np.array(value).reshape(expected)
 
 
-def _size(key: str | int, sizes: dict[str, int], actual: int = 0) -> int:
-    """A dimension's size; ``actual`` becomes that of a new letter."""
-    if isinstance(key, int):
-        return key
-    if key.endswith("+1"):
-        return sizes[key.removesuffix("+1")] + 1
-    return sizes.setdefault(key, actual)
-
-
-def _is_known(shape: Shape, sizes: dict[str, int]) -> bool:
-    return all(isinstance(key, int) or key.removesuffix("+1") in sizes for key in shape)
+def _learn(sizes: dict[str, int], letter: str, size: int) -> None:
+    sizes[letter], sizes[f"{letter}+1"] = size, size + 1
 
 
 def _text(shape: Shape, sizes: dict[str, int]) -> str:
-    return "(" + " x ".join(_text_of(key, sizes) for key in shape) + ")"
-
-
-def _text_of(key: str | int, sizes: dict[str, int]) -> str:
-    return f"{key}={_size(key, sizes) if _is_known((key,), sizes) else '?'}" if isinstance(key, str) else str(key)
+    return "(" + " x ".join(f"{key}={sizes.get(key, '?')}" if isinstance(key, str) else str(key) for key in shape) + ")"
 
 
 @cache

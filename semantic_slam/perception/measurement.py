@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
-from semantic_slam.geometry.row_selection import with_rows
+from semantic_slam.geometry.rows import with_rows
 
 OF_THE_FRAME = frozenset(
     {"stamp_ns", "sequence", "frame_id", "class_names", "sensor_position", "dropped", "free_range_scan"}

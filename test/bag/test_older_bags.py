@@ -20,7 +20,7 @@ from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Components
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
-from semantic_slam.messages.typestore import PACKAGE, definitions_folder
+from semantic_slam.messages.typestore import DEFINITIONS, PACKAGE
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.report.make import make_report
@@ -33,7 +33,7 @@ SEPARATOR = "\n" + "=" * 80 + "\n"
 
 def definition(name, without=(), renamed=()):
     """Text of one of our definitions, without some fields, others under another name."""
-    lines = (definitions_folder() / f"{name}.msg").read_text().splitlines()
+    lines = (DEFINITIONS / f"{name}.msg").read_text().splitlines()
     fields = [line.split("#")[0].split() for line in lines if line.split("#")[0].strip()]
     return "\n".join(f"{kind} {dict(renamed).get(field, field)}" for kind, field in fields if field not in without)
 

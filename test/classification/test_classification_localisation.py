@@ -111,6 +111,7 @@ def test_evidence_average_is_the_mixture_of_the_joint_likelihoods() -> None:
     np.testing.assert_allclose(method.log_evidence, np.logaddexp.reduce(expected) - np.log(6), atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rigid", [False, True])
 def test_evidence_of_each_class_over_tracks_of_its_own(rigid: bool) -> None:
     """Against the plain average of p(z | track, c) over many tracks; rigid: one offset, copies have to be moved."""

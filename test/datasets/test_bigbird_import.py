@@ -113,7 +113,7 @@ def test_max_keyframes_and_a_folder_of_many_objects(turntable, tmp_path, monkeyp
     (turntable.parent / "blue_mug").mkdir()
     (turntable.parent / "blue_mug" / "calibration.h5").touch()
     with pytest.raises(InputError, match="holds 2 objects; name the folder of one"):
-        run_command(monkeypatch, turntable.parent, "--out", tmp_path / "bag")
+        run_command(monkeypatch, turntable.parent, "--out", tmp_path / "other")
 
 
 def test_a_camera_without_pictures_is_named(turntable, tmp_path, monkeypatch):

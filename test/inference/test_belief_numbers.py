@@ -6,33 +6,34 @@ from worlds.open_room import make_room
 from worlds.planar_world import make_world
 
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import WINDOW, HypothesisManager
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.hypotheses import WINDOW
 from semantic_slam.inference.marginals import association_probabilities
 from semantic_slam.inference.pool import InProcessPool
 
 
 @pytest.fixture(scope="module")
-def closed() -> tuple[HypothesisManager, list[HybridBelief]]:
+def closed() -> tuple[Engine, list[HybridBelief]]:
     world = make_world(14, pruning={"ratio": 30.0})
-    manager = HypothesisManager(world.run, InProcessPool(1))
+    manager = Engine.of_run(world.run, InProcessPool(1))
     return manager, [manager.process(keyframe) for keyframe in world.keyframes]
 
 
 @pytest.fixture(scope="module")
-def opened() -> tuple[HypothesisManager, list[HybridBelief]]:
+def opened() -> tuple[Engine, list[HybridBelief]]:
     room = make_room(10, seed=0)
-    manager = HypothesisManager(room.run, InProcessPool(1))
+    manager = Engine.of_run(room.run, InProcessPool(1))
     return manager, [manager.process(keyframe) for keyframe in room.keyframes]
 
 
 def test_the_evidence_of_all_keyframes_adds_up_to_that_of_the_run(
-    closed: tuple[HypothesisManager, list[HybridBelief]],
+    closed: tuple[Engine, list[HybridBelief]],
 ) -> None:
     manager, beliefs = closed
     assert sum(belief.log_evidence for belief in beliefs) == pytest.approx(manager.log_evidence, abs=1e-9)
 
 
-def test_the_window_holds_the_last_keyframes_alone(closed: tuple[HypothesisManager, list[HybridBelief]]) -> None:
+def test_the_window_holds_the_last_keyframes_alone(closed: tuple[Engine, list[HybridBelief]]) -> None:
     beliefs = closed[1]
     kept = np.array([1.0 - belief.discarded_mass for belief in beliefs])
     assert len(beliefs) > WINDOW and kept[-1] < 1.0
@@ -43,7 +44,7 @@ def test_the_window_holds_the_last_keyframes_alone(closed: tuple[HypothesisManag
 
 
 def test_association_probabilities_are_the_weights_of_the_hypotheses_that_associate_so(
-    closed: tuple[HypothesisManager, list[HybridBelief]],
+    closed: tuple[Engine, list[HybridBelief]],
 ) -> None:
     for belief in closed[1]:
         weights, columns = np.exp(belief.log_weights), np.arange(-1, len(belief.object_ids))
@@ -53,7 +54,7 @@ def test_association_probabilities_are_the_weights_of_the_hypotheses_that_associ
 
 
 def test_a_detection_that_starts_an_object_is_not_associated_with_it_yet(
-    opened: tuple[HypothesisManager, list[HybridBelief]],
+    opened: tuple[Engine, list[HybridBelief]],
 ) -> None:
     manager, beliefs = opened
     again = 0.0
@@ -71,7 +72,7 @@ def test_association_probabilities_of_no_detections() -> None:
     assert association_probabilities(np.ones(1), np.zeros((1, 0), dtype=np.int32), 3).shape == (0, 4)
 
 
-def test_what_no_model_fills_yet_is_nan(closed: tuple[HypothesisManager, list[HybridBelief]]) -> None:
+def test_what_no_model_fills_yet_is_nan(closed: tuple[Engine, list[HybridBelief]]) -> None:
     belief = closed[1][-1]
     count = len(belief.object_ids)
     assert np.isnan([belief.innovation_nees, belief.unexplained]).all()

@@ -22,7 +22,7 @@ from semantic_slam.inference.models.latent_factor import exact_factor
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation, viewpoints_in_plane
+from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.protocol import Commit
@@ -34,14 +34,16 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.keys import descriptor_key, object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 
 MANIFOLD = PlanarPoses()
+SPACES = Spaces.same(MANIFOLD)
 GEOMETRY = PlanarObservation(None, PlanarVisibility())
 TRUE = np.array([0.8, -0.5, 0.3])
 
 
 def feature(model: HarmonicModel, x: np.ndarray, o: np.ndarray, seed: int) -> np.ndarray:
-    mean = model.predict(viewpoints_in_plane(x[None], o[None], np.zeros(2)), TRUE[None]).mean[0]
+    mean = model.predict(SPACES.viewpoints(x[None], o[None], np.zeros(2)), TRUE[None]).mean[0]
     return mean + model.noise * np.random.default_rng(seed).normal(size=len(mean))
 
 
@@ -51,7 +53,7 @@ def moment_of(robot_sigma_rad: float, seed: int) -> SemanticInput:
     observation = LatentObservation(MODEL)
     robot = GaussianPrior(x, np.diag([0.05, 0.05, robot_sigma_rad]) ** 2)
     target = GaussianPrior(o, np.diag([0.1, 0.1, 0.02]) ** 2)
-    component = Component.root(MANIFOLD, GEOMETRY, robot, {0: target}, observation)
+    component = Component.root(SPACES, GEOMETRY, robot, {0: target}, observation)
     motion = Motion(np.zeros(3), np.diag([1e-4, 1e-4, 1e-6]))
     truth = np.array([0.02, -0.05, 0.7 * robot_sigma_rad])
     seen = o[:2] - truth[:2]
@@ -63,7 +65,7 @@ def moment_of(robot_sigma_rad: float, seed: int) -> SemanticInput:
     step = Step(0, 1, motion, [detection], np.zeros(1, np.uint32), np.ones(1), ("",), np.ones(1, dtype=bool))
     predicted = predict([component], motion, [0], [{}])
     rows = Assignments(parents=np.zeros(1, int), objects=np.zeros((1, 1), int))
-    stack = KeyframeProblem.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
+    stack = KeyframeProblem.of(SPACES, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)
     mode = find_modes(stack, search_start(stack))
     return SemanticInput(
         step=step,
@@ -86,7 +88,7 @@ def test_evidence_against_a_numerical_integral(robot_sigma_rad: float, seed: int
     root = np.linalg.cholesky(np.linalg.inv(moment.mode.hessian[0]))
     y = moment.mode.y + random.normal(size=(count, stack.size)) @ root.T
     states = stack.select(np.zeros(count, dtype=int)).states(y)
-    views = viewpoints_in_plane(states[:, 0], states[:, 1], np.zeros(2))
+    views = SPACES.viewpoints(states[:, 0], states[:, 1], np.zeros(2))
     part = MODEL.predict(views, np.zeros((count, 3)))
     covariance = np.eye(MODEL.num_features) * MODEL.noise**2
     covariance = covariance + part.by_descriptor @ np.swapaxes(part.by_descriptor, 1, 2)
@@ -195,6 +197,7 @@ def test_every_view_has_one_factor_and_exact_ones_become_linear(drive) -> None:
     assert in_graph == poses + objects + descriptors + 2 * len(smoother.made)
 
 
+@pytest.mark.slow
 def test_a_component_is_rebuilt_from_its_lineage(drive) -> None:
     world, manager, backend, _ = drive
     number = max(manager.live, key=lambda n: manager.live[n].log_weight)

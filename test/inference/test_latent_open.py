@@ -43,6 +43,7 @@ def test_objects_come_with_descriptors_and_headings(room) -> None:
     assert found >= 3
 
 
+@pytest.mark.slow
 def test_descriptors_enter_the_graph_once_the_heading_is_known(room) -> None:
     _, _, manager, pool = room
     best = max(manager.live, key=lambda n: manager.live[n].log_weight)
@@ -54,6 +55,7 @@ def test_descriptors_enter_the_graph_once_the_heading_is_known(room) -> None:
         assert component.views[number].headings.pending == ()
 
 
+@pytest.mark.slow
 def test_what_hypotheses_lack_does_not_spoil_the_mixture(room) -> None:
     for belief in room[1]:
         assert np.isfinite(belief.descriptors).all() and (belief.descriptor_covariances >= 0.0).all()

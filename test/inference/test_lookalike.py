@@ -98,6 +98,7 @@ def test_a_map_that_tells_the_heading_is_used() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_crop_of_a_mapped_object_finds_it() -> None:
     random = np.random.default_rng(5)
     descriptors = random.normal(size=(10, 3))

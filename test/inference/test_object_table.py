@@ -57,6 +57,13 @@ def test_what_is_left_out_stays_left_out() -> None:
     assert not marginals(weights, left_out)["moving"].size
 
 
+def test_rows_that_leave_a_quantity_out_do_not_take_it_from_the_others() -> None:
+    own = table()
+    rows = [table_row(own, 0), table_row(replace(own, moving=np.zeros(0)), 1)]
+    found = stack_rows(rows).moving
+    np.testing.assert_array_equal(found, [own.moving[0], np.full_like(own.moving[0], np.nan)])
+
+
 def test_nothing_seen_of_any_object_leaves_their_prior() -> None:
     found = small_table()
     np.testing.assert_array_equal(found.class_probabilities, [PRIOR[[1, 3]]] * 2)

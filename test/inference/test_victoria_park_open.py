@@ -47,6 +47,7 @@ def test_motion_between_keyframes_is_composed(log: Log, drive: Drive) -> None:
     assert np.trace(drive.covariances[np.diff(seen[:NUM_KEYFRAMES]).argmax() + 1]) > 16.0 * FILE_VARIANCES.sum()
 
 
+@pytest.mark.slow
 def test_detections_can_be_dropped_and_stretches_blinded(log: Log) -> None:
     whole = len(log.observations)
     thinned = make_drive(log, Variant(dropped_share=0.4, seed=1))

@@ -143,6 +143,7 @@ def test_odometry_has_errors_of_the_stated_size(model) -> None:
     np.testing.assert_allclose(np.std(errors, axis=0), [0.05, 0.05, 0.02], rtol=0.15)
 
 
+@pytest.mark.slow
 def test_every_method_maps_three_objects(model) -> None:
     """Without clutter and misses every method finds the three, and the open world their classes."""
     recording = make_recording(model)

@@ -39,6 +39,7 @@ def test_rows_are_written_in_the_agreed_form(tmp_path: Path) -> None:
     assert found["results"] == [row]
 
 
+@pytest.mark.slow
 def test_a_short_window_loses_likelihood(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(classification, "TRACK_LENGTH", 12)
     monkeypatch.setattr(classification, "WINDOWS", (12,))

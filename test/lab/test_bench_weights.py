@@ -29,6 +29,7 @@ def _agree(first: np.ndarray, second: np.ndarray) -> None:
     assert likely.any() and (np.abs(difference) < 5.0 * np.sqrt(variance))[likely].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 3])
 def test_the_reference_is_what_samples_from_the_prior_tend_to(seed: int) -> None:
     world = grid_world(seed, num_detections=2, noise=KNOWN_START)
@@ -40,6 +41,7 @@ def test_the_reference_is_what_samples_from_the_prior_tend_to(seed: int) -> None
     assert reference.error < 3e-3 and 0.05 < reference.probabilities.max() < 0.9999
 
 
+@pytest.mark.slow
 def test_samples_shared_by_associations_and_samples_of_their_own_have_one_mean() -> None:
     world = grid_world(1, num_detections=2, noise=KNOWN_START)
     shared, separate = (_batches(world, each, 1, 20, 2000) for each in (shared_weights, separate_weights))
@@ -68,6 +70,7 @@ def test_the_engine_agrees_with_the_reference_where_the_sampler_does_not(aligned
         assert errors.reference.error < 5e-3
 
 
+@pytest.mark.slow
 def test_accuracy_rows_are_named_and_finite(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(weights_accuracy, "QUICK_SEEDS", 1)
     monkeypatch.setattr(weights_accuracy, "NUM_REFERENCE_SAMPLES", FEW)

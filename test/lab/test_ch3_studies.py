@@ -24,6 +24,7 @@ METRICS = (
 )
 
 
+@pytest.mark.slow
 def test_scores_are_of_the_true_class() -> None:
     """Mean and covariance of many draws are those of the process; dropout clouds are as wide as the noise."""
     scenario, settings = given_scenario("model_uncertainty")
@@ -96,6 +97,7 @@ def test_study_leaves_result_and_page(study: object, tmp_path: Path, monkeypatch
     assert page.count("data:image/png;base64,") >= 3 and 'src="http' not in page
 
 
+@pytest.mark.slow
 def test_work_goes_to_a_dask_cluster() -> None:
     from distributed import LocalCluster
 

@@ -112,6 +112,7 @@ def test_a_run_depends_on_its_seed_alone() -> None:
     assert not np.array_equal(here["error_weighted_m"], other["error_weighted_m"])
 
 
+@pytest.mark.slow
 def test_semantics_disambiguate_a_run() -> None:
     """The first given track: probabilities sum to one, and the scores settle what geometry leaves open."""
     run = statistics.simulated_run("exact_map", 0, 0)

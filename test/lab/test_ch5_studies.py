@@ -47,6 +47,7 @@ def test_training_set_the_same_goods_aside_for_both_formulations(name: str) -> N
     assert set(known(model, goods)) | set(new(model, goods)) == set(goods)
 
 
+@pytest.mark.slow
 def test_views_without_noise_are_explained_perfectly(shipped: Shipped) -> None:
     numbers = likelihood._of_known(shipped.model, predicted(shipped, known(shipped, goods_names(16)), 0.0), 0)
     assert numbers["peak_within_10deg"] == numbers["instance_identification"] == 1.0
@@ -111,6 +112,7 @@ def test_views_by_name_keep_their_features(shipped: Shipped) -> None:
     np.testing.assert_array_equal(chosen.features[chosen.instance == 0], views.features[views.instance == 2])
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_validation_views_lie_between_those_that_trained() -> None:
     views = validation_views(["cooler_01"], 1, every_deg=120)

@@ -18,7 +18,7 @@ from semantic_slam.inference.object_table import OPTIONAL, QUANTITIES
 from semantic_slam.inference.protocol import Components
 from semantic_slam.messages.codec import CODECS, decode, encode, from_message, to_message
 from semantic_slam.messages.layout import element_types
-from semantic_slam.messages.typestore import definitions_folder
+from semantic_slam.messages.typestore import DEFINITIONS
 
 CARRIERS = sorted(CODECS, key=lambda kind: kind.__name__)
 
@@ -64,7 +64,7 @@ def test_every_array_of_a_message_has_a_layout(type_name: str) -> None:
 
 
 def test_every_message_that_is_defined_has_a_codec() -> None:
-    assert {f"semantic_slam_msgs/msg/{path.stem}" for path in definitions_folder().glob("*.msg")} == {*OUR_TYPES}
+    assert {f"semantic_slam_msgs/msg/{path.stem}" for path in DEFINITIONS.glob("*.msg")} == {*OUR_TYPES}
 
 
 @pytest.mark.parametrize("kind", [Components, HybridBelief])

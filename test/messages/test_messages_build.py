@@ -49,6 +49,7 @@ def test_executable_explains_itself(name: str) -> None:
     assert "usage:" in result.stdout
 
 
+@pytest.mark.slow
 def test_unknown_argument_is_refused_in_one_line() -> None:
     result = subprocess.run(["bag_player", "--bag", "x"], capture_output=True, text=True, timeout=120)
     assert (result.returncode, result.stderr.count("\n")) == (2, 1)

@@ -84,6 +84,7 @@ def test_the_citation_names_the_same_version() -> None:
     assert found in ([], [VERSION])
 
 
+@pytest.mark.slow
 def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     used = imported(ROOT / "semantic_slam")
     apart = (*TRAINING, CONTRACTS)
@@ -92,6 +93,7 @@ def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     assert distributions(modules - OF_ROS, known) == known
 
 
+@pytest.mark.slow
 def test_what_only_training_imports_is_the_extra_of_that_name() -> None:
     used = imported(ROOT / "semantic_slam")
     modules = {name for name, files in used.items() if all(file.startswith(TRAINING) for file in files)}
@@ -111,6 +113,7 @@ def test_only_the_nodes_import_ros() -> None:
     assert all(file.startswith("semantic_slam/ros/") for name in OF_ROS & set(used) for file in used[name])
 
 
+@pytest.mark.slow
 def test_imports_of_the_laboratory_are_declared() -> None:
     lab = declared(ROOT / "lab")
     known = names(lab.install_requires) | names(lab.extras_require["scheduler"])

@@ -113,6 +113,7 @@ def test_a_file_with_code_is_refused_and_not_run(tmp_path: Path) -> None:
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("components", [(), (-1,), (1000,)])
 def test_components_must_be_imagenet_classes(weights_file: Path, components: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="alexnet_components"):

@@ -61,7 +61,9 @@ def network() -> ClassifierNetwork:
 def red_and_blue() -> Frame:
     image = np.zeros((240, 320, 3), dtype=np.uint8)
     image[:, :100, 0] = image[:, 100:, 2] = 200
-    detections = Detections(5, "camera", BOXES, ("", ""), np.full(2, 0.9), ("", ""))
+    detections = Detections(
+        stamp_ns=5, frame_id="camera", boxes=BOXES, labels=("", ""), scores=np.full(2, 0.9), track_ids=("", "")
+    )
     return Frame(5, image, None, CAMERA, detections)
 
 
@@ -91,6 +93,7 @@ def test_without_them_the_feature_is_the_mean_over_the_passes_and_all_views_are_
     assert measured.in_coverage.all()
 
 
+@pytest.mark.slow
 def test_perception_needs_neither_class_models_nor_a_latent_space() -> None:
     words = [sys.executable, "-c", ALONE]
     found = subprocess.run(words, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])

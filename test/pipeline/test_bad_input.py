@@ -89,7 +89,7 @@ def test_a_damaged_belief_bag_is_reported_too(command, tmp_path):
     belief.write_bytes(belief.read_bytes()[:-40])  # the end of the index
     again = tmp_path / "again"
     belief.parent.rename(again)
-    code, lines, from_damaged = command(again)
+    code, lines, from_damaged = command(again, "--overwrite")
     assert code == 2
     assert len(lines) == 1 and str(again) in lines[0] and "damaged" in lines[0]
     assert stamps(from_damaged) == stamps(report)

@@ -27,6 +27,8 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.images import decode_image
 from semantic_slam.ros.lookalike_service import LookalikeService
 
+pytestmark = pytest.mark.slow  # all share one run with descriptors and its report
+
 ROOT = Path(__file__).parents[2]
 BAG, CONFIG = ROOT / "bags" / "aliased_room", ROOT / "config" / "latent.yaml"
 KEYFRAMES = 16
@@ -63,7 +65,6 @@ def crop(record: Record) -> tuple[np.ndarray, np.ndarray, int]:
     return pixels, measured.boxes[widest], int(record.truth.associations[stamp][measured.detection_ids[widest]])
 
 
-@pytest.mark.slow
 def test_the_lost_robot_finds_itself_without_classes(report: Path) -> None:
     found = json.loads((report / "report.json").read_text())
     assert found["config"]["semantic_model"]["kind"] == "latent"

@@ -212,6 +212,7 @@ def test_the_input_is_never_overwritten(bag, configuration):
         run_bag(bag / "bag.mcap", bag, configuration)
 
 
+@pytest.mark.slow
 def test_the_objects_of_a_report_are_the_map_prior_of_a_later_run(bag, tmp_path, monkeypatch, capsys):
     settings = write_configuration(tmp_path / "configuration")
 

@@ -104,6 +104,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return report_of(SHIPPED, tmp_path_factory.mktemp("undisturbed"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "lost", "dropped"),
     [
@@ -134,6 +135,8 @@ def test_a_wrong_stamp_on_the_shipped_bag_costs_one_message(
     assert now["association_f1"] == 1.0
 
 
+@pytest.mark.ros
+@pytest.mark.slow
 def test_nodes_in_lock_step_judge_stamps_as_offline_does(tmp_path: Path) -> None:
     entries = input_entries(10)
     for topic, place, ahead_ns in (

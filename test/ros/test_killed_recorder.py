@@ -17,7 +17,8 @@ from semantic_slam.messages import topics
 
 NUM_FRAMES = 26
 RATE = 2.0
-FRAMES_PER_S = 4.0
+PATIENCE_S = 3.0
+"""The recorder writes every half second; on a busy machine it gets to run later than the listener."""
 EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
 
 
@@ -29,7 +30,7 @@ def newest_printed(replay: Replay) -> int:
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
-    """The bag of a recorder that was killed in the middle of a replay, and the newest keyframe by then."""
+    """The bag of a recorder that was killed in a replay, and the newest keyframe of some seconds before."""
     folder = tmp_path_factory.mktemp("killed")
     bag = write_bag(folder / "bag", input_entries(NUM_FRAMES))
     configuration = write_configuration(folder / "configuration")
@@ -46,14 +47,17 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
         for spec in replay.specs():
             nodes.start(spec, replay.commands.get(spec.name, ()))
         give_up = time.monotonic() + TIMEOUT_S
-        while (newest := newest_printed(replay)) < NUM_FRAMES // 2:
+        while (newest := newest_printed(replay)) < NUM_FRAMES // 3:
             nodes.check()
             assert time.monotonic() < give_up
             time.sleep(0.05)
+        time.sleep(PATIENCE_S)
         nodes.kill("bag_recorder")
     return replay.belief_bag, newest
 
 
+@pytest.mark.ros
+@pytest.mark.slow
 def test_a_killed_recorder_leaves_what_it_had_up_to_the_last_second(
     killed: tuple[Path, int], capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -61,11 +65,13 @@ def test_a_killed_recorder_leaves_what_it_had_up_to_the_last_second(
     assert not (bag / "metadata.yaml").exists()
     with BagReader(bag) as reader:
         beliefs = list(reader.messages([topics.BELIEF]))
-    assert len(beliefs) >= newest + 1 - FRAMES_PER_S
+    assert len(beliefs) >= newest + 1
     line = capfd.readouterr().err.strip()
     assert line.startswith(f"{bag}: its recorder was killed") and "Ctrl-C" in line and "\n" not in line
 
 
+@pytest.mark.slow
+@pytest.mark.ros
 def test_a_report_is_made_of_the_bag_of_a_killed_recorder(killed: tuple[Path, int], tmp_path: Path) -> None:
     bag, newest = killed
     command = [sys.executable, "-m", "semantic_slam.cli.bag_to_report", str(bag), "--out", str(tmp_path / "out")]
@@ -74,7 +80,7 @@ def test_a_report_is_made_of_the_bag_of_a_killed_recorder(killed: tuple[Path, in
     (line,) = result.stderr.splitlines()
     assert "its recorder was killed" in line
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert len(report["keyframes"]) >= newest + 1 - FRAMES_PER_S
+    assert len(report["keyframes"]) >= newest + 1
     assert "its recorder was killed" in report["fault"]
 
 

@@ -27,6 +27,7 @@ def single_views(seed: int, count: int = 6) -> ClassSamples:
     return ClassSamples(azimuth[order], features, data.feature_covariances.reshape(-1, 1, 3, 3)[order])
 
 
+@pytest.mark.slow
 def test_a_standing_robot_sees_one_class_from_one_direction() -> None:
     """The bag's README: a desk, seen from an azimuth of 99 degrees, fifty times."""
     samples, left_out = views_of_bag(BAGS / "standing.mcap", PerceptionConfiguration(num_passes=5))

@@ -82,6 +82,7 @@ def test_command_learns_and_states_its_figures(
     assert np.all(np.isfinite(prediction.mean)) and np.all(prediction.sigma > 0.0)
 
 
+@pytest.mark.slow
 def test_bad_input_is_told_in_one_line(turntables: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = ("--turntables", turntables, "--out", tmp_path / "x.safetensors", "--cameras", "NP1")
     broken = tmp_path / "tags.json"

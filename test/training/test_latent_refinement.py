@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from worlds.latent_toy import INSTANCES, toy_model, toy_views
 
 from semantic_slam.latent.latent_model import LatentModel
@@ -15,6 +16,7 @@ from semantic_slam.viewpoint.model import Viewpoints
 VIEWS = 24
 
 
+@pytest.mark.slow
 def test_parameters_refined_on_tracks_explain_the_world_better() -> None:
     world = toy_model()
     generator = np.random.default_rng(1)
@@ -53,6 +55,7 @@ def test_parameters_refined_on_tracks_explain_the_world_better() -> None:
     assert better.space == ""
 
 
+@pytest.mark.slow
 def test_rehearsal_keeps_what_tracks_do_not_show() -> None:
     """Tracks that show one object alone, and wrongly: without rehearsal the others are spoilt too."""
     world = toy_model()

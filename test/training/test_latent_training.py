@@ -184,6 +184,7 @@ def test_the_ordering_term_wants_features_ordered_as_pictures() -> None:
     assert terms[0] < 0.01 < terms[1]
 
 
+@pytest.mark.slow
 def test_training_jointly_lowers_the_loss_and_moves_every_part() -> None:
     views = crop_views(striped_views(24))
     torch.manual_seed(0)
@@ -202,6 +203,7 @@ def test_training_jointly_lowers_the_loss_and_moves_every_part() -> None:
     assert not any(value.requires_grad for value in model.parameters())
 
 
+@pytest.mark.slow
 def test_maximum_posterior_fits_features_and_encoder_recovers_descriptors() -> None:
     views = toy_views(toy_model(), per_instance=60, sigma=0.02)
     generator = np.random.default_rng(5)
@@ -218,6 +220,7 @@ def test_maximum_posterior_fits_features_and_encoder_recovers_descriptors() -> N
     assert (nearest == views.instance).mean() > 0.6
 
 
+@pytest.mark.slow
 def test_tags_pull_instances_of_a_class_together() -> None:
     views = toy_views(toy_model(), per_instance=20)
     generator = np.random.default_rng(5)

@@ -11,10 +11,10 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.perception.weights import load_network
 from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
 from semantic_slam.training.viewpoint.regression import fit_class
+from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.training.views import ObjectView, cut_out
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
-from semantic_slam.viewpoint.samples import ClassSamples
 
 pytestmark = [pytest.mark.real_data, pytest.mark.slow]
 

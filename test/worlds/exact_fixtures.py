@@ -19,6 +19,7 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.viewpoint.parametric import ParametricModel
@@ -72,7 +73,7 @@ def _problem(data: dict, semantics: bool, method: str) -> tuple[Problem, list[St
         for i, state in enumerate(given["objects"])
     )
     problem = Problem(
-        space=PlanarPositions() if linear else PlanarPoses(),
+        spaces=Spaces.same(PlanarPositions() if linear else PlanarPoses()),
         model=_linear_model(given, len(class_names)) if linear else _planar_model(given, semantics),
         reader=StepReader() if linear else StepPlanarReader(0),
         robot=GaussianPrior(np.array(given["x0"]), as_covariance(given["Sp"])),

@@ -12,15 +12,17 @@ from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.keyframe import Keyframe
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.planar_observation import viewpoints_in_plane
 from semantic_slam.inference.planar_reader import PlanarReader
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
+from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.problem import Problem
 
 MODEL = HarmonicModel()
+SPACES = Spaces.same(PlanarPoses())
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def _with_features(frame: Keyframe, x: np.ndarray, seen: list[int], descriptors,
 
 def _seen(frame: Keyframe, x: np.ndarray, places: np.ndarray, descriptors, model, random) -> Keyframe:
     count = len(places)
-    views = viewpoints_in_plane(np.tile(x, (count, 1)), places, np.zeros(2))
+    views = SPACES.viewpoints(np.tile(x, (count, 1)), places, np.zeros(2))
     prediction = model.predict(views, descriptors)
     features = prediction.mean + prediction.sigma * random.normal(size=prediction.mean.shape)
     size = model.num_features

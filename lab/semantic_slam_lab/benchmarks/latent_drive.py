@@ -20,6 +20,7 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.latent.load import load_latent_model
@@ -69,7 +70,7 @@ class Drive:
         observation = LatentObservation(model)
         start = se2.compose(circuit.poses[0], se2.inverse(STEP))
         problem = Problem(
-            space=PlanarPoses(),
+            spaces=Spaces.same(PlanarPoses()),
             model=PlanarObservation(None, PlanarVisibility()),
             reader=StepReader(model.num_features),
             robot=GaussianPrior(start, np.diag([0.1, 0.1, 0.05]) ** 2),

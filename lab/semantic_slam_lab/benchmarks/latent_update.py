@@ -8,17 +8,19 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation, viewpoints_in_plane
+from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import DESCRIPTOR, descriptor_key, object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.row import Row, alternated
 
 OBJECTS, POSES, DETECTIONS = 20, 200, 3
 REPETITIONS, QUICK_REPETITIONS = 40, 10
+SPACES = Spaces.same(PlanarPoses())
 STEP = np.array([0.3, 0.0, 2.0 * np.pi / POSES])
 RELINEARISED_POSE = np.full(3, 0.1)
 """GTSAM's default; descriptors enter by linear factors, which a relinearisation would leave as they are."""
@@ -68,7 +70,7 @@ class Circuit:
 
     def __init__(self, model: DescriptorModel, seed: int):
         geometry = PlanarObservation(None, PlanarVisibility())
-        self.model, self._factors = model, SemanticFactorMaker(PlanarPoses(), geometry, LatentObservation(model))
+        self.model, self._factors = model, SemanticFactorMaker(SPACES, geometry, LatentObservation(model))
         self._random = np.random.default_rng(seed)
         prior = model.prior
         noise = self._random.standard_normal((OBJECTS, model.num_dimensions))
@@ -108,7 +110,7 @@ class Circuit:
         distance = np.hypot(relative[:, 0], relative[:, 1])
         numbers = np.argsort(np.where(relative[:, 0] > 0.0, distance, np.inf))[:DETECTIONS]
         x = np.tile(self.poses[k], (DETECTIONS, 1))
-        views = viewpoints_in_plane(x, self.objects[numbers], np.zeros(2))
+        views = SPACES.viewpoints(x, self.objects[numbers], np.zeros(2))
         prediction = self.model.predict(views, self.descriptors[numbers])
         features = prediction.mean + prediction.sigma * self._random.standard_normal(prediction.mean.shape)
         none = np.zeros((self.model.num_features, self.model.num_features))

@@ -61,10 +61,10 @@ def _section(section: Section, results: KeptResults) -> str:
 
 
 def _provenance(study: str, result: dict[str, Any]) -> str:
-    command = "make bench" if study == "bench" else f"run_study {study}"
+    command = ("make bench" if study == "bench" else f"run_study {study}") + (" --quick" if result.get("quick") else "")
     machine = result.get("machine")
     where = f"{machine['cpu']}, {machine['cores']} cores, Python {machine['python']}" if machine else "machine unknown"
-    quick = " **A quick run (`--quick`), not the whole study.**" if result.get("quick") else ""
+    quick = " **A quick run, not the whole study.**" if result.get("quick") else ""
     remark = f" {result['remark']}" if "remark" in result else ""
     source = f"[{study}.json](results/{study}.json)"
     revision = result.get("revision", "unknown")

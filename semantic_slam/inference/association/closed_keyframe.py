@@ -99,7 +99,7 @@ class ClosedKeyframe:
         some = candidates.assignments.take(np.array(rows, dtype=int))
         parents = [self.parents.components[parent] for parent in some.parents]
         robots = np.array([parent.newest_robot() for parent in parents])
-        predicted = self.problem.space.compose(robots, self.step.motion.control)
+        predicted = self.problem.spaces.robot.compose(robots, self.step.motion.control)
         steps = replace(candidates, assignments=some).steps(self.used, len(self.step.names))
         return [
             self._update(some, row, steps[row], predicted[row], existence[number]) for row, number in enumerate(rows)
@@ -138,8 +138,8 @@ class ClosedKeyframe:
             return None
         objects = [(number, prior[number].covariance) for number in self.known]
         detections = [self.step.detections[i] for i in self.used]
-        space, model = self.problem.space, self.problem.model
-        return map_gate(space, model, self.step, detections, self.parents.components, objects, gate)
+        spaces, model = self.problem.spaces, self.problem.model
+        return map_gate(spaces, model, self.step, detections, self.parents.components, objects, gate)
 
     def _associated(self, near: Sequence[int], gate: MapGate | None) -> Candidates:
         object_ids = np.array([*near, *self._new[0]], dtype=int)
@@ -159,7 +159,7 @@ class ClosedKeyframe:
     def _enumeration(self, object_ids: Index, gate: MapGate | None) -> EnumerationProblem:
         known = [[own.classes.get(n, -1) for n in object_ids.tolist()] for own in self.parents.components]
         return EnumerationProblem(
-            space=self.problem.space,
+            spaces=self.problem.spaces,
             model=self.problem.model,
             detections=[self.step.detections[i] for i in self.used],
             object_ids=object_ids,
@@ -219,18 +219,19 @@ def predict(
     components: Sequence[Component], motion: Motion, known: Sequence[int], new: Sequence[dict[int, GaussianPrior]]
 ) -> PredictedBelief:
     """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent of one keyframe, the new objects after the known ones."""
-    space = components[0].space
+    spaces = components[0].spaces
     keys = [robot_key(components[0].keyframe), *(object_key(n) for n in known)]
     mean = np.array([component.states(keys) for component in components])
     covariance = np.array([component.joint_covariance(keys) for component in components])
-    dimension, transition = space.dimension, space.propagation(motion.control)
-    mean[:, 0] = space.compose(mean[:, 0], motion.control)
-    covariance[:, :dimension] = transition @ covariance[:, :dimension]
-    covariance[:, :, :dimension] = covariance[:, :, :dimension] @ transition.T
-    covariance[:, :dimension, :dimension] += motion.covariance
+    own, robot, transition = spaces.storage.block(0), spaces.layout.block(0), spaces.robot.propagation(motion.control)
+    mean[:, 0, own] = spaces.robot.compose(mean[:, 0, own], motion.control)
+    covariance[:, robot] = transition @ covariance[:, robot]
+    covariance[:, :, robot] = covariance[:, :, robot] @ transition.T
+    covariance[:, robot, robot] += motion.covariance
     if not any(new):
-        return PredictedBelief(mean, covariance)
+        return PredictedBelief(spaces.layout, mean, covariance)
     added = [list(priors.values()) for priors in new]
-    mean = np.concatenate([mean, [[prior.mean for prior in priors] for priors in added]], axis=1)
+    mean = spaces.storage.stacked(mean, np.array([[prior.mean for prior in priors] for priors in added]))
     pairs = zip(covariance, added, strict=True)
-    return PredictedBelief(mean, np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs]))
+    spread = np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs])
+    return PredictedBelief(spaces.layout, mean, spread)

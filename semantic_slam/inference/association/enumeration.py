@@ -32,14 +32,14 @@ from semantic_slam.inference.evidence.laplace import (
     find_modes,
 )
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnumerationProblem:
     """What enumeration needs to know besides the parents' Gaussians; C classes, O objects, P parents."""
 
-    space: StateSpace
+    spaces: Spaces
     model: ObservationModel
     detections: Sequence[Any]
     object_ids: Index  # (O,)
@@ -65,8 +65,8 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
     """All associations of the detections to the objects, as far as the gate admits."""
     num_parents = len(predicted.mean)
     left_out = np.full(num_parents, -np.inf)
-    prefixes = PartialAssignments.of_robots(setting.space, predicted)
-    mode = _of_prior(num_parents, setting.space.dimension)
+    prefixes = PartialAssignments.of_robots(setting.spaces, predicted)
+    mode = _of_prior(num_parents, setting.spaces.layout.robot)
     for number in range(len(setting.detections)):
         origin, objects = _next_objects(setting, prefixes.rows, predicted.mean.shape[1] - 1)
         screened = screen(prefixes, mode, origin, objects, setting.model, setting.first(number + 1), setting.gate)
@@ -109,7 +109,7 @@ def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, o
     """One association (D,), as given with the detections, for every parent."""
     parents = np.arange(len(predicted.mean))
     rows = Assignments(parents=parents, objects=np.broadcast_to(objects, (len(parents), len(objects))))
-    problem = KeyframeProblem.of(setting.space, setting.model, predicted, setting.seen, rows)
+    problem = KeyframeProblem.of(setting.spaces, setting.model, predicted, setting.seen, rows)
     mode = find_modes(problem, search_start(problem))
     return _associated(setting, problem, mode, np.full(len(parents), -np.inf))
 
@@ -192,7 +192,7 @@ def _semantic_profiles(setting: EnumerationProblem, stack: KeyframeProblem, y: A
         row, cls = np.nonzero(possible[:, number])
         sigma, objects = stack.heading_sigma(number)[row], stack.objects_of(states, number)
         bounds[row, number, cls], turns[row, number, cls] = setting.model.best_heading(
-            stack.seen.take([number]), states[row, 0], objects[row], cls, sigma
+            stack.seen.take([number]), stack.robots_of(states)[row], objects[row], cls, sigma
         )
     return bounds, turns
 
@@ -207,10 +207,11 @@ def _possible_classes(setting: EnumerationProblem, rows: Assignments) -> NDArray
 
 def _turned(stack: KeyframeProblem, y: Array, turns: Array) -> Array:
     """(B, n) whitened states with the objects of the detections turned by (B, D) angles."""
-    dimension = stack.dimension
     tangent = np.zeros((len(y), stack.size))
     for number in range(turns.shape[1]):
-        heading = (1 + stack.slots[:, number]) * dimension + dimension - 1
+        heading = stack.heading_rows(number)
+        if heading is None:
+            return y
         own = stack.active[:, number] & (stack.slots[:, number] == number)
         tangent[np.arange(len(y)), heading] += np.where(own, turns[:, number], 0.0)
     return np.asarray(y + np.linalg.solve(stack.root, tangent[..., None])[..., 0])

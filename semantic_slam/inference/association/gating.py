@@ -16,6 +16,7 @@ from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
 from semantic_slam.inference.association.murty import k_best
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
+from semantic_slam.inference.states.spaces import Spaces
 
 LARGEST_SET = 12
 """Detections of which all sets are looked at."""
@@ -25,25 +26,28 @@ NEGLIGIBLE = 1e-15
 
 @dataclass(frozen=True)
 class PairDensities:
-    """D detections and M objects; d dimensions of a state."""
+    """D detections and M objects."""
 
     log_density: Array  # (D, M) of the detection if it is of this object
     distance: Array  # (D, M) Mahalanobis
     parts: list[Linearisation]  # D, of M rows each
 
 
-def pair_densities(model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array) -> PairDensities:
-    """From the predicted ``mean`` (1 + M, d) and ``covariance`` of the robot and M objects."""
-    count, dimension = len(mean) - 1, mean.shape[-1]
+def pair_densities(
+    spaces: Spaces, model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array
+) -> PairDensities:
+    """From the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects."""
+    count, storage = len(mean) - 1, spaces.storage
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
         return PairDensities(nothing, nothing, [])
-    joint = PredictedBelief(mean[None], covariance[None]).pair_covariances()[0]
+    joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
     rows = len(detections) * count
     seen = model.collect(detections)
     if len(detections) > 1:  # one row stands for any number
         seen = seen.take(np.repeat(np.arange(len(detections)), count))
-    robot, states = broadcast_copy(mean[0], (rows, dimension)), np.tile(mean[1:], (len(detections), 1))
+    robot = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
+    states = np.tile(mean[1:, : storage.landmark], (len(detections), 1))
     part = model.geometry(seen, robot, states)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
     prior = np.tile(joint, (len(detections), 1, 1))

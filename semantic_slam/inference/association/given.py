@@ -74,6 +74,6 @@ class GivenAssociation:
         """Broad priors about where this hypothesis first sees the objects that it does not know."""
         if not unknown:
             return {}
-        robot = self.problem.space.compose(component.newest_robot(), step.motion.control)
+        robot = self.problem.spaces.robot.compose(component.newest_robot(), step.motion.control)
         first = {n: next(step.detections[i] for i in used if identities[i] == n) for n in unknown}
         return {n: self.problem.model.object_prior(detection, robot) for n, detection in first.items()}

@@ -17,7 +17,7 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 FEW_OBJECTS = 12
 """Up to so many, all of them are looked at."""
@@ -51,7 +51,7 @@ class MapGate:
 
 
 def map_gate(
-    space: StateSpace,
+    spaces: Spaces,
     model: ObservationModel,
     step: Step,
     detections: Sequence[Any],
@@ -59,15 +59,15 @@ def map_gate(
     objects: Sequence[tuple[int, Array]],
     gate: float,
 ) -> MapGate:
-    """From the parents' predictions; ``objects`` are ids and (d, d) prior covariances, which updates only narrow."""
+    """From the parents' predictions; ``objects`` are ids and (l, l) prior covariances, which updates only narrow."""
     keys = [object_key(number) for number, _ in objects]
     sigmas = position_sigmas(np.array([covariance for _, covariance in objects]))
-    states = np.array([component.states(keys) for component in components])
+    states = np.array([component.states(keys) for component in components])[..., : spaces.storage.landmark]
     robot = np.array([component.newest_robot() for component in components])
     covariance = np.array([component.joint_covariance([robot_key(component.keyframe)]) for component in components])
-    transition = space.propagation(step.motion.control)
+    transition = spaces.robot.propagation(step.motion.control)
     covariance = transition @ covariance @ transition.T + step.motion.covariance
-    robot = space.compose(robot, step.motion.control)
+    robot = spaces.robot.compose(robot, step.motion.control)
     cost, log_peak = model.least_cost(model.collect(detections), robot, covariance, states, sigmas)
     needed = min(len(detections), len(objects)) - 1  # so many options for each, and distinct objects can be had
     cheapest = np.partition(cost, [0, needed], axis=2)

@@ -15,28 +15,28 @@ from semantic_slam.geometry.small_matrices import forward
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True)
 class PartialAssignments:
-    """B partial associations of n detections; O objects, d dimensions of a state, m = (1 + n) d."""
+    """B partial associations of n detections; O objects, tangent spaces of r and l dimensions, m = r + n l."""
 
-    space: StateSpace
+    spaces: Spaces
     predicted: PredictedBelief
     rows: Assignments
-    mean: Array  # (B, 1 + n, d) prior of the robot and the associated objects
+    mean: Array  # (B, 1 + n, s) prior of the robot and the associated objects
     root: Array  # (B, m, m) Cholesky factor of its covariance
     shorter: "PartialAssignments | None"  # those of one detection less, where there are such
     origin: Index  # (B,) which of them each goes on from
 
     @classmethod
-    def of_robots(cls, space: StateSpace, predicted: PredictedBelief) -> "PartialAssignments":
+    def of_robots(cls, spaces: Spaces, predicted: PredictedBelief) -> "PartialAssignments":
         """One for each parent, of no detection."""
-        size, parents = space.dimension, np.arange(len(predicted.mean))
+        size, parents = spaces.layout.robot, np.arange(len(predicted.mean))
         root = np.asarray(np.linalg.cholesky(predicted.covariance[:, :size, :size]), dtype=np.float64)
         rows = Assignments(parents=parents, objects=np.zeros((len(parents), 0), dtype=int))
-        return cls(space, predicted, rows, predicted.mean[:, :1], root, None, parents)
+        return cls(spaces, predicted, rows, predicted.mean[:, :1], root, None, parents)
 
     def take(self, selection: Index) -> "PartialAssignments":
         """Some of them."""
@@ -48,9 +48,9 @@ class PartialAssignments:
         An object that its prefix has already needs no state of its own: the block is an independent standard normal.
         """
         parents, before = self.rows.parents[origin], self.rows.objects[origin]
-        size, known, place = self.space.dimension, self.root.shape[1], 1 + objects
-        gain = np.ascontiguousarray(np.swapaxes(self.cross[origin, :, place], 1, 2))  # (K, d, m)
-        left = self.predicted.blocks[parents, place, :, place] - gain @ np.swapaxes(gain, 1, 2)
+        size, known, place = self.spaces.layout.landmark, self.root.shape[1], 1 + objects
+        gain = np.ascontiguousarray(np.swapaxes(self.cross_blocks[origin, :, place, :size], 1, 2))  # (K, l, m)
+        left = self.predicted.blocks[parents, place, :size, place, :size] - gain @ np.swapaxes(gain, 1, 2)
         again = (before == objects[:, None]).any(axis=1)
         gain[again], left[again] = 0.0, np.eye(size)
         root = np.zeros((len(origin), known + size, known + size))
@@ -58,7 +58,7 @@ class PartialAssignments:
         root[:, known:, known:] = np.linalg.cholesky(left)
         mean = self.predicted.mean[parents, np.where(again, 0, place)]
         return PartialAssignments(
-            self.space,
+            self.spaces,
             self.predicted,
             Assignments(parents=parents, objects=np.concatenate([before, objects[:, None]], axis=1)),
             np.concatenate([self.mean[origin], mean[:, None]], axis=1),
@@ -69,21 +69,26 @@ class PartialAssignments:
 
     @cached_property
     def cross(self) -> Array:
-        """(B, m, 1 + O, d): root @ cross is the covariance of these states with all.
+        """(B, m, r + O l): root @ cross is the covariance of these states with all.
 
         Asked of those that go on, which are few.
         """
-        size, parents = self.space.dimension, self.rows.parents
+        layout, parents = self.spaces.layout, self.rows.parents
         if self.shorter is None:
-            return forward(self.root, self.predicted.covariance[:, :size]).reshape(len(parents), size, -1, size)
+            return forward(self.root, self.predicted.covariance[:, : layout.robot])
         before = self.shorter.cross[self.origin]
         known, objects = before.shape[1], self.rows.objects[:, -1]
         gain = np.ascontiguousarray(self.root[:, known:, :known])
-        prior = self.predicted.blocks[parents, 1 + objects].reshape(len(parents), size, -1)
-        added = forward(self.root[:, known:, known:], prior - gain @ before.reshape(len(parents), known, -1))
+        prior = layout.blocks(self.predicted.covariance, -2)[parents, 1 + objects][:, : layout.landmark]
+        added = forward(self.root[:, known:, known:], prior - gain @ before)
         added[(self.rows.objects[:, :-1] == objects[:, None]).any(axis=1)] = 0.0
-        return np.concatenate([before, added.reshape(len(parents), size, -1, size)], axis=1)
+        return np.concatenate([before, added], axis=1)
+
+    @cached_property
+    def cross_blocks(self) -> Array:
+        """(B, m, 1 + O, w) of :attr:`cross`."""
+        return self.spaces.layout.blocks(self.cross)
 
     def stack(self, model: ObservationModel, seen: object) -> KeyframeProblem:
         """The small problems of these associations, ``seen`` being their n detections."""
-        return KeyframeProblem(self.space, model, seen, self.rows, self.mean, self.root)
+        return KeyframeProblem(self.spaces, model, seen, self.rows, self.mean, self.root)

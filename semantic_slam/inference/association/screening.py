@@ -15,6 +15,7 @@ from semantic_slam.inference.association.partial_assignments import PartialAssig
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, search_start
 from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.models.observation import Innovation, ObservationModel
+from semantic_slam.inference.states.spaces import Spaces
 
 RANKED_RAD = 0.1
 """Uncertainty of a direction of sight, given other detections, below which one linear step ranks as a search does; so
@@ -82,43 +83,46 @@ def screen(
 class _Expected:
     """Robot and all objects where the modes of B prefixes have them, in the tangent spaces at their prior means."""
 
-    states: Array  # (B, 1 + O, d)
-    charts: Array  # (B, 1 + O, d, d) to the tangent spaces at the states
-    own: Array  # (B, 1 + O, d, d) covariances
-    with_robot: Array  # (B, 1 + O, d, d) covariances of the robot with each
+    spaces: Spaces
+    states: Array  # (B, 1 + O, s)
+    charts: Array  # (B, 1 + O, w, w) to the tangent spaces at the states
+    own: Array  # (B, 1 + O, w, w) covariances
+    with_robot: Array  # (B, 1 + O, r, w) covariances of the robot with each
 
     def pairs(self, origin: Index, objects: Index) -> tuple[Array, Array]:
-        """(K, 2 d, 2 d) covariances of robots with some objects, and their charts."""
-        size, place = self.own.shape[-1], 1 + objects
-        covariance, charts = np.empty((len(origin), 2 * size, 2 * size)), np.zeros((len(origin), 2 * size, 2 * size))
-        covariance[:, :size, :size], covariance[:, size:, size:] = self.own[origin, 0], self.own[origin, place]
-        covariance[:, :size, size:] = self.with_robot[origin, place]
-        covariance[:, size:, :size] = np.swapaxes(covariance[:, :size, size:], 1, 2)
-        charts[:, :size, :size], charts[:, size:, size:] = self.charts[origin, 0], self.charts[origin, place]
+        """(K, r + l, r + l) covariances of robots with some objects, and their charts."""
+        layout, place = self.spaces.layout, 1 + objects
+        r, own, shape = layout.robot, slice(layout.landmark), (len(origin), layout.size(1), layout.size(1))
+        covariance, charts = np.empty(shape), np.zeros(shape)
+        covariance[:, :r, :r], covariance[:, r:, r:] = self.own[origin, 0, :r, :r], self.own[origin, place, own, own]
+        covariance[:, :r, r:] = self.with_robot[origin, place, :, own]
+        covariance[:, r:, :r] = np.swapaxes(covariance[:, :r, r:], 1, 2)
+        charts[:, :r, :r], charts[:, r:, r:] = self.charts[origin, 0, :r, :r], self.charts[origin, place, own, own]
         return covariance, charts
 
 
 def _expected(prefixes: PartialAssignments, previous: Mode, known: Array) -> _Expected:
     """``known`` (B, m, m): inverse Hessians of the modes, which tell what the detections so far left uncertain."""
-    space, predicted, parents = prefixes.space, prefixes.predicted, prefixes.rows.parents
-    mean, size = predicted.mean[parents], prefixes.space.dimension
-    flat = prefixes.cross.reshape(len(parents), previous.y.shape[1], -1)
-    moved, charts = space.exp_and_jacobian((previous.y[:, None] @ flat)[:, 0].reshape(mean.shape))
-    explained = ((np.eye(flat.shape[1]) - known) @ flat).reshape(prefixes.cross.shape)
-    own = np.ascontiguousarray(np.moveaxis(prefixes.cross, 1, 3)) @ np.ascontiguousarray(np.moveaxis(explained, 1, 2))
-    robot = np.ascontiguousarray(np.swapaxes(prefixes.cross[:, :, 0], 1, 2))
-    with_robot = np.swapaxes((robot @ explained.reshape(flat.shape)).reshape(len(parents), size, -1, size), 1, 2)
+    spaces, predicted, parents = prefixes.spaces, prefixes.predicted, prefixes.rows.parents
+    mean, layout, flat, blocks = predicted.mean[parents], spaces.layout, prefixes.cross, prefixes.cross_blocks
+    moved, charts = spaces.joint.exp_and_jacobian(layout.blocks((previous.y[:, None] @ flat)[:, 0]))
+    explained = (np.eye(flat.shape[1]) - known) @ flat
+    by_state = np.ascontiguousarray(np.moveaxis(layout.blocks(explained), 1, 2))
+    own = np.ascontiguousarray(np.moveaxis(blocks, 1, 3)) @ by_state
+    robot = np.ascontiguousarray(np.swapaxes(blocks[:, :, 0, : layout.robot], 1, 2))
+    with_robot = np.swapaxes(layout.blocks(robot @ explained), 1, 2)
     states = np.arange(mean.shape[1])
     diagonal = np.moveaxis(predicted.blocks[:, states, :, states], 0, 1)
-    first = np.swapaxes(predicted.blocks[:, 0], 1, 2)
-    return _Expected(space.compose(mean, moved), charts, diagonal[parents] - own, first[parents] - with_robot)
+    first = np.swapaxes(predicted.blocks[:, 0, : layout.robot], 1, 2)
+    at = spaces.joint.compose(mean, moved)
+    return _Expected(spaces, at, charts, diagonal[parents] - own, first[parents] - with_robot)
 
 
 @dataclass(frozen=True)
 class _Newest:
     """The newest detection of B candidates, linearised at the mode of the others; m components of a residual."""
 
-    jacobian: Array  # (B, m, 2 d) of its whitened residual by the tangents of robot and object at their prior means
+    jacobian: Array  # (B, m, r + l) of its whitened residual by the tangents of robot and object at their prior means
     gain: Array  # (B, m) inverse covariance of that residual, times it
     log_density: Array  # (B,) of the detection given the others
     sigma: Array  # (B,) radians by which the direction of sight is uncertain, given the others
@@ -130,7 +134,9 @@ class _Newest:
 
 def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, seen: Any) -> _Newest:
     """One Kalman update for each candidate."""
-    x, o = expected.states[origin, 0], expected.states[origin, 1 + objects]
+    storage = expected.spaces.storage
+    x = expected.states[origin, 0, : storage.robot]
+    o = expected.states[origin, 1 + objects, : storage.landmark]
     covariance, charts = expected.pairs(origin, objects)
     part = model.geometry(seen, x, o)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1) @ charts
@@ -142,11 +148,11 @@ def _newest(expected: _Expected, origin: Index, objects: Index, model: Observati
 
 def _stepped(stack: KeyframeProblem, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:
     """(K, n) whitened states where the others' modes have them, steps from there to those of all, and Hessians."""
-    count, before, size = len(stack.mean), previous.y.shape[1], stack.dimension
+    count, before, layout = len(stack.root), previous.y.shape[1], stack.layout
     start = np.concatenate([previous.y, np.zeros((count, stack.size - before))], axis=1)
     blocks = np.stack([np.zeros(count, dtype=int), 1 + stack.slots[:, -1]], axis=1)
-    slopes = stack.root.reshape(*stack.mean.shape, stack.size)[np.arange(count)[:, None], blocks]  # (K, 2, d, n)
-    jacobian = newest.jacobian @ slopes.reshape(count, 2 * size, stack.size)
+    slopes = layout.blocks(stack.root, -2)[np.arange(count)[:, None], blocks]  # (K, 2, w, n)
+    jacobian = newest.jacobian @ layout.joined(slopes, -2)
     transposed = np.ascontiguousarray(np.swapaxes(jacobian, 1, 2))
     step = -(transposed @ newest.gain[..., None])
     step[:, :before] = known @ step[:, :before]

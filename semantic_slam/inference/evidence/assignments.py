@@ -27,10 +27,10 @@ class Assignments:
     log_class_prior: Array | None = None  # (K,) of the classes first enumerated here
     log_evidence: Array | None = None  # (K,) log psi (Eq. 4.18) of geometry and factors, without that prior
     effective_sample_sizes: Array | None = None  # (K,) NaN where nothing was sampled
-    robot: Array | None = None  # (K, d)
-    robot_covariance: Array | None = None  # (K, d, d)
-    object_states: Array | None = None  # (K, n, d) of each detection's object
-    object_covariances: Array | None = None  # (K, n, d, d)
+    robot: Array | None = None  # (K, s)
+    robot_covariance: Array | None = None  # (K, r, r)
+    object_states: Array | None = None  # (K, n, s) of each detection's object
+    object_covariances: Array | None = None  # (K, n, l, l)
     bend: Array | None = None  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most
     posterior_modes: NDArray[np.object_] | None = None  # (K,) what the whole window had to say, None where not asked
     windows: NDArray[np.object_] | None = None  # (K,) since the candidate was last Gaussian, None: it is

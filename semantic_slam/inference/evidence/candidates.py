@@ -41,11 +41,12 @@ class Candidates:
         """With states and covariances of the robot and of each detection's object."""
         problem, mode = self.solved()
         states, covariances = problem.marginals(mode.y, mode.hessian)
+        robot, own = slice(problem.layout.robot), slice(problem.layout.landmark)
         return self.gaining(
-            robot=states[:, 0],
-            robot_covariance=covariances[:, 0],
-            object_states=_of_detections(problem, states),
-            object_covariances=_of_detections(problem, covariances),
+            robot=problem.robots_of(states),
+            robot_covariance=covariances[:, 0, robot, robot],
+            object_states=_of_detections(problem, states)[..., : problem.spaces.storage.landmark],
+            object_covariances=_of_detections(problem, covariances)[..., own, own],
         )
 
 

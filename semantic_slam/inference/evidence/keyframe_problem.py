@@ -14,69 +14,68 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, row_sums, squared_norms
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.observation import Linearisation, ObservationModel
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.layout import Layout
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True)
 class PredictedBelief:
     """Predicted Gaussians of P parents over the robot and O objects, covariances in the tangent spaces at the mean."""
 
-    mean: Array  # (P, 1 + O, d)
-    covariance: Array  # (P, (1 + O) d, (1 + O) d)
+    layout: Layout  # of the tangent spaces: r, l, and w the wider of them
+    mean: Array  # (P, 1 + O, s)
+    covariance: Array  # (P, r + O l, r + O l)
 
     @property
     def blocks(self) -> Array:
-        """(P, 1 + O, d, 1 + O, d) the covariance by states."""
-        shape = self.mean.shape[1:]
-        return self.covariance.reshape(len(self.mean), *shape, *shape)
+        """(P, 1 + O, w, 1 + O, w) the covariance by states."""
+        return self.layout.square_blocks(self.covariance)
 
     def pair_covariances(self) -> Array:
-        """(P, O, 2 d, 2 d) of the robot together with each object."""
-        num_parents, dimension = len(self.mean), self.mean.shape[-1]
-        count = self.mean.shape[1] - 1
-        blocks = self.covariance.reshape(num_parents, 1 + count, dimension, 1 + count, dimension)
-        objects = np.arange(1, 1 + count)
-        joint = np.empty((num_parents, count, 2 * dimension, 2 * dimension))
-        joint[..., :dimension, :dimension] = blocks[:, None, 0, :, 0]
-        joint[..., dimension:, :dimension] = blocks[:, 1:, :, 0]
-        joint[..., :dimension, dimension:] = np.swapaxes(joint[..., dimension:, :dimension], 2, 3)
-        joint[..., dimension:, dimension:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)
+        """(P, O, r + l, r + l) of the robot together with each object."""
+        r, own, count = self.layout.robot, slice(self.layout.landmark), self.mean.shape[1] - 1
+        blocks, objects = self.blocks, np.arange(1, 1 + count)
+        joint = np.empty((len(self.mean), count, self.layout.size(1), self.layout.size(1)))
+        joint[..., :r, :r] = blocks[:, None, 0, :r, 0, :r]
+        joint[..., r:, :r] = blocks[:, 1:, own, 0, :r]
+        joint[..., :r, r:] = np.swapaxes(joint[..., r:, :r], 2, 3)
+        joint[..., r:, r:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)[..., own, own]
         return joint
 
 
 class KeyframeProblem:
-    """The likelihood of n detections over y (B, (1 + n) d), for the candidates of ``rows``."""
+    """The likelihood of n detections over y (B, r + n l), for the candidates of ``rows``.
 
-    def __init__(
-        self, space: StateSpace, model: ObservationModel, seen: Any, rows: Assignments, mean: Array, root: Array
-    ):
-        """``seen``: the n detections as ``model`` collects them; ``root`` (B, (1 + n) d, (1 + n) d)."""
-        self.space, self.model, self.rows = space, model, rows
-        self.dimension = space.dimension
+    States are in blocks (B, 1 + n, s), tangent vectors (B, 1 + n, w), as wide as the wider of robot and landmark.
+    """
+
+    def __init__(self, spaces: Spaces, model: ObservationModel, seen: Any, rows: Assignments, mean: Array, root: Array):
+        """``seen``: the n detections as ``model`` collects them; ``root`` (B, r + n l, r + n l)."""
+        self.spaces, self.layout, self.model, self.rows = spaces, spaces.layout, model, rows
+        self._joint = spaces.joint
         self.seen = seen
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
         self._full = bool(self.active.all())
         self._distinct = bool((self.slots == np.arange(self.slots.shape[1])).all())
-        self._frames, self.root = space.frame(mean), root
-        self.size = mean.shape[1] * self.dimension
+        self._frames, self.root = self._joint.frame(mean), root
+        self.size = root.shape[-1]
 
     @classmethod
     def of(
-        cls, space: StateSpace, model: ObservationModel, predicted: PredictedBelief, seen: Any, rows: Assignments
+        cls, spaces: Spaces, model: ObservationModel, predicted: PredictedBelief, seen: Any, rows: Assignments
     ) -> "KeyframeProblem":
         """With the priors of the candidates' states from those of their parents."""
         own = (rows.objects >= 0) & (_first_occurrence(rows.objects) == np.arange(rows.objects.shape[1]))
         blocks = np.concatenate([np.zeros((len(own), 1), int), np.where(own, 1 + rows.objects, 0)], axis=1)
         used = np.concatenate([np.ones((len(own), 1), bool), own], axis=1)
-        dimension, count = space.dimension, blocks.shape[1] * space.dimension
-        columns = (blocks[..., None] * dimension + np.arange(dimension)).reshape(len(own), count)
+        columns = spaces.layout.rows_of_slots(blocks)
         covariance = predicted.covariance[rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
         if not used.all():
-            free = np.repeat(~used, dimension, axis=1)
-            covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(count), covariance)
+            free = spaces.layout.repeated(~used)
+            covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
         root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        return cls(space, model, seen, rows, predicted.mean[rows.parents[:, None], blocks], root)
+        return cls(spaces, model, seen, rows, predicted.mean[rows.parents[:, None], blocks], root)
 
     def with_classes(self, selection: Index, classes: Index) -> "KeyframeProblem":
         """Some of the candidates, with (B, n) classes of their objects."""
@@ -99,39 +98,49 @@ class KeyframeProblem:
 
     @property
     def mean(self) -> Array:
-        """(B, 1 + n, d) prior means."""
-        return self._frames[..., : self.dimension]
+        """(B, 1 + n, s) prior means."""
+        return self._frames[..., : self.spaces.storage.width]
 
     def tangent(self, y: Array) -> Array:
-        """(B, 1 + n, d) tangent vectors at the prior means."""
-        return np.asarray((self.root @ y[..., None])[..., 0].reshape(self.mean.shape))
+        """(B, 1 + n, w) tangent vectors at the prior means."""
+        return self.layout.blocks((self.root @ y[..., None])[..., 0])
 
     def states(self, y: Array) -> Array:
-        """(B, 1 + n, d) states."""
-        return self.space.retract(self.mean, self.tangent(y))
+        """(B, 1 + n, s) states."""
+        return self._joint.retract(self.mean, self.tangent(y))
 
     def marginals(self, y: Array, hessian: Array) -> tuple[Array, Array]:
-        """(B, 1 + n, d) states and their (B, 1 + n, d, d) covariances, in the tangent spaces there."""
+        """(B, 1 + n, s) states and their (B, 1 + n, w, w) covariances, in the tangent spaces there."""
         tangent = self.tangent(y)
         covariance = self.root @ np.linalg.solve(hessian, np.swapaxes(self.root, -1, -2))
-        count, dimension = self.mean.shape[1], self.dimension
-        diagonal = np.einsum("bnpnq->bnpq", covariance.reshape(len(y), count, dimension, count, dimension))
-        moved, chart = self.space.exp_and_jacobian(tangent)
-        return self.space.compose(self.mean, moved), chart @ diagonal @ np.swapaxes(chart, -1, -2)
+        moved, chart = self._joint.exp_and_jacobian(tangent)
+        diagonal = self.layout.diagonal(covariance)
+        return self._joint.compose(self.mean, moved), chart @ diagonal @ np.swapaxes(chart, -1, -2)
 
     def coordinates(self, states: Array) -> Array:
-        """(B, n) whitened y of (B, 1 + n, d) states."""
-        tangent = self.space.local(self.mean, states).reshape(len(states), -1)
+        """(B, size) whitened y of (B, 1 + n, s) states."""
+        tangent = self.layout.joined(self._joint.local(self.mean, states))
         return np.asarray(np.linalg.solve(self.root, tangent[..., None])[..., 0])
 
+    def robots_of(self, states: Array) -> Array:
+        """(B, s) robots among (B, 1 + n, s) states."""
+        return states[:, 0, : self.spaces.storage.robot]
+
     def objects_of(self, states: Array, detection: int) -> Array:
-        """(B, d) states of the objects that detection ``detection`` is associated with."""
-        return states[np.arange(len(states)), 1 + self.slots[:, detection]]
+        """(B, s) states of the objects that detection ``detection`` is associated with."""
+        return states[np.arange(len(states)), 1 + self.slots[:, detection], : self.spaces.storage.landmark]
+
+    def heading_rows(self, detection: int) -> Index | None:
+        """(B,) coordinates of the headings of a detection's objects; None where objects do not turn."""
+        heading = self.spaces.landmark.heading
+        return None if heading is None else self.layout.starts(1 + self.slots[:, detection]) + heading
 
     def heading_sigma(self, detection: int) -> Array:
-        """(B,) prior standard deviation of the last coordinate of a detection's object: the heading of a pose."""
-        row = (1 + self.slots[:, detection]) * self.dimension + self.dimension - 1
-        return np.asarray(np.linalg.norm(self.root[np.arange(len(row)), row], axis=-1))
+        """(B,) prior standard deviation of the heading of a detection's object, 0 where objects do not turn."""
+        rows = self.heading_rows(detection)
+        if rows is None:
+            return np.zeros(len(self.root))
+        return np.asarray(np.linalg.norm(self.root[np.arange(len(rows)), rows], axis=-1))
 
     def log_likelihood(self, y: Array) -> Array:
         """(B,) log P(Z | x, O, C), Eq. 4.10."""
@@ -142,9 +151,9 @@ class KeyframeProblem:
 
     def log_joint(self, y: Array) -> Array:
         """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
-        tangent = (y @ np.swapaxes(self.root, 1, 2)).reshape(*y.shape[:2], *self.mean.shape[1:])
-        states = self.space.placed(self._frames[:, None], self.space.exp(tangent))
-        states = states.reshape(-1, *self.mean.shape[1:])
+        tangent = self.layout.blocks(y @ np.swapaxes(self.root, 1, 2))
+        states = self._joint.placed(self._frames[:, None], self._joint.exp(tangent))
+        states = states.reshape(-1, *states.shape[2:])
         many = self._of(np.repeat(np.arange(len(y)), y.shape[1]))
         x, o = many._pairs(states)
         logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(self.seen, x, o, many._classes())
@@ -158,8 +167,8 @@ class KeyframeProblem:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
         energy = 0.5 * squared_norms(y)
-        moved, chart = self.space.exp_and_jacobian(tangent)
-        parts = self._parts(self.space.placed(self._frames, moved))
+        moved, chart = self._joint.exp_and_jacobian(tangent)
+        parts = self._parts(self._joint.placed(self._frames, moved))
         if not parts:
             return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
         for part in parts:
@@ -173,13 +182,13 @@ class KeyframeProblem:
         return energy, gradient, hessian
 
     def _in_y(self, chart: Array, parts: list[Linearisation]) -> Array:
-        """(B, n m, size) derivatives of all residuals, given those of the states (B, 1 + n, d, d)."""
+        """(B, n m, size) derivatives of all residuals, given those of the states (B, 1 + n, w, w)."""
         by_robot = self._by_row(np.concatenate([part.jacobian_robot for part in parts], axis=1))
         by_object = self._by_row(np.concatenate([part.jacobian_object for part in parts], axis=1))
-        slopes = chart @ self.root.reshape(*self.mean.shape, self.size)
+        slopes = chart @ self.layout.blocks(self.root, -2)
         own = slopes[:, 1:] if self._distinct else slopes[np.arange(len(slopes))[:, None], 1 + self.slots]
-        found = by_robot @ slopes[:, :1]
-        found += by_object @ own
+        found = by_robot @ slopes[:, :1, : self.layout.robot]
+        found += by_object @ own[:, :, : self.layout.landmark]
         return found.reshape(len(chart), -1, self.size)
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
@@ -190,14 +199,15 @@ class KeyframeProblem:
         return row_sums(self._by_row(self.model.log_visibility(x, o, soft=soft)))
 
     def _states(self, y: Array) -> Array:
-        """(B, 1 + n, d) states, headings as they add up: for likelihoods."""
-        return self.space.placed(self._frames, self.space.exp(self.tangent(y)))
+        """(B, 1 + n, s) states, headings as they add up: for likelihoods."""
+        return self._joint.placed(self._frames, self._joint.exp(self.tangent(y)))
 
     def _pairs(self, states: Array) -> tuple[Array, Array]:
-        """(B n, d) robot and object of every detection of every candidate."""
+        """(B n, s) robot and object of every detection of every candidate."""
+        size, own_size = self.spaces.storage.robot, self.spaces.storage.landmark
         own = states[:, 1:] if self._distinct else states[np.arange(len(states))[:, None], 1 + self.slots]
-        robots = broadcast_copy(states[:, :1], own.shape)
-        return robots.reshape(-1, self.dimension), own.reshape(-1, self.dimension)
+        robots = broadcast_copy(states[:, :1, :size], (*own.shape[:2], size))
+        return robots.reshape(-1, size), own[..., :own_size].reshape(-1, own_size)
 
     def _classes(self) -> Index | None:
         if self.rows.classes is None or self.model.num_classes == 0:
@@ -227,13 +237,12 @@ def search_start(stack: KeyframeProblem) -> Array:
     if len(best) == 0:
         return best
     least = stack.energy(best)
-    dimension = stack.dimension
-    robot = stack.mean[:, 0]
+    size, robot = stack.layout.robot, stack.robots_of(stack.mean)
     for number in range(stack.rows.objects.shape[1]):
         wanted = stack.model.robot_start(stack.seen.take([number]), robot, stack.objects_of(stack.mean, number))
         start = np.zeros_like(best)
-        tangent = stack.space.local(robot, wanted)
-        start[:, :dimension] = np.linalg.solve(stack.root[:, :dimension, :dimension], tangent[..., None])[..., 0]
+        tangent = stack.spaces.robot.local(robot, wanted)
+        start[:, :size] = np.linalg.solve(stack.root[:, :size, :size], tangent[..., None])[..., 0]
         energy = np.where(stack.active[:, number], stack.energy(start), np.inf)
         better = energy < least
         best[better], least = start[better], np.minimum(least, energy)

@@ -63,7 +63,7 @@ MOST_TOGETHER = 64
 
 @dataclass(frozen=True)
 class SearchStart:
-    """A history and where the first search for its modes starts: (1 + T, d) robot and (O, d) objects seen since."""
+    """A history and where the first search for its modes starts: (1 + T, s) robot and (O, s) objects seen since."""
 
     history: Window
     robots: Array
@@ -107,11 +107,11 @@ def _refined(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> l
 
 
 def _states(chain: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
-    """(M, 1 + T + O, d) robot states, the anchor's first, and objects at the M modes of each history."""
+    """(M, 1 + T + O, s) robot states, the anchor's first, and objects at the M modes of each history."""
     counts = [len(own.y) for own in modes]
     repeated = chain.select(np.repeat(np.arange(len(modes)), counts))
     robots, objects = repeated.states(np.concatenate([own.y for own in modes]))
-    return np.split(np.concatenate([robots, objects], axis=1), np.cumsum(counts)[:-1])
+    return np.split(chain.spaces.storage.stacked(robots, objects), np.cumsum(counts)[:-1])
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class _Look:
     history: Window
     chain: WindowProblem
     modes: Mode  # M
-    states: Array  # (M, 1 + T + O, d)
+    states: Array  # (M, 1 + T + O, s)
     mixture: Gaussians
     samples: Samples
 
@@ -158,7 +158,7 @@ def _mode(
     return PosteriorMode(
         log_evidence,
         1.0 / float(weights @ weights) / len(weights),
-        dict(zip([*past, *keys], look.states[at], strict=True)),
+        {key: look.chain.spaces.own(key, state) for key, state in zip([*past, *keys], look.states[at], strict=True)},
         kept_history,
         SampledMoments(drawn, modes.y[at], modes.hessian[at], weights, keys),
         len(weights),

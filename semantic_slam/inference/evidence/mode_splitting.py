@@ -69,12 +69,15 @@ class UnsplitCandidates:
         return WindowStep(self.step.motion, self.step.observed(own.association, own.class_assignment, self.used))
 
     def states_of(self, row: int, refined: PosteriorMode) -> Array:
-        """(1 + n, d) states of the blocks of one candidate at a mode of its whole history."""
+        """(1 + n, s) states of the blocks of one candidate at a mode of its whole history."""
         states: Array = self.stack.mean[row].copy()
-        states[0] = refined.smoothed[robot_key(self.parents[self.stack.rows.parents[row]].keyframe + 1)]
+        storage = self.stack.spaces.storage
+        robot = refined.smoothed[robot_key(self.parents[self.stack.rows.parents[row]].keyframe + 1)]
+        states[0, : storage.robot] = robot
         for slot, place in enumerate(self.stack.rows.objects[row]):
             if place >= 0 and self.stack.slots[row, slot] == slot:
-                states[1 + slot] = refined.smoothed[object_key(int(self.object_ids[place]))]
+                mode = refined.smoothed[object_key(int(self.object_ids[place]))]
+                states[1 + slot, : storage.landmark] = mode
         return states
 
 
@@ -144,7 +147,7 @@ def _starts(expanded: UnsplitCandidates, rows: Index) -> list[SearchStart]:
 
 
 def _start(expanded: UnsplitCandidates, row: int, states: Array) -> SearchStart:
-    parent = expanded.parents[expanded.stack.rows.parents[row]]
+    parent, storage = expanded.parents[expanded.stack.rows.parents[row]], expanded.stack.spaces.storage
     new = expanded.new[expanded.stack.rows.parents[row]]
     history = Window.of(parent).with_keyframe(expanded.taken(row), new)
     seen = {
@@ -153,9 +156,10 @@ def _start(expanded: UnsplitCandidates, row: int, states: Array) -> SearchStart:
         if place >= 0
     }
     past = range(history.anchor.keyframe, parent.keyframe + 1)
-    robots = np.concatenate([parent.states([robot_key(k) for k in past]), states[:1]])
+    robots = np.concatenate([parent.states([robot_key(k) for k in past]), states[:1]])[:, : storage.robot]
     objects = [seen[n] if n in seen else parent.states([object_key(n)])[0] for n in history.object_ids()]
-    return SearchStart(history, robots, np.array(objects).reshape(-1, robots.shape[1]))
+    by_object = np.array(objects).reshape(-1, storage.width)[:, : storage.landmark]
+    return SearchStart(history, robots, by_object)
 
 
 def _collected(

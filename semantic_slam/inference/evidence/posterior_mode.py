@@ -18,7 +18,7 @@ class PosteriorMode:
 
     log_evidence: float  # of everything since the anchor, in this mode's region
     effective_share: float  # effective sample size over the number of samples
-    smoothed: dict[int, Array]  # GTSAM key -> (d,) mode: robot since the anchor, objects seen since
+    smoothed: dict[int, Array]  # GTSAM key -> (s,) mode: robot since the anchor, objects seen since
     history: Window | None  # None where the mode is Gaussian
     moments: "SampledMoments" = field(compare=False, repr=False)
     num_samples: int = 0
@@ -38,9 +38,9 @@ class WindowSamples:
 
     @cached_property
     def states(self) -> Array:
-        """(N, 1 + O, d) of the newest robot state and of the objects."""
+        """(N, 1 + O, s) of the newest robot state and of the objects."""
         robots, objects = self.chain.states(self.y)
-        return np.concatenate([robots[:, -1:], objects], axis=1)
+        return self.chain.spaces.storage.stacked(robots[:, -1:], objects)
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,12 @@ class SampledMoments:
     def corrections(self) -> dict[int, Correction]:
         """Weighted moments of the newest robot state and of the objects, against the Laplace Gaussian's."""
         chain = self.drawn.chain
-        slopes = chain.newest_slopes(self.y[None])[0]  # (K, d, size)
+        slopes = chain.newest_slopes(self.y[None])[0]  # (K, w, size)
         covariances = slopes @ np.linalg.solve(self.hessian, np.swapaxes(slopes, 1, 2))
         mode = WindowSamples(chain, self.y[None]).states[0]
-        found = Correction.towards(chain.space, mode, covariances, self.drawn.states, self.weights)
+        found: list[Correction] = []
+        for space, rows in chain.spaces.kinds(len(mode)):
+            s, d = space.storage_size, space.tangent_size
+            own = (mode[rows, :s], covariances[rows, :d, :d], self.drawn.states[:, rows, :s])
+            found += Correction.towards(space, *own, self.weights)
         return dict(zip(self.keys, found, strict=True))

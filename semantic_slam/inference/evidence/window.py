@@ -18,14 +18,14 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 class Anchor(Protocol):
     """A Gaussian belief over the robot's poses and the objects: a window begins at one."""
 
     @property
-    def space(self) -> StateSpace:
+    def spaces(self) -> Spaces:
         """Of its states."""
 
     @property
@@ -41,7 +41,7 @@ class Anchor(Protocol):
         """Since it was last Gaussian; None: it is."""
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(n, d) estimates by GTSAM keys."""
+        """(n, s) estimates by GTSAM keys, as wide as the wider of robots and objects."""
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
         """(n d, n d) marginal covariance. Raises LostComponentError."""
@@ -66,8 +66,8 @@ class Region:
 
     def log_share(self, chain: WindowProblem, y: Array) -> Array:
         """(B,) log responsibility of the mode, a function of the chain's earlier blocks."""
-        anchor = (1 + self.num_objects) * chain.dimension
-        motions = y[:, chain.width : chain.width + self.num_links * chain.dimension]
+        anchor = chain.layout.size(self.num_objects)
+        motions = y[:, chain.width : chain.motion_rows(self.num_links).start]
         earlier = np.concatenate([y[:, :anchor], motions], axis=1)
         return np.asarray(self.modes.log_responsibilities(earlier)[self.number])
 
@@ -106,7 +106,7 @@ class Window:
         return self.anchor.keyframe, len(self.taken), detections, len(self.object_ids())
 
     def anchored(self) -> tuple[Array, Array]:
-        """Mean (1 + O, d) and covariance of the robot at the anchor and the objects. Raises LostComponentError."""
+        """Mean (1 + O, s) and covariance of the robot at the anchor and the objects. Raises LostComponentError."""
         anchor, objects = self.anchor, self.object_ids()
         introduced = dict(self.introduced)
         known = [n for n in objects if n not in introduced]
@@ -114,13 +114,13 @@ class Window:
         mean, covariance = anchor.states(keys), anchor.joint_covariance(keys)
         if not introduced:
             return mean, covariance
-        added = [introduced[n] for n in objects if n in introduced]
-        mean = np.concatenate([mean, *(prior.mean[None] for prior in added)])
+        added, storage = [introduced[n] for n in objects if n in introduced], anchor.spaces.storage
+        mean = storage.stacked(mean, np.array([prior.mean for prior in added]).reshape(-1, storage.landmark))
         covariance = block_diag(covariance, *(prior.covariance for prior in added))
         place = {n: i for i, n in enumerate([*known, *(n for n in objects if n in introduced)])}
         order = [0, *(1 + place[n] for n in objects)]
-        blocks = (np.array(order)[:, None] * mean.shape[1] + np.arange(mean.shape[1])).ravel()
-        return mean[order], covariance[np.ix_(blocks, blocks)]
+        rows = anchor.spaces.layout.rows(order)
+        return mean[order], covariance[np.ix_(rows, rows)]
 
     def chain(self) -> WindowProblem:
         """The integral over everything since the anchor. Raises LostComponentError."""
@@ -148,4 +148,4 @@ def window_problem_of(histories: Sequence[Window]) -> WindowProblem:
         np.array(places, dtype=int),
         np.array(classes, dtype=int),
     )
-    return WindowProblem(first.anchor.space, first.anchor.model, at_anchor, links)
+    return WindowProblem(first.anchor.spaces, first.anchor.model, at_anchor, links)

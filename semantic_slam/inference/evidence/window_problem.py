@@ -15,7 +15,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, row_sums, squared_norms
 from semantic_slam.inference.models.observation import Linearisation, ObservationModel
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class WindowKeyframe:
 class AnchorPrior:
     """K Gaussians over robot and O objects at the anchor, and what each of S detections since is."""
 
-    mean: Array  # (K, 1 + O, d), the robot's first
-    covariance: Array  # (K, (1 + O) d, (1 + O) d)
+    mean: Array  # (K, 1 + O, s), the robot's first
+    covariance: Array  # (K, r + O l, r + O l)
     places: Index  # (K, S) among the objects
     classes: Index  # (K, S), -1: no semantics; the same S have some in every hypothesis
 
@@ -39,23 +39,22 @@ class AnchorPrior:
 class WindowProblem:
     """The energy -log p(Z | y) + |y|^2 / 2 of T keyframes after the anchor, for K hypotheses.
 
-    The blocks of y: robot and objects at the anchor, then the T motions; ``size`` = (1 + O + T) d numbers. Of K N rows
-    of y the first N are of the first hypothesis, and so on.
+    The blocks of y: robot and objects at the anchor, then the T motions of the robot; ``size`` = r + O l + T r numbers.
+    Of K N rows of y the first N are of the first hypothesis, and so on.
     """
 
-    def __init__(
-        self, space: StateSpace, model: ObservationModel, anchored: AnchorPrior, links: Sequence[WindowKeyframe]
-    ):
-        self.space, self.model, self.links = space, model, tuple(links)
-        self._count, self.dimension = anchored.mean.shape[1], space.dimension
+    def __init__(self, spaces: Spaces, model: ObservationModel, anchored: AnchorPrior, links: Sequence[WindowKeyframe]):
+        self.spaces, self.layout, self.model, self.links = spaces, spaces.layout, model, tuple(links)
+        self._count = anchored.mean.shape[1]
+        self._joint = spaces.joint_with_motions(self._count - 1)
         self.places, self.classes = anchored.places, anchored.classes
         self.root = np.asarray(np.linalg.cholesky(anchored.covariance), dtype=np.float64)
         self.width = self.root.shape[-1]
-        controls = np.array([link.motion.control for link in links]).reshape(len(links), self.dimension)
+        controls = np.array([link.motion.control for link in links]).reshape(len(links), spaces.storage.robot)
         every = np.tile(controls, (len(anchored.mean), 1, 1))
-        self._frames = space.frame(np.concatenate([anchored.mean, every], axis=1))  # (K, 1 + O + T, f)
+        self._frames = self._joint.frame(spaces.storage.stacked(anchored.mean, every))  # (K, 1 + O + T, f)
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
-        self.size = self.width + len(links) * self.dimension
+        self.size = self.motion_rows(len(links)).start
         self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
         seen = model.collect([detection for link in links for detection in link.detections])
         named = self.classes[0] >= 0
@@ -68,10 +67,15 @@ class WindowProblem:
     def __len__(self) -> int:
         return len(self.root)
 
+    def motion_rows(self, number: int) -> slice:
+        """Coordinates of one motion in y."""
+        start = self.width + number * self.layout.robot
+        return slice(start, start + self.layout.robot)
+
     @property
     def mean(self) -> Array:
-        """(K, 1 + O, d) of robot and objects at the anchor."""
-        return self._frames[:, : self._count, : self.dimension]
+        """(K, 1 + O, s) of robot and objects at the anchor."""
+        return self._frames[:, : self._count, : self.spaces.storage.width]
 
     def select(self, selection: Any) -> "WindowProblem":
         """Some of the hypotheses, any number of times."""
@@ -81,25 +85,28 @@ class WindowProblem:
         return part
 
     def coordinates(self, robots: Array, objects: Array) -> Array:
-        """(K, size) y of robot states (K, 1 + T, d), the anchor's first, and objects (K, O, d)."""
-        anchor = self.space.local(self.mean, np.concatenate([robots[:, :1], objects], axis=1))
-        blocks = [np.linalg.solve(self.root, anchor.reshape(len(self), -1, 1))[..., 0]]
+        """(K, size) y of robot states (K, 1 + T, s), the anchor's first, and objects (K, O, s)."""
+        robot = self.spaces.robot
+        anchor = self.spaces.joint.local(self.mean, self.spaces.storage.stacked(robots[:, :1], objects))
+        blocks = [np.linalg.solve(self.root, self.layout.joined(anchor)[..., None])[..., 0]]
         for t, (link, root) in enumerate(zip(self.links, self.motion_roots, strict=True)):
-            moved = self.space.compose(robots[:, t], link.motion.control)
-            blocks.append(np.linalg.solve(root, self.space.local(moved, robots[:, t + 1])[..., None])[..., 0])
+            moved = robot.compose(robots[:, t], link.motion.control)
+            blocks.append(np.linalg.solve(root, robot.local(moved, robots[:, t + 1])[..., None])[..., 0])
         return np.concatenate(blocks, axis=1)
 
     def newest_slopes(self, y: Array) -> Array:
-        """(K, 1 + O, d, size) derivatives of the newest robot state and of the objects by y (K, size)."""
-        moves, chart = self.space.exp_and_jacobian(self._tangents(y))
+        """(K, 1 + O, w, size) derivatives of the newest robot state and of the objects by y (K, size)."""
+        moves, chart = self._joint.exp_and_jacobian(self._tangents(y))
         by_robot, by_object = self._slopes(self._composed(moves), chart)
-        found = np.zeros((len(y), self._count, self.dimension, self.size))
-        found[:, 0], found[:, 1:, :, : self.width] = by_robot[:, 0, -1], by_object[:, 0]
+        found = np.zeros((len(y), self._count, self.layout.width, self.size))
+        found[:, 0, : self.layout.robot] = by_robot[:, 0, -1]
+        found[:, 1:, : self.layout.landmark, : self.width] = by_object[:, 0]
         return found
 
     def states(self, y: Array) -> tuple[Array, Array]:
-        """(B, 1 + T, d) robot, the anchor's first, and (B, O, d) objects."""
-        robots, objects = (self.space.wrapped(states) for states in self._states(y))
+        """(B, 1 + T, s) robot, the anchor's first, and (B, O, s) objects."""
+        robots, objects = self._states(y)
+        robots, objects = self.spaces.robot.wrapped(robots), self.spaces.landmark.wrapped(objects)
         return robots.reshape(len(y), *robots.shape[2:]), objects.reshape(len(y), *objects.shape[2:])
 
     def log_likelihood(self, y: Array) -> Array:
@@ -121,7 +128,7 @@ class WindowProblem:
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
-        moves, chart = self.space.exp_and_jacobian(self._tangents(y))
+        moves, chart = self._joint.exp_and_jacobian(self._tangents(y))
         composed = self._composed(moves)
         robots, objects = self._moved(composed)
         by_robot, by_object = self._slopes(composed, chart)
@@ -129,10 +136,10 @@ class WindowProblem:
         for parts, sights in self._linearised(robots, objects):
             for part in parts:
                 energy += row_sums((0.5 * squared_norms(part.residual) - part.log_normaliser).reshape(len(y), -1))
-            shape = (*robots.shape[:2], len(sights), -1, self.dimension)
-            together = _joined([part.jacobian_robot for part in parts]).reshape(shape)
+            shape = (*robots.shape[:2], len(sights), -1)
+            together = _joined([part.jacobian_robot for part in parts]).reshape(*shape, self.layout.robot)
             jacobian = together @ self._timed(by_robot, sights)
-            together = _joined([part.jacobian_object for part in parts]).reshape(shape)
+            together = _joined([part.jacobian_object for part in parts]).reshape(*shape, self.layout.landmark)
             jacobian[..., : self.width] += together @ self._placed(by_object, sights)
             jacobians.append(jacobian.reshape(len(y), -1, self.size))
             residuals.append(_joined([part.residual for part in parts]).reshape(len(y), -1, 1))
@@ -171,10 +178,10 @@ class WindowProblem:
         return found
 
     def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
-        """(K N S, d) robot and object of S sights."""
+        """(K N S, s) robot and object of S sights."""
         o = self._placed(objects, sights)
-        x = broadcast_copy(self._timed(robots, sights), o.shape)
-        return x.reshape(-1, self.dimension), o.reshape(-1, self.dimension)
+        x = broadcast_copy(self._timed(robots, sights), (*o.shape[:-1], robots.shape[-1]))
+        return x.reshape(-1, x.shape[-1]), o.reshape(-1, o.shape[-1])
 
     def _timed(self, values: Array, sights: Index) -> Array:
         """(K, N, S, ...) of the sights' robot states, from (K, N, 1 + T, ...); one of them where all are the same."""
@@ -196,47 +203,45 @@ class WindowProblem:
         return broadcast_copy(classes, (len(classes), count, len(sights))).reshape(-1)
 
     def _states(self, y: Array) -> tuple[Array, Array]:
-        """(K, N, 1 + T, d) robot and (K, N, O, d) objects, headings as they add up."""
-        return self._moved(self._composed(self.space.exp(self._tangents(y))))
+        """(K, N, 1 + T, s) robot and (K, N, O, s) objects, headings as they add up."""
+        return self._moved(self._composed(self._joint.exp(self._tangents(y))))
 
     def _tangents(self, y: Array) -> Array:
-        """(K, N, 1 + O + T, d): of robot and objects at the anchor, then of the motions."""
+        """(K, N, 1 + O + T, w): of robot and objects at the anchor, then of the motions."""
         y = y.reshape(len(self), -1, self.size)
-        count, d = self._count, self.dimension
-        tangents = np.empty((*y.shape[:2], count + len(self.links), d))
-        anchor = y[..., : self.width] @ np.swapaxes(self.root, 1, 2)
-        tangents[:, :, :count] = anchor.reshape(*y.shape[:2], count, d)
+        count = self._count
+        tangents = np.empty((*y.shape[:2], count + len(self.links), self.layout.width))
+        tangents[:, :, :count] = self.layout.blocks(y[..., : self.width] @ np.swapaxes(self.root, 1, 2))
         for t, root in enumerate(self.motion_roots):
-            start = self.width + t * d
-            tangents[:, :, count + t] = y[..., start : start + d] @ root.T
+            tangents[:, :, count + t, : self.layout.robot] = y[..., self.motion_rows(t)] @ root.T
         return tangents
 
     def _composed(self, moves: Array) -> Array:
-        """(K, N, 1 + O + T, d) states at the anchor and motions since, from Exp of all tangents."""
-        return self.space.placed(self._frames[:, None], moves)
+        """(K, N, 1 + O + T, s) states at the anchor and motions since, from Exp of all tangents."""
+        return self._joint.placed(self._frames[:, None], moves)
 
     def _moved(self, composed: Array) -> tuple[Array, Array]:
-        """(K, N, 1 + T, d) robot and (K, N, O, d) objects."""
-        count = self._count
-        robots = np.empty((*composed.shape[:2], 1 + len(self.links), self.dimension))
-        robots[:, :, 0] = composed[:, :, 0]
-        robots[:, :, 1:] = self.space.along(composed[:, :, 0], composed[:, :, count:])
-        return robots, composed[:, :, 1:count]
+        """(K, N, 1 + T, s) robot and (K, N, O, s) objects."""
+        count, size = self._count, self.spaces.storage.robot
+        robots = np.empty((*composed.shape[:2], 1 + len(self.links), size))
+        robots[:, :, 0] = composed[:, :, 0, :size]
+        robots[:, :, 1:] = self.spaces.robot.along(composed[:, :, 0, :size], composed[:, :, count:, :size])
+        return robots, composed[:, :, 1:count, : self.spaces.storage.landmark]
 
     def _slopes(self, composed: Array, chart: Array) -> tuple[Array, Array]:
-        """(K, N, 1 + T, d, size) of the robot, (K, N, O, d, width) of the objects: in tangent spaces by y."""
-        count, d, leading = self._count, self.dimension, composed.shape[:2]
-        anchor = chart[:, :, :count] @ self.root.reshape(len(self), 1, -1, d, self.width)
-        robots = np.zeros((*leading, 1 + len(self.links), d, self.size))
-        robots[:, :, 0, :, : self.width] = anchor[:, :, 0]
+        """(K, N, 1 + T, r, size) of the robot, (K, N, O, l, width) of the objects: in tangent spaces by y."""
+        count, r, leading = self._count, self.layout.robot, composed.shape[:2]
+        anchor = chart[:, :, :count] @ self.layout.blocks(self.root, -2)[:, None]
+        robots = np.zeros((*leading, 1 + len(self.links), r, self.size))
+        robots[:, :, 0, :, : self.width] = anchor[:, :, 0, :r]
         if self.links:
-            transitions = self.space.propagation(composed[:, :, count:])
-            own = chart[:, :, count:] @ np.array(self.motion_roots)
+            motions = composed[:, :, count:, : self.spaces.storage.robot]
+            transitions = self.spaces.robot.propagation(motions)
+            own = chart[:, :, count:, :r, :r] @ np.array(self.motion_roots)
         for t in range(len(self.links)):
             robots[:, :, t + 1] = transitions[..., t, :, :] @ robots[:, :, t]
-            columns = slice(self.width + t * d, self.width + (t + 1) * d)
-            robots[:, :, t + 1, :, columns] += own[:, :, t]
-        return robots, anchor[:, :, 1:]
+            robots[:, :, t + 1, :, self.motion_rows(t)] += own[:, :, t]
+        return robots, anchor[:, :, 1:, : self.layout.landmark]
 
 
 def _joined(parts: list[Array]) -> Array:

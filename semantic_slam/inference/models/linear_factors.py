@@ -9,11 +9,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.keys import is_descriptor
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
-ORIGIN = 0.7
-"""Coordinates from which linearisation points are steps. GTSAM's exponential loses digits where a turn is next to none,
-as it would be from a heading of 0 to one that is nearly so."""
 _jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its type does not say
 
 
@@ -39,17 +36,17 @@ def linear_factors(
 
 
 def linearisation_points(
-    space: StateSpace, keys: Sequence[Sequence[tuple[int, ...]]], states: Array
+    spaces: Spaces, keys: Sequence[Sequence[tuple[int, ...]]], states: Array
 ) -> list[gtsam.Values]:
     """GTSAM's values for each set of factors, by the variables of its factors: a robot, an object, a descriptor if any.
 
-    ``states`` (B, 2 d + L) of the variables of all B factors; in one set a variable is at one place. As steps from
-    one state: GTSAM tries a dozen types for a pose that is inserted.
+    ``states`` (B, s + s + L) of the variables of all B factors; in one set a variable is at one place. As steps from
+    one state: GTSAM tries a dozen types for a pose that is inserted. That state is turned, for GTSAM's exponential
+    loses digits where a turn is next to none, as it would be from a heading of 0 to one that is nearly so.
     """
-    size, descriptors = space.dimension, states.shape[1] - 2 * space.dimension
-    poses = states[:, : 2 * size].reshape(-1, size)
-    steps = space.local(np.full(size, ORIGIN), poses).reshape(-1, 2 * size)
-    rows = zip(steps[:, :size], steps[:, size:], states[:, 2 * size :], strict=True)
+    together = spaces.storage.size(1)
+    robots, objects = spaces.steps(states[:, :together])
+    rows = zip(robots, objects, states[:, together:], strict=True)
     points = []
     for own in keys:
         step, known = gtsam.VectorValues(), dict[int, Array]()
@@ -57,16 +54,17 @@ def linearisation_points(
             known |= zip(variables, next(rows), strict=False)
         for key, value in known.items():
             step.insert(key, value)
-        points.append(_origin(space, tuple(known), descriptors).retract(step))
+        points.append(_origin(spaces, tuple(known), states.shape[1] - together).retract(step))
     return points
 
 
 @lru_cache(maxsize=64)
-def _origin(space: StateSpace, keys: tuple[int, ...], descriptor_size: int) -> gtsam.Values:
+def _origin(spaces: Spaces, keys: tuple[int, ...], descriptor_size: int) -> gtsam.Values:
     values = gtsam.Values()
     for key in keys:
         if is_descriptor(key):
             values.insert(key, np.zeros(descriptor_size))
         else:
-            space.insert(values, key, np.full(space.dimension, ORIGIN))
+            own = spaces.of(key)
+            own.insert(values, key, own.origin)
     return values

@@ -20,8 +20,8 @@ class Linearisation:
     """log p = log_normaliser - |residual|^2 / 2 at B states, with Jacobians in the tangent spaces there."""
 
     residual: Array  # (B, m) whitened
-    jacobian_robot: Array  # (B, m, d)
-    jacobian_object: Array  # (B, m, d)
+    jacobian_robot: Array  # (B, m, r)
+    jacobian_object: Array  # (B, m, l)
     log_normaliser: Array  # (B,)
 
 
@@ -55,7 +55,7 @@ class Detections(Protocol):
 
 
 class ObservationModel(Protocol):
-    """States are (B, d) robot ``x`` and object ``o`` in map; a detection is opaque to the engine.
+    """States are (B, s) robot ``x`` and object ``o`` in map, each of its space; a detection is opaque to the engine.
 
     Of S detections ``seen`` the rows repeat: state b is of detection b mod S.
     """
@@ -84,10 +84,10 @@ class ObservationModel(Protocol):
         """(B,) log P(beta | x, o), up to a constant that is equal for all beta."""
 
     def robot_start(self, seen: Any, x: Array, o: Array) -> Array:
-        """(B, d) robot states near ``x`` that explain the detections of objects ``o``: where a search may start."""
+        """(B, s) robot states near ``x`` that explain the detections of objects ``o``: where a search may start."""
 
     def object_prior(self, detection: Any, x: Array) -> GaussianPrior:
-        """Broad prior of an object first seen from robot state ``x`` (d,)."""
+        """Broad prior of an object first seen from robot state ``x`` (s,)."""
 
     def geometry_factor(self, detection: Any, keys: tuple[int, int]) -> Any:
         """GTSAM factor between robot and object."""
@@ -95,17 +95,17 @@ class ObservationModel(Protocol):
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """(B,) radians by which an object's place as the robot sees it is uncertain, seen from the robot.
 
-        ``covariance`` (B, 2 d, 2 d) is of robot and object in tangent spaces from which ``charts`` (B, 2 d, 2 d) lead
+        ``covariance`` (B, r + l, r + l) is of robot and object in tangent spaces from which ``charts`` like it lead
         to those at their states.
         """
 
     def view_change(self, before: Array, now: Array) -> Array:
-        """(n,) radians by which views of objects differ, given (n, d) objects as the robot sees them."""
+        """(n,) radians by which views of objects differ, given (n, s) objects as the robot sees them."""
 
     def least_cost(self, seen: Any, x: Array, covariance: Array, o: Array, sigmas: Array) -> tuple[Array, float]:
         """(P, D, O) nats that D detections cost at least if they are of each of O objects, and the log of all their
         densities' peaks.
 
-        Robots (P, d) have (P, d, d) ``covariance``; the positions of objects (P, O, d) have no larger standard
+        Robots (P, s) have (P, r, r) ``covariance``; the positions of objects (P, O, s) have no larger standard
         deviation than ``sigmas`` (O,) [m] in any direction.
         """

@@ -14,28 +14,28 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.states.spaces import Spaces
 
 
 def range_factor(detection: PlanarDetection, keys: tuple[int, int]) -> Any:
-    """Built-in bearing-range factor."""
+    """Built-in bearing-range factor between two poses."""
     return gtsam.BearingRangeFactorPose2(*keys, detection.direction, detection.range_m, detection.noise)
 
 
-def bearing_factor(linearise: Callable[[Array, Array], Linearisation], keys: tuple[int, int]) -> Any:
+def point_range_factor(detection: PlanarDetection, keys: tuple[int, int]) -> Any:
+    """Built-in bearing-range factor between a pose and a point."""
+    return gtsam.BearingRangeFactor2D(*keys, detection.direction, detection.range_m, detection.noise)
+
+
+def bearing_factor(spaces: Spaces, linearise: Callable[[Array, Array], Linearisation], keys: tuple[int, int]) -> Any:
     """Of a bearing alone."""
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-        x, o = _planar_states(values, this.keys())
-        part = linearise(x, o)
+        robot, target = this.keys()
+        part = linearise(spaces.robot.state(values, robot)[None], spaces.landmark.state(values, target)[None])
         if jacobians is not None:
             jacobians[0] = np.asfortranarray(part.jacobian_robot[0, 1:])
             jacobians[1] = np.asfortranarray(part.jacobian_object[0, 1:])
         return np.asarray(part.residual[0, 1:])
 
     return gtsam.CustomFactor(unit_noise(1), list(keys), error)
-
-
-def _planar_states(values: gtsam.Values, keys: list[int]) -> tuple[Array, Array]:
-    poses = (values.atPose2(key) for key in keys)
-    x, o = (np.array([[pose.x(), pose.y(), pose.theta()]]) for pose in poses)
-    return x, o

@@ -16,18 +16,21 @@ import numpy as np
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, broadcast_copy, squared_norms
-from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.observation import Classes, Linearisation
 from semantic_slam.inference.models.planar_detection import LOG_2PI, PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.planar_factors import bearing_factor, range_factor
+from semantic_slam.inference.models.planar_gate import least_cost
+from semantic_slam.inference.models.polar import polar, polar_jacobian
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 
-LEAST_DISTANCE_M = 1e-6
+POSES = Spaces.same(PlanarPoses())
 LEAST_WINDOW_RAD = 0.6
 """Half the range of azimuths about a mode that is searched at least."""
 WINDOW_ANGLES, NARROW_WINDOW_ANGLES, WIDE_WINDOW_RAD = 25, 13, 1.2
@@ -166,7 +169,7 @@ class PlanarObservation:
         if detection.has_range:
             return range_factor(detection, keys)
         seen = self.collect([detection])
-        return bearing_factor(lambda x, o: self.geometry(seen, x, o), keys)
+        return bearing_factor(POSES, lambda x, o: self.geometry(seen, x, o), keys)
 
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """From the covariance of the object in the body frame."""
@@ -184,25 +187,10 @@ class PlanarObservation:
     def least_cost(
         self, seen: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
     ) -> tuple[Array, float]:
-        """Range and bearing each on its own, at the deviation that makes it cheapest.
-
-        A position that is off by r changes a distance d by at most r and, while r < d, a direction by asin(r / d) <=
-        pi r / 2 d. Deviations of robot and object may go together: their standard deviations add up.
-        """
-        heading = np.sqrt(covariance[:, 2, 2])[:, None, None]  # (P, 1, 1)
-        offset = np.hypot(*seen.origin.T)[:, None]  # (D, 1): a camera off the centre moves with the heading
-        position = position_sigmas(covariance)[:, None, None] + sigmas + offset * heading  # (P, D, O)
+        """Range and bearing each on its own, at the deviation that makes it cheapest."""
         shape = (len(x), len(seen.range_m), o.shape[1], 3)
         body = object_in_body(np.broadcast_to(x[:, None, None], shape), np.broadcast_to(o[:, None], shape))
-        distance, bearing = polar(body - seen.origin[:, None])
-        noise = np.linalg.inv(seen.whiten + (1.0 - seen.has_range)[:, None, None] * np.diag([1.0, 0.0]))
-        variance = (noise @ np.swapaxes(noise, 1, 2)).diagonal(axis1=1, axis2=2)  # (D, 2)
-        off = np.where(seen.has_range[:, None], distance - seen.range_m[:, None], 0.0)
-        by_range = off**2 / (position**2 + variance[:, :1])
-        turn = wrap_angle(bearing - seen.bearing_rad[:, None])
-        by_bearing = turn**2 / ((heading + 0.5 * np.pi * position / distance) ** 2 + variance[:, 1:])
-        by_bearing = np.minimum(by_bearing, (distance / position) ** 2)  # or the robot is anywhere around the object
-        return 0.5 * np.maximum(by_range, by_bearing), float(seen.log_normaliser.sum())
+        return least_cost(seen, covariance, body, sigmas)
 
     def view_change(self, before: Array, now: Array) -> Array:
         """Of direction or heading, from poses of objects in the robot's frame."""
@@ -292,12 +280,6 @@ def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
     return np.asarray(np.arctan2(camera[:, 1], camera[:, 0]))
 
 
-def viewpoints_in_plane(x: Array, o: Array, sensor: Array) -> Viewpoints:
-    """From where the camera of (B, 3) robots sees (B, 3) objects."""
-    distance, azimuth = polar(camera_in_object(x, o, sensor))
-    return Viewpoints(azimuth, np.zeros_like(azimuth), distance)
-
-
 def _per_detection(values: Array, count: int) -> Array:
     """(B, ...) as (B / S, S, ...)."""
     return values.reshape(len(values) // max(count, 1), count, *values.shape[1:])
@@ -314,21 +296,6 @@ def _turned_back(sin: Array, cos: Array, x: Array, y: Array) -> Array:
     turned[..., 0] = cos * x + sin * y
     turned[..., 1] = cos * y - sin * x
     return turned
-
-
-def polar(point: Array) -> tuple[Array, Array]:
-    """Distance [m] and direction [rad] of (..., 2) points."""
-    x, y = point[..., 0], point[..., 1]
-    return np.maximum(np.sqrt(x * x + y * y), LEAST_DISTANCE_M), np.arctan2(y, x)
-
-
-def polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
-    """(..., 2) derivatives of distance and of direction with respect to the point."""
-    scale = 1.0 / distance
-    radial, turn = np.empty_like(point), np.empty_like(point)
-    radial[..., 0], radial[..., 1] = point[..., 0] * scale, point[..., 1] * scale
-    turn[..., 0], turn[..., 1] = -radial[..., 1] * scale, radial[..., 0] * scale
-    return radial, turn
 
 
 def by_pose(by_point: Array, point: Array) -> Array:

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 class Motion:
     """Odometry from one keyframe to the next."""
 
-    control: Array  # (d,)
-    covariance: Array  # (d, d)
-    by_bias: Array | None = None  # (d, p) change of the control by what odometry always gets wrong, where estimated
+    control: Array  # (s,) of the robot
+    covariance: Array  # (r, r)
+    by_bias: Array | None = None  # (r, p) change of the control by what odometry always gets wrong, where estimated
 
 
 @dataclass(frozen=True)

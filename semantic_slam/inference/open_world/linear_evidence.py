@@ -13,7 +13,7 @@ from semantic_slam.geometry.small_matrices import inverted
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,22 +21,23 @@ class _Results:
     """Columns of K assignments that are filled row by row."""
 
     log_evidence: Array  # (K,) of the detections, those that start an object under their stand-in
-    robot: Array  # (K, d) modes
-    robot_covariance: Array  # (K, d, d)
-    object_states: Array  # (K, D, d)
-    object_covariances: Array  # (K, D, d, d)
+    robot: Array  # (K, s) modes
+    robot_covariance: Array  # (K, r, r)
+    object_states: Array  # (K, D, s)
+    object_covariances: Array  # (K, D, l, l)
     bend: Array  # (K,)
 
     @classmethod
-    def empty(cls, shape: tuple[int, ...], size: int) -> "_Results":
+    def empty(cls, shape: tuple[int, ...], spaces: Spaces) -> "_Results":
         """To be filled, (K, D) in shape."""
         count, detections = shape
+        storage, r, own = spaces.storage, spaces.layout.robot, spaces.layout.landmark
         return cls(
             log_evidence=np.zeros(count),
-            robot=np.empty((count, size)),
-            robot_covariance=np.empty((count, size, size)),
-            object_states=np.empty((count, detections, size)),
-            object_covariances=np.empty((count, detections, size, size)),
+            robot=np.empty((count, storage.robot)),
+            robot_covariance=np.empty((count, r, r)),
+            object_states=np.empty((count, detections, storage.landmark)),
+            object_covariances=np.empty((count, detections, own, own)),
             bend=np.zeros(count),
         )
 
@@ -45,25 +46,23 @@ class LinearisedEvidence:
     """The predicted Gaussian of one parent with its linearised detections."""
 
     def __init__(
-        self, space: StateSpace, mean: Array, covariance: Array, pairs: PairDensities, births: list[Birth], turns: Array
+        self, spaces: Spaces, mean: Array, covariance: Array, pairs: PairDensities, births: list[Birth], turns: Array
     ):
-        """``mean`` (1 + M, d) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad]."""
-        self.space, self.mean, self.covariance = space, mean, covariance
+        """``mean`` (1 + M, s) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad]."""
+        self.spaces, self.mean, self.covariance = spaces, mean, covariance
         self.pairs, self.births, self.turns = pairs, births, turns
-        self.dimension, self.known = space.dimension, len(mean) - 1
+        self.layout, self.known = spaces.layout, len(mean) - 1
 
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
         """With evidence and states; ``columns`` (K, D): an object, or M + i where detection i starts one."""
-        results = _Results.empty(columns.shape, self.dimension)
+        results = _Results.empty(columns.shape, self.spaces)
         for row in range(len(columns)):
             self._row(columns[row], results, row)
         return assignments.gaining(**vars(results))
 
     def _row(self, columns: Index, result: _Results, row: int) -> None:
-        size = self.dimension
         seen = [number for number, column in enumerate(columns.tolist()) if column < self.known]
-        blocks = np.array([0, *(1 + int(columns[number]) for number in seen)])
-        places = (blocks[:, None] * size + np.arange(size)).ravel()
+        places = self.layout.rows([0, *(1 + int(columns[number]) for number in seen)])
         prior = self.covariance[places[:, None], places]
         shift, after = np.zeros(len(places)), prior
         if seen:
@@ -76,21 +75,21 @@ class LinearisedEvidence:
             shift = -weighted @ cross
             after = prior - cross.T @ inverse @ cross
             result.log_evidence[row] = log_normaliser - 0.5 * float(residual @ weighted) - 0.5 * log_determinant
-        self._fill(result, row, columns, seen, shift.reshape(-1, size), after)
+        self._fill(result, row, columns, seen, self.layout.blocks(shift), after)
         if seen:
             result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)
 
     def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, float]:
         """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser."""
-        size = self.dimension
         parts = [self.pairs.parts[number] for number in seen]
         residual = np.concatenate([part.residual[columns[n]] for part, n in zip(parts, seen, strict=True)])
-        jacobian = np.zeros((len(residual), (1 + len(seen)) * size))
+        jacobian = np.zeros((len(residual), self.layout.size(len(seen))))
         at, log_normaliser = 0, 0.0
         for place, (part, number) in enumerate(zip(parts, seen, strict=True), start=1):
             own = part.jacobian_robot[columns[number]]
-            jacobian[at : at + len(own), :size] = own
-            jacobian[at : at + len(own), place * size : (place + 1) * size] = part.jacobian_object[columns[number]]
+            rows = slice(at, at + len(own))
+            jacobian[rows, self.layout.block(0)] = own
+            jacobian[rows, self.layout.block(place)] = part.jacobian_object[columns[number]]
             log_normaliser += float(part.log_normaliser[columns[number]])
             at += len(own)
         return residual, jacobian, log_normaliser
@@ -105,18 +104,17 @@ class LinearisedEvidence:
 
     def _fill(self, result: _Results, row: int, columns: Index, seen: list[int], shift: Array, after: Array) -> None:
         """States and covariances at the mode; charts are those of the prediction, for shifts are small."""
-        size = self.dimension
+        robot, storage = self.layout.block(0), self.spaces.storage
         own = [0, *(1 + int(columns[number]) for number in seen)]
-        states = self.space.retract(self.mean[own], shift)
-        result.robot[row], result.robot_covariance[row] = states[0], after[:size, :size]
+        states = self.spaces.joint.retract(self.mean[own], shift)
+        result.robot[row], result.robot_covariance[row] = states[0, : storage.robot], after[robot, robot]
         for place, number in enumerate(seen, start=1):
-            block = slice(place * size, (place + 1) * size)
-            result.object_states[row, number], result.object_covariances[row, number] = (
-                states[place],
-                after[block, block],
-            )
+            block = self.layout.block(place)
+            result.object_states[row, number] = states[place, : storage.landmark]
+            result.object_covariances[row, number] = after[block, block]
         for number in [number for number, column in enumerate(columns) if column >= self.known]:
             born = self.births[number]
-            result.object_states[row, number] = self.space.retract(born.prior.mean, born.gain @ shift[0])
-            result.object_covariances[row, number] = born.gain @ after[:size, :size] @ born.gain.T + born.noise
+            moved = born.gain @ shift[0, robot]
+            result.object_states[row, number] = self.spaces.landmark.retract(born.prior.mean, moved)
+            result.object_covariances[row, number] = born.gain @ after[robot, robot] @ born.gain.T + born.noise
             result.log_evidence[row] += born.log_stand_in

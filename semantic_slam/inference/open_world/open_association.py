@@ -66,10 +66,10 @@ class OpenAssociation:
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """Each parent on its own."""
-        detections = step.detections
+        spaces, model, detections = self.problem.spaces, self.problem.model, step.detections
         predictions = [self.predictor.predict(component, step.motion, detections) for component in parents.components]
         pairs = [
-            pair_densities(self.problem.model, detections, own.predicted.mean[0], own.predicted.covariance[0])
+            pair_densities(spaces, model, detections, own.predicted.mean[0], own.predicted.covariance[0])
             for own in predictions
         ]
         if path is not None:

@@ -130,7 +130,7 @@ class OpenKeyframe:
             observed=[AssociatedDetection(*triple) for triple in triples],
             objects=list(states),
             robot=own.column("robot")[row],
-            predicted=prediction.predicted.mean[0, 0],
+            predicted=prediction.objects.robot,
             new_objects={int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in existence.new_ids},
             existence=existence,
             local=local,
@@ -163,7 +163,7 @@ class OpenKeyframe:
         turns = np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in self.step.detections])
         return [
             LinearisedEvidence(
-                self.problem.space, own.predicted.mean[0], own.predicted.covariance[0], pairs, own.births, turns
+                self.problem.spaces, own.predicted.mean[0], own.predicted.covariance[0], pairs, own.births, turns
             )
             for own, pairs in zip(self.predictions, self.pairs, strict=True)
         ]
@@ -197,7 +197,7 @@ class OpenKeyframe:
             objects = np.array([object_ids.index(n) for n in self.path.association], dtype=int)
             chosen = (objects, np.array(self.path.class_assignment, dtype=int))
         return EnumerationProblem(
-            space=self.problem.space,
+            spaces=self.problem.spaces,
             model=self.problem.model,
             detections=self.step.detections,
             object_ids=self.object_ids,

@@ -15,7 +15,7 @@ from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
-from semantic_slam.inference.models.planar_observation import LEAST_DISTANCE_M, object_in_body
+from semantic_slam.inference.models.planar_observation import object_in_body
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.births import Birth, birth_of
 from semantic_slam.inference.open_world.detection_probability import (
@@ -28,6 +28,7 @@ from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
@@ -93,7 +94,7 @@ class Predictor:
 
     def predict(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Prediction:
         """Raises LostComponentError."""
-        motion, space, tracked = component.scaled(motion), component.space, _tracked(component)
+        motion, space, tracked = component.scaled(motion), component.spaces.robot, _tracked(component)
         control = _control(component, motion)
         robot = space.compose(tracked.robot, control)
         transition = space.propagation(control)
@@ -110,7 +111,7 @@ class Predictor:
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(wider, transition, motion.covariance)
         predicted = _predicted(component, robot, near, local)
-        objects = _objects_in_reach(tracked, reach, near, predicted)
+        objects = _objects_in_reach(tracked, robot, reach, near, predicted)
         intensity, existence = self._births(tracked, births, detections)
         detected = np.zeros(len(component.objects.ids))
         detected[reach] = predicted_detection_probabilities(self.region, objects)
@@ -189,34 +190,35 @@ def _local(component: Component, robot: Array, near: Index) -> LocalMap:
     biases = len(tracked.bias)
     keys = [robot_key(component.keyframe), *[bias_key(component.keyframe)][:biases], *(object_key(int(n)) for n in ids)]
     together = component.joint_covariance(keys) if len(ids) else tracked.motion_covariance.copy()
-    return LocalMap(ids, together, num_biases=biases)
+    return LocalMap(component.spaces.layout, ids, together, num_biases=biases)
 
 
 def _predicted(component: Component, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
     """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects."""
-    mean = np.concatenate([robot[None], _tracked(component).states[near]])
-    return PredictedBelief(mean[None], local.of(component.objects.ids[near], len(robot))[None])
+    spaces = component.spaces
+    mean = spaces.storage.stacked(robot[None], _tracked(component).states[near])
+    return PredictedBelief(spaces.layout, mean[None], local.of(component.objects.ids[near])[None])
 
 
 def _objects_in_reach(
-    tracked: TrackedStates, reach: Index, near: Index, predicted: PredictedBelief
+    tracked: TrackedStates, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
 ) -> PredictedObjects:
     """Objects in reach given the robot. Those whose covariance with it is not at hand count as moving along with it."""
-    dimension = predicted.mean.shape[-1]
-    robot, spread = predicted.mean[0, 0], predicted.covariance[0, :dimension, :dimension]
+    r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
+    spread = predicted.covariance[0, r, r]
     states = tracked.states[reach]
     gain = se2.adjoint(se2.between(states, broadcast_copy(robot, states.shape)))
-    remainder = np.zeros((len(reach), dimension, dimension))
+    remainder = np.zeros((len(reach), landmark.stop, landmark.stop))
     known = np.searchsorted(reach, near)
     inside = known < len(reach)
     inside[inside] = reach[known[inside]] == near[inside]
     if inside.any():
-        blocks = predicted.covariance[0].reshape(1 + len(near), dimension, 1 + len(near), dimension)
+        blocks = predicted.blocks[0]
         numbers = 1 + np.flatnonzero(inside)
-        cross = blocks[numbers, :, 0]  # (m, d, d) of object with robot
+        cross = blocks[numbers, landmark, 0, r]  # (m, l, r) of object with robot
         own = cross @ np.linalg.inv(spread)
         gain[known[inside]] = own
-        remainder[known[inside]] = blocks[numbers, :, numbers] - own @ np.swapaxes(cross, 1, 2)
+        remainder[known[inside]] = blocks[numbers, landmark, numbers, landmark] - own @ np.swapaxes(cross, 1, 2)
     return PredictedObjects(robot, spread, states, gain, remainder)
 
 
@@ -241,10 +243,10 @@ def _tracked(component: Component) -> TrackedStates:
 
 
 def _control(component: Component, motion: Motion) -> Array:
-    """(d,) odometry without what it always gets wrong, as far as that is known."""
+    """(s,) odometry without what it always gets wrong, as far as that is known."""
     if motion.by_bias is None:
         return motion.control
-    return component.space.retract(motion.control, motion.by_bias @ _tracked(component).bias)
+    return component.spaces.robot.retract(motion.control, motion.by_bias @ _tracked(component).bias)
 
 
 def _distances(states: Array, point: Array) -> Array:

@@ -15,7 +15,6 @@ from scipy.optimize import brentq
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import viewpoints_in_plane
 from semantic_slam.inference.semantics.independent_views import score_offsets
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput, at_hand
 from semantic_slam.inference.semantics.track_samples import SampledRow, sample_rows
@@ -102,7 +101,7 @@ class CorrelatedViews:
             parent = given.parents[stack.rows.parents[row]]
             before = views[row].get(object_id, parent.views.get(object_id))
             together = (*(before.recent if before else ()), seen)
-            o = rows[row].states[:, 1 + stack.slots[row, number]]
+            o = rows[row].objects(stack.slots[row, number])
             azimuth = [self._azimuth(given, rows[row], view, o) for view in together]
             flag = bool(given.step.in_coverage[index])
             sights.append(TrackedViews(int(row), place, before, together, np.stack(azimuth, axis=1), detection, flag))
@@ -110,8 +109,8 @@ class CorrelatedViews:
 
     def _azimuth(self, given: SemanticInput, row: SampledRow, view: RecordedView, o: Array) -> Array:
         now = view.keyframe == given.step.index
-        x = row.states[:, 0] if now else row.robot_at(view.keyframe)
-        return viewpoints_in_plane(x, o, view.sensor).azimuth_rad
+        x = row.robots if now else row.robot_at(view.keyframe)
+        return row.spaces.viewpoints(x, o, view.sensor).azimuth_rad
 
     def _evidence(self, sights: list[TrackedViews]) -> list[tuple[TrackedViews, Evidence]]:
         """Sights of as many views are looked at together."""
@@ -185,7 +184,7 @@ def _with_corrections(
     views: list[dict[int, ObjectViews]],
 ) -> SemanticEvidence:
     """What the tracks' weights make of the robot's pose and of the poses of the objects seen."""
-    effective = np.full(len(rows), np.nan)
+    effective, layout = np.full(len(rows), np.nan), given.stack.layout
     robot: list[Correction | None] = [None] * len(rows)
     for row, sampled in enumerate(rows):
         if not views[row]:
@@ -194,10 +193,10 @@ def _with_corrections(
         shares = _shares(together)
         effective[row] = _effective_size(shares)
         shares = _flattened(together, LEAST_EFFECTIVE_SHARE * len(together))
-        robot[row] = Correction.of_samples(sampled.deviations[:, 0], shares)
+        robot[row] = Correction.of_samples(sampled.deviations[:, 0, : layout.robot], shares)
         for number in np.flatnonzero(given.stack.active[row]):
             object_id = given.object_ids[given.stack.rows.objects[row, number]]
-            deviations = sampled.deviations[:, 1 + given.stack.slots[row, number]]
+            deviations = sampled.deviations[:, 1 + given.stack.slots[row, number], : layout.landmark]
             views[row][object_id] = replace(views[row][object_id], correction=Correction.of_samples(deviations, shares))
     return SemanticEvidence(
         log_weights=log_weights, effective_sample_sizes=effective, records=at_hand(views), robot=robot

@@ -13,6 +13,7 @@ from semantic_slam.inference.semantics.descriptor_problem import DescriptorProbl
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import descriptor_key, object_key, robot_key
+from semantic_slam.inference.states.layout import rows_of_blocks
 
 LEAST_SHARE = 1e-4
 """Of its variance, that a descriptor keeps at least where rounding would leave less than nothing."""
@@ -22,11 +23,11 @@ JITTER = 1e-9
 
 @dataclass(frozen=True)
 class PredictedDescriptors:
-    """One parent's descriptors of O objects, with the predicted tangent vector of robot and objects; d, L."""
+    """One parent's descriptors of O objects, with the predicted tangent vector of robot and objects; r, l, L."""
 
     mean: Array  # (O, L)
     covariance: Array  # (O L, O L)
-    cross: Array  # (O L, (1 + O) d) with robot and objects
+    cross: Array  # (O L, r + O l) with robot and objects
 
     @classmethod
     def of(
@@ -34,29 +35,24 @@ class PredictedDescriptors:
     ) -> "PredictedDescriptors":
         """Of the objects of ``given``; those not among the places ``wanted`` keep their priors."""
         count, length = len(given.object_ids), observation.num_dimensions
-        size = component.space.dimension
+        layout = component.spaces.layout
         priors = [observation.prior_of(n) for n in given.object_ids]
         mean = np.array([prior.mean[0] for prior in priors]).reshape(count, length)
         covariance = np.diag(np.array([prior.sigma[0] for prior in priors]).ravel() ** 2)
-        cross = np.zeros((count * length, (1 + count) * size))
+        cross = np.zeros((count * length, layout.size(count)))
         known = [p for p in wanted if component.smoother.has(descriptor_key(given.object_ids[p]))]
         if known:
             keys = [descriptor_key(given.object_ids[p]) for p in known]
             mean[known] = component.smoother.descriptors(keys)
             poses = [robot_key(component.keyframe), *(object_key(given.object_ids[p]) for p in known)]
             joint = component.joint_covariance([*poses, *keys])
-            split = len(poses) * size
+            split, robot = layout.size(len(known)), layout.block(0)
             along = joint[split:, :split].copy()
-            along[:, :size] = along[:, :size] @ component.space.propagation(given.step.motion.control).T
-            rows, columns = blocks(known, length), blocks([0, *(1 + p for p in known)], size)
+            along[:, robot] = along[:, robot] @ component.spaces.robot.propagation(given.step.motion.control).T
+            rows, columns = rows_of_blocks(known, length), layout.rows([0, *(1 + p for p in known)])
             covariance[rows[:, None], rows] = joint[split:, split:]
             cross[rows[:, None], columns] = along
         return cls(mean, covariance, cross)
-
-
-def blocks(places: Sequence[int], size: int) -> Index:
-    """(n size,) rows of the blocks at ``places``."""
-    return np.asarray((np.array(places, dtype=int)[:, None] * size + np.arange(size)).ravel())
 
 
 def descriptor_problem(
@@ -82,7 +78,7 @@ def descriptor_problem(
     gain[:, size:, :size] = by_y @ spread
     gain[:, size:, size:] = own
     return DescriptorProblem(
-        stack.space,
+        stack.spaces,
         observation,
         DetectionFeatures.of([given.step.detections[i] for i in given.used]),
         active,
@@ -108,13 +104,13 @@ def _root(covariance: Array, scale: Array) -> Array:
 
 
 def _gathered(given: SemanticInput, observation: LatentObservation, rows: Index) -> tuple[Array, Array, Array]:
-    """(B, n, L) means, (B, n L, (1 + n) d) covariances with the tangent vectors and (B, n L, n L) among each other."""
+    """(B, n, L) means, (B, n L, r + n l) covariances with the tangent vectors and (B, n L, n L) among each other."""
     stack = given.stack
-    length, size = observation.num_dimensions, stack.dimension
+    length, layout = observation.num_dimensions, stack.layout
     batch, count = len(rows), stack.active.shape[1]
     mean = np.zeros((batch, count, length))
     covariance = np.tile(np.eye(count * length), (batch, 1, 1))
-    cross = np.zeros((batch, count * length, (1 + count) * size))
+    cross = np.zeros((batch, count * length, layout.size(count)))
     parents = stack.rows.parents[rows]
     for parent in np.unique(parents):
         own = np.flatnonzero(parents == parent)
@@ -125,8 +121,8 @@ def _gathered(given: SemanticInput, observation: LatentObservation, rows: Index)
             used = [i for i, place in enumerate(places) if place >= 0 and stack.slots[rows[row], i] == i]
             at = [int(places[i]) for i in used]
             mean[row, used] = found.mean[at]
-            here, there = blocks(used, length), blocks(at, length)
+            here, there = rows_of_blocks(used, length), rows_of_blocks(at, length)
             covariance[row, here[:, None], here] = found.covariance[there[:, None], there]
-            poses, origin = (blocks([0, *(1 + i for i in which)], size) for which in (used, at))
+            poses, origin = (layout.rows([0, *(1 + i for i in which)]) for which in (used, at))
             cross[row, here[:, None], poses] = found.cross[there[:, None], origin]
     return mean, cross, covariance

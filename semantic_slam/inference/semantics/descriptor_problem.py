@@ -14,26 +14,26 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_observation import LatentLinearisation, LatentObservation, azimuth_slopes
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True)
 class DescriptorProblem:
-    """B continuations of n detections; V coordinates, d dimensions of a pose."""
+    """B continuations of n detections; V coordinates, r and l dimensions of the tangent spaces, the wider w."""
 
-    space: StateSpace
+    spaces: Spaces
     observation: LatentObservation
     seen: DetectionFeatures  # n
     active: NDArray[np.bool_]  # (B, n)
     slots: Index  # (B, n) block of the object of each detection
-    mean: Array  # (B, 1 + n, d) where tangent vectors are taken
-    offset: Array  # (B, (1 + n) d + n L) t*, e*
-    gain: Array  # (B, (1 + n) d + n L, V) T, D
+    mean: Array  # (B, 1 + n, s) where tangent vectors are taken
+    offset: Array  # (B, r + n l + n L) t*, e*
+    gain: Array  # (B, r + n l + n L, V) T, D
 
     @property
     def num_tangent(self) -> int:
-        """(1 + n) d."""
-        return int(self.mean[0].size)
+        """r + n l."""
+        return self.spaces.layout.size(self.active.shape[1])
 
     def select(self, selection: Index) -> "DescriptorProblem":
         """Some of the problems."""
@@ -45,8 +45,8 @@ class DescriptorProblem:
         return flat.reshape(len(v), self.active.shape[1], -1)
 
     def states(self, v: Array) -> Array:
-        """(B, 1 + n, d)."""
-        return self.space.retract(self.mean, self._tangent(v))
+        """(B, 1 + n, s)."""
+        return self.spaces.joint.retract(self.mean, self._tangent(v))
 
     def energies(self, v: Array) -> Array:
         """(B, n) -log N(f; mu, Sigma) of each detection, 0 for clutter."""
@@ -68,36 +68,36 @@ class DescriptorProblem:
         x, o, _, chart = self._placed_states(v)
         batch, count = self.active.shape
         turn = self._by_row(azimuth_slopes(x, o, np.tile(self.seen.sensor, (batch, 1))))
-        size = self.mean.shape[2]
-        placed = np.zeros((batch, count, *self.mean.shape[1:]))
-        placed[:, :, 0] = turn[:, :, :size]
-        placed[np.arange(batch)[:, None], np.arange(count), 1 + self.slots] = turn[:, :, size:]
-        by_tangent = np.einsum("bncd,bcde->bnce", placed, chart).reshape(batch, count, -1)
+        layout = self.spaces.layout
+        placed, split = np.zeros((batch, count, 1 + count, layout.width)), layout.robot
+        placed[:, :, 0, :split] = turn[:, :, :split]
+        placed[np.arange(batch)[:, None], np.arange(count), 1 + self.slots, : layout.landmark] = turn[:, :, split:]
+        by_tangent = layout.joined(np.einsum("bncd,bcde->bnce", placed, chart))
         return np.asarray(by_tangent @ self.gain[:, : self.num_tangent])
 
     def _variables(self, v: Array) -> Array:
         return np.asarray(self.offset + (self.gain @ v[..., None])[..., 0])
 
     def _tangent(self, v: Array) -> Array:
-        return self._variables(v)[:, : self.num_tangent].reshape(self.mean.shape)
+        return self.spaces.layout.blocks(self._variables(v)[:, : self.num_tangent])
 
     def _parts(self, v: Array) -> tuple[LatentLinearisation, Array]:
-        """Of all detections of all rows, (B n), and (B, 1 + n, d, d) charts of the tangent vectors."""
+        """Of all detections of all rows, (B n), and (B, 1 + n, w, w) charts of the tangent vectors."""
         x, o, e, chart = self._placed_states(v)
         batch, count = self.active.shape
         part = self.observation.linearise(self.seen.take(np.tile(np.arange(count), batch)), x, o, e)
         return part, chart
 
     def _placed_states(self, v: Array) -> tuple[Array, Array, Array, Array]:
-        """(B n, d) robots and objects and (B n, L) descriptors of all detections, and the charts."""
+        """(B n, s) robots and objects and (B n, L) descriptors of all detections, and the charts."""
         batch, count = self.active.shape
         rows = np.arange(batch)[:, None]
         variables = self._variables(v)
-        tangent = variables[:, : self.num_tangent].reshape(self.mean.shape)
-        moved, chart = self.space.exp_and_jacobian(tangent)
-        states = self.space.compose(self.mean, moved)
-        x = np.repeat(states[:, 0], count, axis=0)
-        o = states[rows, 1 + self.slots].reshape(len(x), -1)
+        joint, storage = self.spaces.joint, self.spaces.storage
+        moved, chart = joint.exp_and_jacobian(self.spaces.layout.blocks(variables[:, : self.num_tangent]))
+        states = joint.compose(self.mean, moved)
+        x = np.repeat(states[:, 0, : storage.robot], count, axis=0)
+        o = states[rows, 1 + self.slots, : storage.landmark].reshape(len(x), -1)
         e = variables[:, self.num_tangent :].reshape(batch, count, -1)[rows, self.slots].reshape(len(x), -1)
         return x, o, e, chart
 
@@ -107,14 +107,17 @@ class DescriptorProblem:
         return np.where(self.active.reshape(*self.active.shape, *(1,) * (values.ndim - 1)), shaped, 0.0)
 
     def _placed(self, part: LatentLinearisation, chart: Array) -> Array:
-        """(B, n F, (1 + n) d + n L) Jacobians by tangent vectors and descriptors."""
+        """(B, n F, r + n l + n L) Jacobians by tangent vectors and descriptors."""
         batch, count = self.active.shape
         size, length = part.residual.shape[1], self.observation.num_dimensions
         rows, numbers = np.arange(batch)[:, None], np.arange(count)
-        poses = np.zeros((batch, count, size, *self.mean.shape[1:]))
-        poses[:, :, :, 0] = self._by_row(part.by_robot) @ chart[:, None, 0]
-        poses[rows, numbers, :, 1 + self.slots] = self._by_row(part.by_object) @ chart[rows, 1 + self.slots]
+        layout, r, own = self.spaces.layout, self.spaces.layout.robot, slice(self.spaces.layout.landmark)
+        poses = np.zeros((batch, count, size, 1 + count, layout.width))
+        poses[:, :, :, 0, :r] = self._by_row(part.by_robot) @ chart[:, None, 0, :r, :r]
+        poses[rows, numbers, :, 1 + self.slots, own] = (
+            self._by_row(part.by_object) @ chart[rows, 1 + self.slots, own, own]
+        )
         latent = np.zeros((batch, count, size, count, length))
         latent[rows, numbers, :, self.slots] = self._by_row(part.by_descriptor)
         flat = (batch, count * size, -1)
-        return np.concatenate([poses.reshape(flat), latent.reshape(flat)], axis=2)
+        return np.concatenate([layout.joined(poses).reshape(flat), latent.reshape(flat)], axis=2)

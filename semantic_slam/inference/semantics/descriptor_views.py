@@ -81,7 +81,9 @@ class DescriptorViews:
         detections = [given.step.detections[i] for i in given.used]
         seen = []
         for number in range(turned.shape[1]):
-            bearing = camera_bearing(states[:, 0], stack.objects_of(states, number), detections[number].sensor)
+            bearing = camera_bearing(
+                stack.robots_of(states), stack.objects_of(states, number), detections[number].sensor
+            )
             for row in np.flatnonzero(turned[:, number]):
                 object_id = given.object_ids[stack.rows.objects[row, number]]
                 before = given.parents[stack.rows.parents[row]].views.get(object_id)

@@ -10,7 +10,6 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import viewpoints_in_plane
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.perception.uncertainty import mutual_information
@@ -124,9 +123,9 @@ class IndependentViews:
             views[row].get(object_id, parent.views.get(object_id))
             for row, object_id, parent in zip(rows.tolist(), object_ids, parents, strict=True)
         ]
-        objects = states[rows, 1 + stack.slots[rows, numbers]]
+        objects = states[rows, 1 + stack.slots[rows, numbers], : stack.spaces.storage.landmark]
         drawn = DrawnFeatures.of([given.step.detections[i] for i in given.used])
-        viewpoints = viewpoints_in_plane(states[rows, 0], objects, drawn.sensors[numbers])
+        viewpoints = stack.spaces.viewpoints(stack.robots_of(states)[rows], objects, drawn.sensors[numbers])
         likelihoods, exact = self._likelihoods.of(drawn.take(numbers), viewpoints)
         unseen = np.zeros(likelihoods.shape[1])
         known = np.array([record.log_likelihood if record else unseen for record in before])

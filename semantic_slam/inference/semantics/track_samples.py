@@ -20,17 +20,17 @@ from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import generator
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True)
 class StateSamples:
-    """P samples of N states of a component, as deviations from the estimate in its tangent spaces."""
+    """P samples of all states of a component, as deviations from the estimate in its tangent spaces, M together."""
 
-    rows: dict[int, int]  # GTSAM key -> row
-    mean: Array  # (N, d)
-    deviations: Array  # (P, N, d)
-    root: Array  # (N d, N d) lower Cholesky factor of the information matrix
+    rows: dict[int, slice]  # GTSAM key -> coordinates of its tangent space
+    mean: dict[int, Array]  # GTSAM key -> (s,)
+    deviations: Array  # (P, M)
+    root: Array  # (M, M) lower Cholesky factor of the information matrix
 
     @classmethod
     def of(cls, component: Component, num_samples: int, seed: int) -> "StateSamples":
@@ -45,22 +45,23 @@ class StateSamples:
             root: Array = np.linalg.cholesky(np.asarray(linear.hessian(ordering)[0], dtype=np.float64))
         except np.linalg.LinAlgError:
             raise LostComponentError("the information matrix is not positive definite") from None
-        dimension = component.space.dimension
-        normals = np.concatenate([_normals(seed, key, (num_samples, dimension)) for key in keys], axis=1)
+        spaces = {key: component.spaces.of(key) for key in keys}
+        sizes = [space.tangent_size for space in spaces.values()]
+        normals = np.concatenate(
+            [_normals(seed, key, (num_samples, size)) for key, size in zip(keys, sizes, strict=True)], axis=1
+        )
         deviations = solve_triangular(root, normals.T, lower=True, trans="T").T
-        mean = np.array([component.space.state(estimate, key) for key in keys])
-        rows = {key: row for row, key in enumerate(keys)}
-        return cls(rows, mean, deviations.reshape(num_samples, len(keys), dimension), root)
+        mean = {key: space.state(estimate, key) for key, space in spaces.items()}
+        ends = np.cumsum(sizes).tolist()
+        rows = {key: slice(end - size, end) for key, end, size in zip(keys, ends, sizes, strict=True)}
+        return cls(rows, mean, deviations, root)
 
-    def covariance_with(self, keys: Sequence[int]) -> Array:
-        """(N, d, n d) covariance of all states with some."""
-        size = self.mean.shape[1]
-        unit = np.zeros((self.mean.size, len(keys) * size))
-        for column, key in enumerate(keys):
-            place = slice(self.rows[key] * size, (self.rows[key] + 1) * size)
-            unit[place, column * size : (column + 1) * size] = np.eye(size)
-        covariance: Array = cho_solve((self.root, True), unit)
-        return covariance.reshape(*self.mean.shape, -1)
+    def covariance_with(self, key: int) -> Array:
+        """(M, d) covariance of all states with one."""
+        rows = self.rows[key]
+        unit = np.zeros((len(self.root), rows.stop - rows.start))
+        unit[rows] = np.eye(unit.shape[1])
+        return np.asarray(cho_solve((self.root, True), unit))
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ class PredictedSamples:
     """Samples of a parent carried to the next keyframe, before its measurements."""
 
     past: StateSamples
-    ahead: Array  # (P, 1 + O, d) deviations of the robot at the keyframe and of the objects
-    gain: Array  # (N, d, (1 + O) d) covariance of the past with them
+    ahead: Array  # (P, r + O l) deviations of the robot at the keyframe and of the objects
+    gain: Array  # (M, r + O l) covariance of the past with them
 
     @classmethod
     def of(
@@ -79,40 +80,50 @@ class PredictedSamples:
         """``object_ids`` names the objects in their order; those in ``new`` are not in the component yet."""
         past = StateSamples.of(component, num_samples, seed)
         robot = robot_key(component.keyframe)
-        size = component.space.dimension
-        transition = component.space.propagation(motion.control)
+        layout = component.spaces.layout
+        transition = component.spaces.robot.propagation(motion.control)
         noise = np.linalg.cholesky(motion.covariance)
-        step = _normals(seed, robot_key(component.keyframe + 1), (num_samples, size)) @ noise.T
+        step = _normals(seed, robot_key(component.keyframe + 1), (num_samples, layout.robot)) @ noise.T
         ahead = [past.deviations[:, past.rows[robot]] @ transition.T + step]
-        gain = [past.covariance_with([robot]) @ transition.T]
+        gain = [past.covariance_with(robot) @ transition.T]
         for number in object_ids:
             key = object_key(number)
             if number in new:
                 root = np.linalg.cholesky(new[number].covariance)
-                ahead.append(_normals(seed, key, (num_samples, size)) @ root.T)
-                gain.append(np.zeros((*past.mean.shape, size)))
+                ahead.append(_normals(seed, key, (num_samples, layout.landmark)) @ root.T)
+                gain.append(np.zeros((len(past.root), layout.landmark)))
             else:
                 ahead.append(past.deviations[:, past.rows[key]])
-                gain.append(past.covariance_with([key]))
-        return cls(past, np.stack(ahead, axis=1), np.concatenate(gain, axis=-1))
+                gain.append(past.covariance_with(key))
+        return cls(past, np.concatenate(ahead, axis=1), np.concatenate(gain, axis=1))
 
 
 @dataclass(frozen=True)
 class SampledRow:
     """P samples of one continuation: states at the keyframe and, from them, of the past; n detections."""
 
-    states: Array  # (P, 1 + n, d) robot and the objects of the detections' slots
-    deviations: Array  # (P, 1 + n, d) from the mode, in the tangent spaces there
+    states: Array  # (P, 1 + n, s) robot and the objects of the detections' slots
+    deviations: Array  # (P, 1 + n, w) from the mode, in the tangent spaces there
     change: Array  # (P, m) what the measurements changed about the samples, whitened
-    gain: Array  # (N, d, m) how the past follows
+    gain: Array  # (M, m) how the past follows
     past: StateSamples
-    space: StateSpace
+    spaces: Spaces
+
+    @property
+    def robots(self) -> Array:
+        """(P, s) robot at the keyframe."""
+        return self.states[:, 0, : self.spaces.storage.robot]
+
+    def objects(self, slot: int) -> Array:
+        """(P, s) object of a detection's slot."""
+        return self.states[:, 1 + slot, : self.spaces.storage.landmark]
 
     def robot_at(self, keyframe: int) -> Array:
-        """(P, d) robot at an earlier keyframe."""
-        place = self.past.rows[robot_key(keyframe)]
-        tangent = self.past.deviations[:, place] + self.change @ self.gain[place].T
-        return self.space.retract(self.past.mean[place], tangent)
+        """(P, s) robot at an earlier keyframe."""
+        key = robot_key(keyframe)
+        rows = self.past.rows[key]
+        tangent = self.past.deviations[:, rows] + self.change @ self.gain[rows].T
+        return self.spaces.robot.retract(self.past.mean[key], tangent)
 
 
 def sample_rows(given: SemanticInput, num_samples: int, seed: int) -> list[SampledRow]:
@@ -129,21 +140,20 @@ def sample_rows(given: SemanticInput, num_samples: int, seed: int) -> list[Sampl
 def _sampled_row(given: SemanticInput, predicted: PredictedSamples, row: int, mode: Array) -> SampledRow:
     """The prior's whitened samples y become y* + H^(-1/2) y, where y* is the mode and H its Hessian."""
     stack = given.stack
-    count, size = len(predicted.ahead), stack.dimension
+    layout = stack.layout
     own = stack.active[row] & (stack.slots[row] == np.arange(len(given.used)))
     blocks = np.concatenate([[0], np.where(own, 1 + stack.rows.objects[row], 0)])
-    used = np.concatenate([[True], own])
-    ahead = np.where(used[:, None], predicted.ahead[:, blocks], 0.0).reshape(count, -1)
+    columns, used = layout.rows_of_slots(blocks[None])[0], layout.repeated(np.concatenate([[True], own]))
+    ahead = np.where(used, predicted.ahead[:, columns], 0.0)
     before = solve_triangular(stack.root[row], ahead.T, lower=True)  # (m, P)
     curvature = np.linalg.cholesky(given.mode.hessian[row])
     after = given.mode.y[row][:, None] + solve_triangular(curvature, before, lower=True, trans="T")
-    tangent = (stack.root[row] @ after).T.reshape(count, -1, size)
-    states = stack.space.retract(stack.mean[row], tangent)
-    columns = (blocks[:, None] * size + np.arange(size)).ravel()
-    gain = np.where(np.repeat(used, size), predicted.gain[..., columns], 0.0)
-    whitened = solve_triangular(stack.root[row], gain.reshape(-1, len(columns)).T, lower=True).T.reshape(gain.shape)
-    deviations = stack.space.local(np.broadcast_to(mode, states.shape), states)
-    return SampledRow(states, deviations, (after - before).T, whitened, predicted.past, stack.space)
+    tangent = layout.blocks((stack.root[row] @ after).T)
+    states = stack.spaces.joint.retract(stack.mean[row], tangent)
+    gain = np.where(used, predicted.gain[:, columns], 0.0)
+    whitened = solve_triangular(stack.root[row], gain.T, lower=True).T
+    deviations = stack.spaces.joint.local(np.broadcast_to(mode, states.shape), states)
+    return SampledRow(states, deviations, (after - before).T, whitened, predicted.past, stack.spaces)
 
 
 def _normals(seed: int, key: int, shape: tuple[int, int]) -> Array:

@@ -24,7 +24,7 @@ MAX_UPDATES = 8
 class Extension:
     """What a keyframe adds to a smoother: factors, new variables, and semantic measurements.
 
-    ``start``: states (d,) of variables that the semantic measurements concern, and where they are made. The estimate
+    ``start``: states (s,) of variables that the semantic measurements concern, and where they are made. The estimate
     may have ``jumped`` there; with descriptors, ``calm`` are states from which an optimisation may end better.
     """
 
@@ -48,6 +48,23 @@ class _Fork:
 
 
 @dataclass(frozen=True)
+class _Remains:
+    """What an update that fails leaves of the smoother that it has consumed."""
+
+    isam: gtsam.ISAM2
+    num_factors: int  # before the update; it has added others after them
+
+    @classmethod
+    def of(cls, smoother: Smoother) -> "_Remains":
+        """Taken before the update."""
+        return cls(smoother.isam, int(smoother.isam.getFactorsUnsafe().size()))
+
+    def kept(self, smoother: Smoother) -> gtsam.NonlinearFactorGraph:
+        """All factors that were there before but the semantic ones."""
+        return smoother.made.without(self.isam.getFactorsUnsafe(), self.num_factors)
+
+
+@dataclass(frozen=True)
 class _Stale:
     """Linear factors of one smoother that are no longer where they were made."""
 
@@ -57,43 +74,42 @@ class _Stale:
 
 
 def update_all(
-    smoothers: Sequence[Smoother], extensions: Sequence[Extension], used_up: Collection[int] = ()
+    smoothers: Sequence[Smoother], extensions: Sequence[Extension], consumed: Collection[int] = ()
 ) -> list[Outcome]:
     """Forks with their extensions, updated until no state is so far from where it is linearised that it matters.
 
     Where the estimate jumped, does not settle, or is too poorly conditioned for an update, the whole is optimised. An
-    error stands for a smoother whose system is indeterminate. Of the rows ``used_up`` nobody needs the smoother again:
-    they need no fork. (Parents at which a history is anchored are needed; but their children have jumped.)
+    error stands for a smoother whose system is indeterminate. The rows ``consumed``, which nobody needs again, are not
+    forked. (Parents at which a window begins are needed; but their children have jumped.)
     """
     calm = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
-    sizes = {row: calm[row].num_factors for row in used_up if row in calm}
-    found = _settled(_forked(calm, {row: extensions[row] for row in calm}, sizes))
+    remains = {row: _Remains.of(calm[row]) for row in consumed if row in calm}
+    mine = {row: own if row in remains else own.fork() for row, own in calm.items()}
+    found = _settled(_begun(mine, {row: extensions[row] for row in calm}))
     for row, extension in enumerate(extensions):
         if extension.jumped or isinstance(found[row], LostComponentError):
-            found[row] = _attempt(_jumped, smoothers[row], extension, sizes.get(row))
+            found[row] = _attempt(_jumped, smoothers[row], extension, remains.get(row))
     return [found[row] for row in range(len(smoothers))]
 
 
-def _jumped(smoother: Smoother, extension: Extension, num_factors: int | None) -> Smoother:
+def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) -> Smoother:
     """Optimised from where the estimate jumped to; what the extension does not name begins where it was.
 
-    A smoother that an update has used up in vain had ``num_factors`` before.
+    Of a smoother that an update has consumed in vain there are its ``remains``.
     """
-    if num_factors is None:
-        origin = smoother.isam.calculateEstimate()
-        origin.insert(extension.values)
+    if remains is None:
+        origin, kept = smoother.isam.calculateEstimate(), smoother.kept()
     else:
-        origin = gtsam.Values(smoother.isam.getLinearizationPoint())
-        origin.insert_or_assign(extension.values)
-    kept = smoother.kept(num_factors)
+        origin, kept = gtsam.Values(remains.isam.getLinearizationPoint()), remains.kept(smoother)
+    origin.insert_or_assign(extension.values)
     kept.push_back(extension.graph)
     return reoptimised(smoother, kept, [*smoother.made.named, *extension.named], _starts(smoother, origin, extension))
 
 
-def _forked(
-    smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension], used_up: Collection[int]
+def _begun(
+    smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension]
 ) -> dict[int, _Fork | LostComponentError]:
-    """After one update, which also renews what has moved since it was made; ``used_up`` ones as they are."""
+    """After one update, which consumes them and renews what has moved since it was made."""
     if not smoothers:
         return {}
     before, own = list(smoothers.values()), list(extensions.values())
@@ -103,18 +119,15 @@ def _forked(
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
     made = semantics.make([one.named for one in own], places)
 
-    def fork(
-        row: int, smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors
-    ) -> _Fork:
-        isam = smoother.isam if row in used_up else gtsam.ISAM2(smoother.isam)
-        updated = smoother.updated(isam, extension.graph, extension.values, added, renewal)
+    def begin(smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors) -> _Fork:
+        updated = smoother.updated(extension.graph, extension.values, added, renewal)
         certain = {item.descriptor_key for item in extension.named if not item.exact}
         return _Fork(extension, updated, updated.rests(), updated.exact_rows(certain))
 
     added = [AddedFactors(one.named, factors, at) for one, factors, at in zip(own, made, places, strict=True)]
     renewals = [RelinearisedFactors(*parts) for parts in zip(stale, again, now, strict=True)]
     rows = zip(smoothers, before, own, added, renewals, strict=True)
-    return {row: _attempt(fork, row, *parts) for row, *parts in rows}
+    return {row: _attempt(begin, *parts) for row, *parts in rows}
 
 
 def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outcome]:
@@ -146,7 +159,7 @@ def _restless(fork: _Fork) -> Smoother:
 def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
     """Of an optimisation: where the extension is, and where it is calm; what it does not name begins at ``origin``."""
     states = [extension.start, extension.calm] if extension.calm else [extension.start]
-    return [changed(smoother.space, origin, own) for own in states]
+    return [changed(smoother.spaces, origin, own) for own in states]
 
 
 def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:

@@ -20,7 +20,7 @@ from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.object_views import ObjectViews
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects, TrackedStates
 
 
@@ -28,7 +28,7 @@ from semantic_slam.inference.states.tracked_objects import HypothesisObjects, Tr
 class Component:
     """The smoother, the objects and what is known of them; an only child may consume its parent's smoother."""
 
-    space: StateSpace
+    spaces: Spaces
     model: ObservationModel
     smoother: Smoother
     objects: HypothesisObjects
@@ -47,7 +47,7 @@ class Component:
     @classmethod
     def root(
         cls,
-        space: StateSpace,
+        spaces: Spaces,
         model: ObservationModel,
         robot: GaussianPrior,
         objects: dict[int, GaussianPrior],
@@ -57,12 +57,12 @@ class Component:
         """The prior of Eq. 4.3; descriptors enter with the first view of their object."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
-            graph.add(space.prior_factor(key, prior.mean, prior.covariance))
-            space.insert(values, key, prior.mean)
-        smoother = Smoother.of(space, SemanticFactorMaker(space, model, latent), graph, values)
+            graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
+            spaces.of(key).insert(values, key, prior.mean)
+        smoother = Smoother.of(spaces, SemanticFactorMaker(spaces, model, latent), graph, values)
         ids, stated = sorted(objects), existence or {}
         known = HypothesisObjects(ids=np.array(ids, dtype=int), existence=np.array([stated.get(n, 1.0) for n in ids]))
-        return cls(space=space, model=model, smoother=smoother, objects=known)
+        return cls(spaces=spaces, model=model, smoother=smoother, objects=known)
 
     @property
     def object_ids(self) -> frozenset[int]:
@@ -70,19 +70,19 @@ class Component:
         return self.objects.id_set
 
     def newest_robot(self) -> Array:
-        """(d,) estimate of the robot at the newest keyframe."""
-        return np.asarray(self.states([robot_key(self.keyframe)])[0])
+        """(s,) estimate of the robot at the newest keyframe."""
+        return np.asarray(self.states([robot_key(self.keyframe)])[0, : self.spaces.storage.robot])
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(n, d) estimates."""
+        """(n, s) estimates, as wide as the wider of robots and objects."""
         return self.smoother.states(keys)
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """(n d, n d) marginal covariance, in the tangent spaces at the estimate. Raises LostComponentError."""
+        """(m, m) marginal covariance, in the tangent spaces at the estimate. Raises LostComponentError."""
         return self.smoother.joint_covariance(keys)
 
     def robot_and_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
-        """(1 + n, d) states, the robot's first, and (1 + n, d, d) covariances of some of its objects.
+        """(1 + n, s) states, the robot's first, and (1 + n, w, w) covariances of some of its objects.
 
         With what their Gaussians and their factors do not say. Raises LostComponentError.
         """
@@ -91,7 +91,9 @@ class Component:
         for key, correction in self._corrections():
             if key in keys:
                 row = keys.index(key)
-                states[row], covariances[row] = correction.applied(self.space, states[row], covariances[row])
+                own = self.spaces.of(key)
+                at, block = (row, slice(own.storage_size)), (row, slice(own.tangent_size), slice(own.tangent_size))
+                states[at], covariances[block] = correction.applied(own, states[at], covariances[block])
         return states, covariances
 
     def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:
@@ -99,8 +101,9 @@ class Component:
         if self.tracked is None:
             return self.states(keys), self.smoother.joint_blocks(keys)
         rows = self.objects.rows(np.array(object_ids, dtype=int))
-        states = np.concatenate([self.tracked.robot[None], self.tracked.states[rows]])
-        return states, np.concatenate([self.tracked.robot_covariance[None], self.tracked.covariances[rows]])
+        tracked, spaces = self.tracked, self.spaces
+        states = spaces.storage.stacked(tracked.robot[None], tracked.states[rows])
+        return states, spaces.layout.stacked_squares(tracked.robot_covariance, tracked.covariances[rows])
 
     def _corrections(self) -> list[tuple[int, Correction]]:
         """By GTSAM keys, in the order in which they apply."""

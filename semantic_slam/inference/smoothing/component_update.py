@@ -15,18 +15,18 @@ from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentUpdate:
-    """One continuation of a component, with the modes at which its new factors are created; d dimensions of a state."""
+    """One continuation of a component, with the modes at which its new factors are created; s numbers of a state."""
 
     observed: Sequence[AssociatedDetection]
-    objects: Sequence[Array]  # (d,) mode of the object of each entry of ``observed``
-    robot: Array  # (d,) mode
-    predicted: Array  # (d,) of the robot, by odometry alone
+    objects: Sequence[Array]  # (s,) mode of the object of each entry of ``observed``
+    robot: Array  # (s,) mode
+    predicted: Array  # (s,) of the robot, by odometry alone
     new_objects: dict[int, GaussianPrior]
     existence: ExistenceUpdate
     views: dict[int, ObjectViews] = field(default_factory=dict)  # new records of the objects seen
     robot_correction: Correction | None = None
     window: Window | None = None  # since the component was last Gaussian; None: it is
-    smoothed: dict[int, Array] = field(default_factory=dict)  # GTSAM key -> (d,) mode, where the window was looked at
+    smoothed: dict[int, Array] = field(default_factory=dict)  # GTSAM key -> (s,) mode, where the window was looked at
     corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of the Gaussian at that mode
     local: LocalMap | None = None  # after the detections, where updates are not iterated
 

@@ -5,3 +5,7 @@ from semantic_slam.errors import SemanticSlamError
 
 class LostComponentError(SemanticSlamError):
     """A component's linear system is indeterminate; its hypothesis has to be given up."""
+
+
+class ConsumedSmootherError(Exception):
+    """A smoother was asked after an update had consumed it: a mistake in the program, not in its data."""

@@ -10,7 +10,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints
 from semantic_slam.inference.states.keys import DESCRIPTOR
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.layout import Layout
+from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True)
@@ -19,26 +20,27 @@ class Estimate:
 
     keys: tuple[int, ...]  # (m + n,) ascending
     descriptors: Array  # (m, L)
-    poses: Array  # (n, d)
+    poses: Array  # (n, s)
+    storage: Layout  # of robots and objects
 
     @classmethod
-    def of(cls, space: StateSpace, values: gtsam.Values, num_descriptors: int) -> "Estimate":
+    def of(cls, spaces: Spaces, values: gtsam.Values, num_descriptors: int) -> "Estimate":
         """From GTSAM's values, whose other variables come before these."""
         descriptors = gtsam.utilities.extractVectors(values, DESCRIPTOR) if num_descriptors else np.zeros((0, 0))
-        poses, keys = space.states(values), tuple(values.keys())
-        return cls(keys[len(keys) - len(poses) - len(descriptors) :], descriptors, poses)
+        poses, keys = spaces.states(values), tuple(values.keys())
+        return cls(keys[len(keys) - len(poses) - len(descriptors) :], descriptors, poses, spaces.storage)
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(B, d) of poses. Raises KeyError."""
+        """(B, s) of poses. Raises KeyError."""
         return np.asarray(self.poses[_rows(self.keys, tuple(keys)) - len(self.descriptors)])
 
     def places(self, keys: Index) -> LinearisationPoints:
         """Of the variables of some semantic measurements, (B, 2) keys or with descriptors (B, 3)."""
         rows = np.searchsorted(_ascending(self.keys), keys)
-        states = self.poses[rows[:, :2] - len(self.descriptors)].reshape(len(keys), 2 * self.poses.shape[1])
+        states = self.storage.joined(self.poses[rows[:, :2] - len(self.descriptors)])
         if len(self.descriptors):
             states = np.concatenate([states, self.descriptors[rows[:, 2]]], axis=1)
-        return LinearisationPoints(states, self.poses.shape[1])
+        return LinearisationPoints(states, self.storage)
 
 
 @lru_cache(maxsize=256)

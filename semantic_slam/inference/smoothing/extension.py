@@ -40,7 +40,7 @@ def extension(component: Component, shared: KeyframeFactors, update: ComponentUp
 
 
 def linearisation_start(component: Component, update: ComponentUpdate) -> dict[int, Array]:
-    """GTSAM key -> (d,) state at which a continuation's semantic measurements are linearised."""
+    """GTSAM key -> (s,) state at which a continuation's semantic measurements are linearised."""
     start = {robot_key(component.keyframe + 1): update.robot} | update.smoothed
     return start | {object_key(n): o for n, o in zip(update.object_ids, update.objects, strict=True)}
 
@@ -51,10 +51,10 @@ def new_factors(
     """Odometry, priors of new objects and geometry; and values of the new keys, the robot's where its mode is."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.add(shared.odometry)
-    component.space.insert(values, robot_key(component.keyframe + 1), update.robot)
+    component.spaces.robot.insert(values, robot_key(component.keyframe + 1), update.robot)
     for number, prior in update.new_objects.items():
-        graph.add(component.space.prior_factor(object_key(number), prior.mean, prior.covariance))
-        component.space.insert(values, object_key(number), prior.mean)
+        graph.add(component.spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
+        component.spaces.landmark.insert(values, object_key(number), prior.mean)
     for item in update.observed:
         graph.add(shared.geometry(item))
     if shared.motion.by_bias is not None and begins_stretch(component.keyframe + 1) and component.tracked is not None:
@@ -104,7 +104,8 @@ def _with_descriptors(
             graph.add(gtsam.PriorFactorVector(key, prior.mean[0], gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])))
             values.insert(key, guess.mean)
     lacking = sorted({key for item in entering for key in item.keys} - start.keys() - states.keys())
-    return states | dict(zip(lacking, component.states(lacking), strict=True))
+    known = zip(lacking, component.states(lacking), strict=True)
+    return states | {key: component.spaces.own(key, state) for key, state in known}
 
 
 def _turned_only(component: Component, views: Mapping[int, ObjectViews]) -> dict[int, Array]:
@@ -146,5 +147,5 @@ def _jumped(component: Component, update: ComponentUpdate, moved: bool) -> bool:
     past = [key for key in update.smoothed if component.smoother.has(key)]
     if not past:
         return False
-    modes = np.array([update.smoothed[key] for key in past])
-    return bool(np.abs(component.space.local(component.states(past), modes)).max() > JUMP)
+    modes = [update.smoothed[key] for key in past]
+    return component.spaces.largest_change(past, component.states(past), modes) > JUMP

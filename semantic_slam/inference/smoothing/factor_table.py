@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,6 +50,15 @@ class FactorTable:
         for row, item, index in zip(rows, named, indices, strict=True):
             all_named[row], all_indices[row], exact[row] = item, index, item.exact
         return FactorTable(tuple(all_named), tuple(all_indices), self.places.replaced(rows, places), self.keys, exact)
+
+    def without(self, graph: gtsam.NonlinearFactorGraph, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
+        """All factors of ``graph`` but the semantic ones; of its first ``num_factors`` where that is said."""
+        graph = gtsam.NonlinearFactorGraph(graph)
+        semantic, kept = set(self.indices), gtsam.NonlinearFactorGraph()
+        for i in range(graph.size() if num_factors is None else num_factors):
+            if i not in semantic and graph.exists(i):
+                kept.add(graph.at(i))
+        return kept
 
 
 NO_FACTORS = FactorTable()

@@ -81,8 +81,9 @@ def _stepped(
     def child(place: int, parent: Component, update: ComponentUpdate) -> Component:
         graph, values = new_factors(parent, shared[parent.noise], update)
         classed, start = classed_measurements(parent, update), linearisation_start(parent, update)
-        own, far = last.get(id(parent)) == place, bool(moved[place])
-        smoother = parent.smoother.stepped(graph, values, classed, start, in_place=own, again=far)
+        mine = parent.smoother if last.get(id(parent)) == place else parent.smoother.fork()
+        far = bool(moved[place])
+        smoother = mine.stepped(graph, values, classed, start, again=far)
         return parent.child(update, smoother, None if far else update.local, max_fresh)
 
     return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, updates, strict=True))]
@@ -103,7 +104,7 @@ def certain(outcome: Outcome) -> Component:
 
 def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> Flags:
     """(K,) whether the mode of the robot is elsewhere than odometry has it; far, where updates are not iterated."""
-    space = parents[0].space
+    space = parents[0].spaces.robot
     predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
     limit = np.maximum(JUMP, space.far) if parents[0].single_steps else JUMP
     return np.asarray((np.abs(space.local(predicted, modes)) > limit).any(axis=-1))
@@ -113,7 +114,7 @@ def _shared(parents: Sequence[Component], motion: Motion) -> dict[int, KeyframeF
     """The factors of the keyframe under each of the noises that odometry may have."""
     by_noise = {parent.noise: parent for parent in parents}
     return {
-        noise: KeyframeFactors(own.space, own.model, own.keyframe + 1, own.scaled(motion))
+        noise: KeyframeFactors(own.spaces, own.model, own.keyframe + 1, own.scaled(motion))
         for noise, own in by_noise.items()
     }
 

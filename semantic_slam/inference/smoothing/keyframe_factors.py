@@ -7,15 +7,15 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import biased_factor
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 
 class KeyframeFactors:
     """Odometry to a keyframe, and geometry of its detections; each is made once."""
 
-    def __init__(self, space: StateSpace, model: ObservationModel, keyframe: int, motion: Motion) -> None:
+    def __init__(self, spaces: Spaces, model: ObservationModel, keyframe: int, motion: Motion) -> None:
         self.motion = motion
-        self._manifold, self._model, self._keyframe = space, model, keyframe
+        self._spaces, self._model, self._keyframe = spaces, model, keyframe
         self._geometry: dict[tuple[int, int], Any] = {}
 
     @cached_property
@@ -23,7 +23,7 @@ class KeyframeFactors:
         """Of the motion from the keyframe before, and of what odometry always gets wrong where that is estimated."""
         motion, keys = self.motion, (robot_key(self._keyframe - 1), robot_key(self._keyframe))
         if motion.by_bias is None:
-            return self._manifold.between_factor(*keys, motion.control, motion.covariance)
+            return self._spaces.robot.between_factor(*keys, motion.control, motion.covariance)
         return biased_factor((*keys, bias_key(self._keyframe)), motion.control, motion.covariance, motion.by_bias)
 
     def geometry(self, item: AssociatedDetection) -> Any:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.states.layout import Layout
 
 LARGEST_AGE = 25
 """Keyframes after which the smoother is asked again."""
@@ -17,7 +18,7 @@ LARGEST_AGE = 25
 
 @dataclass(frozen=True)
 class LocalDetection:
-    """One detection of a known object: whitened Jacobians (m, d) at the prediction."""
+    """One detection of a known object: whitened Jacobians (m, r) and (m, l) at the prediction."""
 
     object_id: int
     by_robot: Array
@@ -26,10 +27,11 @@ class LocalDetection:
 
 @dataclass(frozen=True)
 class LocalMap:
-    """M objects; d dimensions of a state, p biases of odometry."""
+    """M objects; r and l dimensions of the tangent spaces of robot and objects, p biases of odometry."""
 
+    layout: Layout
     ids: Index  # (M,)
-    covariance: Array  # (d + p + M d) square: robot, biases, objects, in the tangent spaces at the estimates
+    covariance: Array  # (r + p + M l) square: robot, biases, objects, in the tangent spaces at the estimates
     age: int = 0
     num_biases: int = 0  # p
 
@@ -37,24 +39,25 @@ class LocalMap:
         """Whether all of (n,) objects are here."""
         return set(object_ids.tolist()) <= set(self.ids.tolist())
 
-    def blocks(self, object_ids: Index, dimension: int) -> Index:
+    def rows(self, object_ids: Index) -> Index:
         """Rows of the covariance for the robot and (n,) objects."""
         place = {n: row for row, n in enumerate(self.ids.tolist())}
-        first = [0, *(dimension * (1 + place[n]) + self.num_biases for n in object_ids.tolist())]
-        return np.asarray((np.array(first)[:, None] + np.arange(dimension)).ravel())
+        rows = self.layout.rows([0, *(1 + place[n] for n in object_ids.tolist())])
+        rows[self.layout.robot :] += self.num_biases
+        return rows
 
-    def of(self, object_ids: Index, dimension: int) -> Array:
-        """((1 + n) d, (1 + n) d) of the robot and (n,) objects."""
-        rows = self.blocks(object_ids, dimension)
+    def of(self, object_ids: Index) -> Array:
+        """(r + n l, r + n l) of the robot and (n,) objects."""
+        rows = self.rows(object_ids)
         return self.covariance[rows[:, None], rows]
 
-    def single(self, object_ids: Index, dimension: int) -> Array:
-        """(n, d, d) of (n,) objects."""
-        rows = self.blocks(object_ids, dimension)[dimension:].reshape(-1, dimension)
+    def single(self, object_ids: Index) -> Array:
+        """(n, l, l) of (n,) objects."""
+        rows = self.rows(object_ids)[self.layout.robot :].reshape(-1, self.layout.landmark)
         return self.covariance[rows[:, :, None], rows[:, None, :]]
 
     def moved(self, before: Array, transition: Array, noise: Array) -> "LocalMap":
-        """After a motion with (d, d + p) [F G] and covariance, ``before`` being the covariance until then."""
+        """After a motion with (r, r + p) [F G] and covariance, ``before`` being the covariance until then."""
         size, width = transition.shape
         covariance = before.copy()
         covariance[:size] = transition @ covariance[:width]
@@ -72,7 +75,7 @@ class LocalMap:
         for item in seen:
             rows = slice(at, at + len(item.by_robot))
             jacobian[rows, :size] = item.by_robot
-            own = self.blocks(np.array([item.object_id]), size)[size:]
+            own = self.rows(np.array([item.object_id]))[size:]
             jacobian[rows, own] = item.by_object
             at = rows.stop
         cross = jacobian @ self.covariance
@@ -81,7 +84,7 @@ class LocalMap:
 
     def with_new(self, object_id: int, gain: Array, noise: Array) -> "LocalMap":
         """With an object that follows from the robot: o = G x + e."""
-        size = len(gain)
+        size = self.layout.robot
         cross = gain @ self.covariance[:size]
         own = cross[:, :size] @ gain.T + noise
         covariance = np.block([[self.covariance, cross.T], [cross, own]])

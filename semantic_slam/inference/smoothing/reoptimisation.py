@@ -11,7 +11,7 @@ from semantic_slam.inference.smoothing.factor_table import NO_FACTORS
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.keys import is_descriptor
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 SAME = 1e-3
 """Change of a state, metres or radians, below which linear factors need not be made again."""
@@ -39,7 +39,7 @@ def reoptimised(
     else:
         values = _by_rounds(semantics, kept, named, starts[0])
     keys = sorted({key for item in named for key in item.keys})
-    places = LinearisationPoints.of(named, _states(semantics.space, values, keys))
+    places = LinearisationPoints.of(named, _states(semantics.spaces, values, keys))
     factors = semantics.make([named], [places])[0]
     return smoother.restarted(kept, values, factors, NO_FACTORS.added(named, (), places))
 
@@ -52,13 +52,13 @@ def _by_rounds(
 ) -> gtsam.Values:
     """Optimised with linear factors, made anew until that changes nothing."""
     keys = sorted({key for item in named for key in item.keys})
-    states = _states(semantics.space, values, keys)
+    states = _states(semantics.spaces, values, keys)
     kept, tied = _tied(kept, values)
     for _ in range(MAX_ROUNDS):
         factors = semantics.make([named], [LinearisationPoints.of(named, states)])[0]
         tied = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), tied).optimize()
-        before, states = states, _states(semantics.space, tied, keys)
-        if all(np.abs(semantics.space.local(before[key], states[key])).max() < SAME for key in keys):
+        before, states = states, _states(semantics.spaces, tied, keys)
+        if all(np.abs(semantics.spaces.of(key).local(before[key], states[key])).max() < SAME for key in keys):
             break
     whole = gtsam.Values(values)
     whole.update(tied)
@@ -84,7 +84,7 @@ def _tied(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[gtsa
     return part, states
 
 
-def changed(space: StateSpace, values: gtsam.Values, states: Mapping[int, Array]) -> gtsam.Values:
+def changed(spaces: Spaces, values: gtsam.Values, states: Mapping[int, Array]) -> gtsam.Values:
     """A copy with other states of some variables."""
     copy = gtsam.Values(values)
     for key, state in states.items():
@@ -92,7 +92,7 @@ def changed(space: StateSpace, values: gtsam.Values, states: Mapping[int, Array]
         if is_descriptor(key):
             copy.insert(key, state)
         else:
-            space.insert(copy, key, state)
+            spaces.of(key).insert(copy, key, state)
     return copy
 
 
@@ -104,7 +104,7 @@ def _exactly(
 ) -> gtsam.Values:
     """The best of the optima next to some starts, with callbacks for all semantic factors, nearly reached."""
     exact = [replace(item, exact=True) for item in named]
-    states = _states(semantics.space, starts[0], sorted({key for item in named for key in item.keys}))
+    states = _states(semantics.spaces, starts[0], sorted({key for item in named for key in item.keys}))
     graph = _joined(kept, semantics.make([exact], [LinearisationPoints.of(exact, states)])[0])
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(MAX_EXACT_ITERATIONS)
@@ -119,5 +119,8 @@ def _joined(kept: gtsam.NonlinearFactorGraph, factors: Sequence[gtsam.NonlinearF
     return graph
 
 
-def _states(space: StateSpace, values: gtsam.Values, keys: Sequence[int]) -> dict[int, Array]:
-    return {key: np.asarray(values.atVector(key)) if is_descriptor(key) else space.state(values, key) for key in keys}
+def _states(spaces: Spaces, values: gtsam.Values, keys: Sequence[int]) -> dict[int, Array]:
+    return {
+        key: np.asarray(values.atVector(key)) if is_descriptor(key) else spaces.of(key).state(values, key)
+        for key in keys
+    }

@@ -14,7 +14,8 @@ from semantic_slam.inference.models.latent_factor import exact_factor
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.linear_factors import linear_factors, linearisation_points
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.layout import Layout
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.model import DescriptorBelief
 
 MOVED_RAD = 0.1
@@ -50,53 +51,56 @@ class SemanticFactor:
 class LinearisationPoints:
     """States of the variables of n semantic measurements: robot, object and, if there are any, descriptor."""
 
-    states: Array  # (n, 2 d + L)
-    dimension: int  # d
+    states: Array  # (n, s + s + L)
+    storage: Layout  # of robot and object
 
     @classmethod
     def of(cls, named: Sequence[SemanticFactor], states: Mapping[int, Array]) -> "LinearisationPoints":
         """From the state of every key."""
         rows = [np.concatenate([states[key] for key in item.keys]) for item in named]
-        return cls(np.array(rows), len(states[named[0].robot_key])) if rows else NO_POINTS
+        if not rows:
+            return NO_POINTS
+        sizes = (len(states[key]) for key in (named[0].robot_key, named[0].object_key))
+        return cls(np.array(rows), Layout(*sizes))
 
     @classmethod
     def stacked(cls, robots: Array, objects: Array, descriptors: Array) -> "LinearisationPoints":
-        """Of (n, d), (n, d) and (n, L)."""
-        return cls(np.concatenate([robots, objects, descriptors], axis=1), robots.shape[1])
+        """Of (n, s), (n, s) and (n, L)."""
+        return cls(np.concatenate([robots, objects, descriptors], axis=1), Layout(robots.shape[1], objects.shape[1]))
 
     @classmethod
     def joined(cls, parts: Sequence["LinearisationPoints"]) -> "LinearisationPoints":
         """One after another; those of no measurement do not matter."""
         some = [part for part in parts if len(part.states)]
-        return cls(np.concatenate([part.states for part in some]), some[0].dimension) if some else NO_POINTS
+        return cls(np.concatenate([part.states for part in some]), some[0].storage) if some else NO_POINTS
 
     @property
     def robots(self) -> Array:
-        """(n, d)."""
-        return self.states[:, : self.dimension]
+        """(n, s)."""
+        return self.states[:, self.storage.block(0)]
 
     @property
     def objects(self) -> Array:
-        """(n, d)."""
-        return self.states[:, self.dimension : 2 * self.dimension]
+        """(n, s)."""
+        return self.states[:, self.storage.block(1)]
 
     @property
     def descriptors(self) -> Array:
         """(n, L), of no components under classes."""
-        return self.states[:, 2 * self.dimension :]
+        return self.states[:, self.storage.size(1) :]
 
     def take(self, rows: Sequence[int] | NDArray[np.int_]) -> "LinearisationPoints":
         """Of some measurements."""
-        return LinearisationPoints(self.states[rows], self.dimension)
+        return LinearisationPoints(self.states[rows], self.storage)
 
     def replaced(self, rows: Sequence[int], others: "LinearisationPoints") -> "LinearisationPoints":
         """With those of some measurements changed."""
         states = self.states.copy()
         states[rows] = others.states
-        return LinearisationPoints(states, self.dimension)
+        return LinearisationPoints(states, self.storage)
 
 
-NO_POINTS = LinearisationPoints(np.zeros((0, 0)), 0)
+NO_POINTS = LinearisationPoints(np.zeros((0, 0)), Layout(0, 0))
 """Of no measurement."""
 
 
@@ -104,7 +108,7 @@ NO_POINTS = LinearisationPoints(np.zeros((0, 0)), 0)
 class SemanticFactorMaker:
     """Makes them; ``latent`` None: there are no descriptors, but classes."""
 
-    space: StateSpace
+    spaces: Spaces
     model: ObservationModel
     latent: LatentObservation | None = None
 
@@ -131,7 +135,7 @@ class SemanticFactorMaker:
         if not every:
             return [[] for _ in named]
         at = LinearisationPoints.joined(places)
-        points = linearisation_points(self.space, [[item.keys for item in own] for own in named], at.states)
+        points = linearisation_points(self.spaces, [[item.keys for item in own] for own in named], at.states)
         repeated = [point for own, point in zip(named, points, strict=True) for _ in own]
         make = self._classed if self.latent is None else self._latent
         factors = iter(make(every, at, repeated))
@@ -139,12 +143,12 @@ class SemanticFactorMaker:
 
     def change(self, before: LinearisationPoints, now: LinearisationPoints) -> tuple[Array, NDArray[np.bool_]]:
         """(n,) how far from where linear factors were made, 1 being as far as they hold, and whether the map floats."""
-        relative = (self.space.between(at.robots, at.objects) for at in (before, now))
+        relative = (self.spaces.seen(at.robots, at.objects) for at in (before, now))
         change = np.asarray(self.model.view_change(*relative)) / MOVED_RAD
         if self.latent is None:
             return change, np.zeros(len(change), dtype=bool)
-        poses = (np.stack([at.robots, at.objects], axis=1) for at in (before, now))
-        floating = np.abs(self.space.local(*poses)).max(axis=(1, 2)) / MOVED_POSE
+        poses = (self.spaces.storage.stacked(at.robots[:, None], at.objects[:, None]) for at in (before, now))
+        floating = np.abs(self.spaces.joint.local(*poses)).max(axis=(1, 2)) / MOVED_POSE
         descriptors = np.abs(now.descriptors - before.descriptors) / (MOVED_DESCRIPTOR * self._prior_sigma)
         return np.maximum(np.maximum(change, floating), descriptors.max(axis=1)), floating > 1.0
 

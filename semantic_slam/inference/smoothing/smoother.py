@@ -1,8 +1,8 @@
-"""The iSAM2 of a component: forked when its hypothesis branches, updated, read.
+"""The iSAM2 of a component: forked when its hypothesis branches, else consumed by the only child; updated, read.
 
 Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and those
-of an object that a keyframe observes are made anew where its view has changed. Its variables are poses of dimension d
-and, with a learned latent space, descriptors of L components.
+of an object that a keyframe observes are made anew where its view has changed. Its variables are states of robots and
+objects, of tangent spaces of r and l dimensions, and with a learned latent space descriptors of L components.
 """
 
 from collections.abc import Collection, Sequence
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.odometry_bias import bias_prior
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import ConsumedSmootherError, LostComponentError
 from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
     NO_FACTORS,
@@ -28,7 +28,7 @@ from semantic_slam.inference.smoothing.factor_table import (
 )
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import BIAS_LETTER, DESCRIPTOR, is_descriptor, letter_of
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 
 WILDFIRE_THRESHOLD = 1e-9
 """Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
@@ -44,13 +44,40 @@ STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
 back-substitution stops, metres or radians."""
 
 
-@dataclass(frozen=True)
-class Smoother:
-    """iSAM2 and the semantic measurements in it."""
+class OwnedIsam:
+    """An iSAM2, which one smoother at a time reads and updates."""
 
-    space: StateSpace
+    def __init__(self, isam: gtsam.ISAM2) -> None:
+        self._isam: gtsam.ISAM2 | None = isam
+
+    @property
+    def isam(self) -> gtsam.ISAM2:
+        """The iSAM2. Raises ConsumedSmootherError where it was handed on."""
+        if self._isam is None:
+            raise ConsumedSmootherError("this smoother was consumed by its update; fork() it before, to keep it")
+        return self._isam
+
+    def fork(self) -> "OwnedIsam":
+        """A copy, of another owner."""
+        return OwnedIsam(gtsam.ISAM2(self.isam))
+
+    def hand_on(self) -> "OwnedIsam":
+        """To another owner; this one raises from now on."""
+        other, self._isam = OwnedIsam(self.isam), None
+        return other
+
+
+@dataclass(frozen=True, kw_only=True)
+class Smoother:
+    """iSAM2 and the semantic measurements in it.
+
+    Updates consume a smoother: it hands its iSAM2 on and raises ConsumedSmootherError whatever it is asked. Whoever
+    needs it again updates a ``fork()``.
+    """
+
+    spaces: Spaces
     semantics: SemanticFactorMaker
-    isam: gtsam.ISAM2
+    owned: OwnedIsam
     num_variables: int
     made: FactorTable = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
@@ -59,26 +86,46 @@ class Smoother:
 
     @classmethod
     def of(
-        cls, space: StateSpace, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+        cls, spaces: Spaces, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ) -> "Smoother":
         """A new one."""
-        isam = _new_isam(space, semantics)
+        isam = _new_isam(spaces, semantics)
         isam.update(graph, values)
-        return cls(space, semantics, isam, values.size(), last=_last(values.keys()))
+        return cls(
+            spaces=spaces,
+            semantics=semantics,
+            owned=OwnedIsam(isam),
+            num_variables=values.size(),
+            last=_last(values.keys()),
+        )
+
+    @property
+    def isam(self) -> gtsam.ISAM2:
+        """GTSAM's own. Raises ConsumedSmootherError."""
+        return self.owned.isam
+
+    def fork(self) -> "Smoother":
+        """A copy that grows apart from this one."""
+        return replace(self, owned=self.owned.fork(), _known={})
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(n, d) estimates of different keys."""
+        """(n, s) estimates of different keys, as wide as the wider of robots and objects."""
         if not len(keys):
-            return np.zeros((0, self.space.dimension))
+            return np.zeros((0, self.spaces.storage.width))
         if self.num_variables < FEW_VARIABLES:
             return self.estimate.states(keys)
-        ascending = self.space.states(self.isam.calculateEstimate(list(keys)))
+        ascending = self.spaces.states(self.isam.calculateEstimate(list(keys)))
         return ascending[_ranks(tuple(keys))]
 
-    @cached_property
+    @property
     def estimate(self) -> Estimate:
         """Of all variables, read once."""
-        return Estimate.of(self.space, self.isam.calculateEstimate(), self.num_descriptors)
+        _ = self.isam  # raises where it was consumed
+        return self._estimate
+
+    @cached_property
+    def _estimate(self) -> Estimate:
+        return Estimate.of(self.spaces, self.isam.calculateEstimate(), self.num_descriptors)
 
     def descriptors(self, keys: Sequence[int]) -> Array:
         """(n, L) estimates of descriptors."""
@@ -93,12 +140,12 @@ class Smoother:
         return bool(self.isam.valueExists(key))
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """Marginal covariance in the order of ``keys``, d rows for a pose and L for a descriptor.
+        """Marginal covariance in the order of ``keys``, r or l rows for a state and L for a descriptor.
 
         In the tangent spaces at the estimate. Read once: a report and the prediction after it ask for the same.
         Raises LostComponentError.
         """
-        wanted = tuple(keys)
+        wanted, _ = tuple(keys), self.isam  # raises where it was consumed
         if wanted not in self._known:
             self._known[wanted] = self._part_of_known(wanted)
         return self._known[wanted].copy()
@@ -118,23 +165,29 @@ class Smoother:
         return np.asarray(0.5 * (covariance + covariance.T))
 
     def _size(self, key: int) -> int:
-        return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.space.dimension
+        return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.spaces.of(key).tangent_size
 
     def covariances(self, keys: Sequence[int]) -> Array:
-        """(n, d, d) marginal covariances, in the tangent spaces at the estimate. Raises LostComponentError."""
-        size = self.space.dimension
+        """(n, l, l) marginal covariances of objects, in the tangent spaces there. Raises LostComponentError."""
+        size = self.spaces.layout.landmark
+        return np.array([self._covariance(key) for key in keys]).reshape(len(keys), size, size)
+
+    def _covariance(self, key: int) -> Array:
         try:
-            return np.array([self.isam.marginalCovariance(key) for key in keys]).reshape(len(keys), size, size)
+            return np.asarray(self.isam.marginalCovariance(key))
         except (RuntimeError, IndexError) as fault:
             raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
 
     def joint_blocks(self, keys: Sequence[int]) -> Array:
-        """The same of keys whose joint covariance the next prediction asks for, unless they are many."""
-        count, size = len(keys), self.space.dimension
-        if count > MOST_JOINT:
-            return self.covariances(keys)
-        blocks = self.joint_covariance(keys).reshape(count, size, count, size)
-        return blocks[np.arange(count), :, np.arange(count)]
+        """(n, w, w) marginal covariances of a robot and objects, read from the joint one unless they are many.
+
+        The next prediction asks for that joint covariance, too.
+        """
+        layout = self.spaces.layout
+        if len(keys) > MOST_JOINT:
+            return layout.stacked_squares(self._covariance(keys[0]), self.covariances(keys[1:]))
+        blocks: Array = layout.diagonal(self.joint_covariance(keys)[None])[0].copy()
+        return blocks
 
     def stepped(
         self,
@@ -143,20 +196,18 @@ class Smoother:
         named: Sequence[SemanticFactor],
         start: dict[int, Array],
         *,
-        in_place: bool,
         again: bool,
     ) -> "Smoother":
-        """One update, two where ``again``, without waiting until it settles; ``in_place`` uses up this smoother.
+        """After one update, two where ``again``, without waiting until it converges; it consumes this smoother.
 
         Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
         """
-        isam = self.isam if in_place else gtsam.ISAM2(self.isam)
         try:
             places = LinearisationPoints.of(named, start)
             added = AddedFactors(named, self.semantics.make([named], [places])[0], places)
-            child = self.updated(isam, graph, values, added)
+            child = self.updated(graph, values, added)
             if again:
-                isam.update(force_relinearize=True)
+                child.isam.update(force_relinearize=True)
         except RuntimeError as fault:
             raise LostComponentError(f"an update failed ({first_line(fault)})") from None
         return child
@@ -169,8 +220,8 @@ class Smoother:
         parameters = gtsam.ISAM2Params()
         parameters.relinearizeSkip = STEPPED_SKIP
         thresholds = gtsam.ISAM2ThresholdMap()
-        for symbol in "xo":
-            thresholds.insert((symbol, self.space.far))
+        for symbol, space in (("x", self.spaces.robot), ("o", self.spaces.landmark)):
+            thresholds.insert((symbol, space.far))
         thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
         parameters.setRelinearizeThreshold(thresholds)
         parameters.enablePartialRelinearizationCheck = True
@@ -181,33 +232,42 @@ class Smoother:
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         if num_biases:
             isam.update(*bias_prior(num_biases))
-        return replace(self, isam=isam, num_variables=self.num_variables + bool(num_biases), _known={})
+        size = self.num_variables + bool(num_biases)
+        return replace(self, owned=OwnedIsam(isam), num_variables=size, _known={})
 
     def updated(
         self,
-        isam: gtsam.ISAM2,
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
         added: AddedFactors,
         renewal: RelinearisedFactors = NONE_RELINEARISED,
     ) -> "Smoother":
-        """``isam``, a fork or this one's own, after one update with ``graph`` and semantic factors, new and renewed."""
+        """After one update with ``graph`` and semantic factors, new and renewed; it consumes this smoother."""
+        owned = self.owned.hand_on()
         together = gtsam.NonlinearFactorGraph(graph)
         for factor in (*added.factors, *renewal.factors):
             together.add(factor)
         removed = [self.made.indices[row] for row in renewal.rows]
         last = _last([*self.last, *values.keys()], added.named) if self.last and values.size() else self.last
-        indices = isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
+        indices = owned.isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
         split = len(added.factors)
         made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
         made = made.added(added.named, indices[:split], added.places)
         size = self.num_variables + values.size()
         descriptors = self.num_descriptors + sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
-        return Smoother(self.space, self.semantics, isam, size, made, descriptors, last)
+        return Smoother(
+            spaces=self.spaces,
+            semantics=self.semantics,
+            owned=owned,
+            num_variables=size,
+            made=made,
+            num_descriptors=descriptors,
+            last=last,
+        )
 
     def renewed(self, renewal: RelinearisedFactors) -> "Smoother":
-        """After an update that relinearises, in which semantic factors are replaced. It uses up this smoother."""
-        return self.updated(self.isam, gtsam.NonlinearFactorGraph(), gtsam.Values(), NONE_ADDED, renewal)
+        """After an update that relinearises, in which semantic factors are replaced; it consumes this smoother."""
+        return self.updated(gtsam.NonlinearFactorGraph(), gtsam.Values(), NONE_ADDED, renewal)
 
     def restarted(
         self, kept: gtsam.NonlinearFactorGraph, values: gtsam.Values, factors: Sequence[Any], made: FactorTable
@@ -221,18 +281,26 @@ class Smoother:
         for factor in factors:
             graph.add(factor)
         last = _last(values.keys())
-        isam = _new_isam(self.space, self.semantics)
+        isam = _new_isam(self.spaces, self.semantics)
         try:
             result = isam.update(graph, values, [], _groups(last))
         except RuntimeError:
-            isam = _new_isam(self.space, self.semantics, "QR")
+            isam = _new_isam(self.spaces, self.semantics, "QR")
             result = isam.update(graph, values, [], _groups(last))
         if not np.isfinite(isam.getDelta().vector()).all():
             raise RuntimeError("the system is not finite")
         indices = result.getNewFactorsIndices()[kept.size() :]
         descriptors = sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         made = replace(made, indices=tuple(indices))
-        return Smoother(self.space, self.semantics, isam, values.size(), made, descriptors, last)
+        return Smoother(
+            spaces=self.spaces,
+            semantics=self.semantics,
+            owned=OwnedIsam(isam),
+            num_variables=values.size(),
+            made=made,
+            num_descriptors=descriptors,
+            last=last,
+        )
 
     def rests(self) -> bool:
         """Whether all variables are about where they were linearised.
@@ -243,8 +311,8 @@ class Smoother:
         deltas = np.abs(self.isam.getDelta().vector()) / AT_REST
         limit = self.semantics.descriptor_threshold
         split = self.num_descriptors * len(limit)
-        if not (deltas[split:].reshape(-1, self.space.dimension) <= self.space.relinearize_threshold).all():
-            return False  # or it is not a number
+        if not self.spaces.are_within(deltas[split:], self.num_variables - self.num_descriptors):
+            return False
         return not self.made.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
@@ -269,19 +337,9 @@ class Smoother:
         """Estimates of the variables of some semantic measurements."""
         return self.estimate.places(self.made.keys[rows])
 
-    @property
-    def num_factors(self) -> int:
-        """Places in iSAM2's list of factors: those of removed ones stay empty, new ones come after them."""
-        return int(self.isam.getFactorsUnsafe().size())
-
-    def kept(self, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
-        """All factors but the semantic ones; those of the first ``num_factors`` where that is said."""
-        graph = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe())
-        semantic, kept = set(self.made.indices), gtsam.NonlinearFactorGraph()
-        for i in range(graph.size() if num_factors is None else num_factors):
-            if i not in semantic and graph.exists(i):
-                kept.add(graph.at(i))
-        return kept
+    def kept(self) -> gtsam.NonlinearFactorGraph:
+        """All factors but the semantic ones."""
+        return self.made.without(self.isam.getFactorsUnsafe())
 
 
 @lru_cache(maxsize=1024)
@@ -290,12 +348,12 @@ def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
     return np.argsort(np.argsort(keys))
 
 
-def _new_isam(space: StateSpace, semantics: SemanticFactorMaker, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
+def _new_isam(spaces: Spaces, semantics: SemanticFactorMaker, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
     parameters = gtsam.ISAM2Params()
     parameters.setFactorization(factorization)
     parameters.relinearizeSkip = 1
     thresholds = gtsam.ISAM2ThresholdMap()
-    for symbol in "xo":
+    for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
         thresholds.insert((symbol, space.relinearize_threshold))
     if len(semantics.descriptor_threshold):
         thresholds.insert((DESCRIPTOR, semantics.descriptor_threshold))

@@ -9,20 +9,23 @@ from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 
-def tracked_before(robot: GaussianPrior, objects: list[GaussianPrior], num_biases: int) -> TrackedStates:
+def tracked_before(
+    spaces: Spaces, robot: GaussianPrior, objects: list[GaussianPrior], num_biases: int
+) -> TrackedStates:
     """Before any keyframe: the priors of the robot and of a map's objects, ascending by id."""
-    size = len(robot.mean)
+    storage, size = spaces.storage, spaces.layout.landmark
     covariances = np.array([prior.covariance for prior in objects]).reshape(-1, size, size)
     return TrackedStates(
-        states=np.array([prior.mean for prior in objects]).reshape(-1, size),
+        states=np.array([prior.mean for prior in objects]).reshape(-1, storage.landmark),
         covariances=covariances,
         sigmas=position_sigmas(covariances),
         robot=robot.mean,
         robot_covariance=robot.covariance,
-        trail=np.zeros((0, size)),
+        trail=np.zeros((0, storage.robot)),
         bias=np.zeros(num_biases),
         bias_covariance=_with_unit_bias(robot.covariance, num_biases),
     )
@@ -35,10 +38,11 @@ def tracked_after(
 
     ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
     """
-    size, existence = smoother.space.dimension, update.existence
+    layout, storage, existence = smoother.spaces.layout, smoother.spaces.storage, update.existence
     new = len(existence.new_ids)
     states = smoother.states([*(object_key(int(n)) for n in ids), robot_key(keyframe)])
-    covariances = np.concatenate([before.covariances[existence.kept], np.zeros((new, size, size))])
+    unknown = np.zeros((new, layout.landmark, layout.landmark))
+    covariances = np.concatenate([before.covariances[existence.kept], unknown])
     sigmas = np.concatenate([before.sigmas[existence.kept], np.zeros(new)])
     fresh = np.arange(len(ids))
     if len(ids) > max_fresh:
@@ -46,12 +50,12 @@ def tracked_after(
     together, covariances[fresh] = _joint(smoother, keyframe, before, update.local, ids[fresh])
     sigmas[fresh] = position_sigmas(covariances[fresh])
     return TrackedStates(
-        states=states[:-1],
+        states=states[:-1, : storage.landmark],
         covariances=covariances,
         sigmas=sigmas,
-        robot=states[-1],
-        robot_covariance=together[:size, :size],
-        trail=np.concatenate([before.trail, states[-1:]]),
+        robot=states[-1, : storage.robot],
+        robot_covariance=together[: layout.robot, : layout.robot],
+        trail=np.concatenate([before.trail, states[-1:, : storage.robot]]),
         bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
         bias_covariance=together if len(before.bias) else None,
     )
@@ -60,10 +64,10 @@ def tracked_after(
 def _joint(
     smoother: Smoother, keyframe: int, before: TrackedStates, local: LocalMap | None, object_ids: Index
 ) -> tuple[Array, Array]:
-    """(d + p, d + p) of robot and biases, and (n, d, d) of objects: from the local map where that holds them."""
-    size, biases = smoother.space.dimension, len(before.bias)
+    """(r + p, r + p) of robot and biases, and (n, l, l) of objects: from the local map where that holds them."""
+    size, biases = smoother.spaces.layout.robot, len(before.bias)
     if local is not None and local.holds(object_ids):
-        return local.covariance[: size + biases, : size + biases], local.single(object_ids, size)
+        return local.covariance[: size + biases, : size + biases], local.single(object_ids)
     robot = [robot_key(keyframe), *[bias_key(keyframe)][:biases]]
     return smoother.joint_covariance(robot), smoother.covariances([object_key(n) for n in object_ids.tolist()])
 

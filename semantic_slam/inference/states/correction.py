@@ -1,15 +1,11 @@
 """What samples say of a state beyond its Gaussian, in that Gaussian's own standard deviations."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.state_space import StateSpace
-
-if TYPE_CHECKING:
-    pass
 
 LEAST_SHARE = 1e-3
 """Semantic views narrow a variance to this share of the geometric one at most."""
@@ -40,7 +36,7 @@ class Correction:
     def towards(
         cls, space: StateSpace, states: Array, covariances: Array, samples: Array, weights: Array
     ) -> list["Correction"]:
-        """From K Gaussians at ``states`` (K, d) to the moments of (N, K, d) samples with (N,) normalised weights."""
+        """From K Gaussians at ``states`` (K, s) to the moments of (N, K, s) samples with (N,) normalised weights."""
         roots = np.linalg.cholesky(covariances)
         mean = space.mean(samples, weights)
         shifts = np.linalg.solve(roots, space.local(states, mean)[..., None])[..., 0]
@@ -49,6 +45,6 @@ class Correction:
         return [cls(shift, covariance) for shift, covariance in zip(shifts, moments, strict=True)]
 
     def applied(self, space: StateSpace, state: Array, covariance: Array) -> tuple[Array, Array]:
-        """A state (d,) and its covariance (d, d), corrected."""
+        """A state (s,) and its covariance (d, d), corrected."""
         root = np.linalg.cholesky(covariance)
         return space.retract(state, root @ self.shift), root @ self.covariance @ root.T

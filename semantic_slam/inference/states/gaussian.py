@@ -9,5 +9,5 @@ from semantic_slam.geometry.arrays import Array
 class GaussianPrior:
     """Covariance in the tangent space at the mean."""
 
-    mean: Array  # (d,)
+    mean: Array  # (s,)
     covariance: Array  # (d, d)

@@ -1,12 +1,8 @@
 """The GTSAM keys of poses, objects, descriptors and biases."""
 
 from functools import cache
-from typing import TYPE_CHECKING
 
 import gtsam
-
-if TYPE_CHECKING:
-    pass
 
 
 def robot_key(keyframe: int) -> int:
@@ -30,12 +26,22 @@ DESCRIPTOR = "e"
 """Symbol of E(n), below those of objects and robots."""
 _SYMBOL_BITS = 56
 """Of a key, before its letter."""
-_DESCRIPTOR_CODE = ord(DESCRIPTOR)
+_DESCRIPTOR_CODE, _ROBOT_CODE, _OBJECT_CODE = ord(DESCRIPTOR), ord("x"), ord("o")
 
 
 def letter_of(key: int) -> str:
     """The letter of a GTSAM key."""
     return chr(key >> _SYMBOL_BITS)
+
+
+def is_robot(key: int) -> bool:
+    """Whether a GTSAM key is some X(k)."""
+    return key >> _SYMBOL_BITS == _ROBOT_CODE
+
+
+def is_object(key: int) -> bool:
+    """Whether a GTSAM key is some O(n)."""
+    return key >> _SYMBOL_BITS == _OBJECT_CODE
 
 
 def is_descriptor(key: int) -> bool:

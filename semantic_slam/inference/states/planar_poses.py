@@ -1,18 +1,25 @@
 """Planar poses, SE(2), as a state space."""
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import gtsam
 import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 
 
+@dataclass(frozen=True)
 class PlanarPoses:
     """SE(2): x, y [m], yaw [rad]."""
 
-    dimension = 3
+    tangent_size = 3
+    storage_size = 3
+    frame_size = 5
+    heading: ClassVar[int | None] = 2
+    origin = np.full(3, 0.7)
     relinearize_threshold = np.array([0.1, 0.1, 0.05])
     far = np.array([5.0, 5.0, 0.1])
 
@@ -53,6 +60,44 @@ class PlanarPoses:
     def propagation(self, control: Array) -> Array:
         return se2.inverse_adjoint(control)
 
+    def position(self, state: Array) -> Array:
+        return state[..., :2]
+
+    def position_slopes(self, state: Array) -> Array:
+        slopes = np.zeros((*state.shape[:-1], 2, 3))
+        sin, cos = se2.sine_cosine(state[..., 2])
+        slopes[..., 0, 0], slopes[..., 0, 1], slopes[..., 1, 0], slopes[..., 1, 1] = cos, -sin, sin, cos
+        return slopes
+
+    def displacement(self, state: Array, point: Array, origin: Array) -> Array:
+        ahead, left = state[..., 0] - origin[..., 0], state[..., 1] - origin[..., 1]
+        if point.any():
+            sin, cos = se2.sine_cosine(state[..., 2])
+            ahead = ahead + cos * point[..., 0] - sin * point[..., 1]
+            left = left + sin * point[..., 0] + cos * point[..., 1]
+        return _beside(ahead, left, point)
+
+    def turned_back(self, state: Array, vector: Array) -> Array:
+        sin, cos = se2.sine_cosine(state[..., 2])
+        x, y = vector[..., 0], vector[..., 1]
+        return _beside(cos * x + sin * y, cos * y - sin * x, vector)
+
+    def in_frame(self, state: Array, point: Array) -> tuple[Array, Array, Array]:
+        sin, cos = se2.sine_cosine(state[..., 2])
+        seen = self.turned_back(state, point - state[..., :2])
+        by_point = np.empty((*seen.shape, 2))
+        by_point[..., 0, 0], by_point[..., 0, 1], by_point[..., 1, 0], by_point[..., 1, 1] = cos, sin, -sin, cos
+        by_state = np.zeros((*seen.shape, 3))  # [-I, -S seen]
+        by_state[..., 0, 0] = by_state[..., 1, 1] = -1.0
+        by_state[..., 0, 2], by_state[..., 1, 2] = seen[..., 1], -seen[..., 0]
+        return seen, by_state, by_point
+
+    def poses(self, states: Array) -> Array:
+        return pose_vector_from_planar(states)
+
+    def covariances(self, states: Array, covariances: Array) -> Array:
+        return covariance_from_planar(se2.rotate_covariance(states, covariances))
+
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         values.insert(key, gtsam.Pose2(*state.tolist()))
 
@@ -69,3 +114,10 @@ class PlanarPoses:
     def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
         noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
         return gtsam.BetweenFactorPose2(key, next_key, gtsam.Pose2(*control), noise)
+
+
+def _beside(ahead: Array, left: Array, like: Array) -> Array:
+    """(..., q) of two components, and of the heights in ``like`` (..., q), which no yaw changes."""
+    found = np.empty((*np.shape(ahead), like.shape[-1]))
+    found[..., 0], found[..., 1], found[..., 2:] = ahead, left, like[..., 2:]
+    return found

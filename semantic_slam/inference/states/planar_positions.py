@@ -1,6 +1,7 @@
-"""Planar positions, the vector space R^2, as a state space: for problems with closed forms."""
+"""Planar positions, the vector space R^2, as a state space: of points, and of problems with closed forms."""
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import gtsam
 import numpy as np
@@ -8,10 +9,15 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 
+@dataclass(frozen=True)
 class PlanarPositions:
     """R^2: x, y [m]. With linear models every belief of the engine is exact here."""
 
-    dimension = 2
+    tangent_size = 2
+    storage_size = 2
+    frame_size = 2
+    heading: ClassVar[int | None] = None
+    origin = np.full(2, 0.7)
     relinearize_threshold = np.array([0.1, 0.1])
     far = np.array([5.0, 5.0])
 
@@ -46,10 +52,40 @@ class PlanarPositions:
         return tangent
 
     def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
-        return tangent, np.broadcast_to(np.eye(2), (*tangent.shape[:-1], 2, 2))
+        return tangent, _identity(tangent)
 
     def propagation(self, control: Array) -> Array:
-        return np.broadcast_to(np.eye(2), (*control.shape[:-1], 2, 2))
+        return _identity(control)
+
+    def position(self, state: Array) -> Array:
+        return state
+
+    def position_slopes(self, state: Array) -> Array:
+        return _identity(state)
+
+    def displacement(self, state: Array, point: Array, origin: Array) -> Array:
+        found = np.empty((*np.broadcast_shapes(state.shape[:-1], point.shape[:-1]), point.shape[-1]))
+        found[..., :2], found[..., 2:] = state - origin + point[..., :2], point[..., 2:]
+        return found
+
+    def turned_back(self, state: Array, vector: Array) -> Array:
+        return vector
+
+    def in_frame(self, state: Array, point: Array) -> tuple[Array, Array, Array]:
+        seen = point - state
+        return seen, -_identity(seen), _identity(seen)
+
+    def poses(self, states: Array) -> Array:
+        """Without rotation."""
+        poses = np.zeros((*states.shape[:-1], 7))
+        poses[..., :2], poses[..., 6] = states, 1.0
+        return poses
+
+    def covariances(self, states: Array, covariances: Array) -> Array:
+        """The directions, of which a point has none, are 0."""
+        full = np.zeros((*states.shape[:-1], 6, 6))
+        full[..., :2, :2] = covariances
+        return full
 
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         values.insert(key, np.asarray(state))
@@ -66,3 +102,7 @@ class PlanarPositions:
     def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
         noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
         return gtsam.BetweenFactorPoint2(key, next_key, np.asarray(control), noise)
+
+
+def _identity(like: Array) -> Array:
+    return np.broadcast_to(np.eye(2), (*like.shape[:-1], 2, 2))

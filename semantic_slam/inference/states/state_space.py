@@ -1,36 +1,23 @@
-"""The state spaces of the engine: planar poses, and planar positions for problems with closed forms."""
+"""What a state space knows of its states: one file and one contract test for each."""
 
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import gtsam
 
 from semantic_slam.geometry.arrays import Array
 
 
-class StateSpace(Protocol):
-    """States are (..., d) arrays, tangent vectors (..., d); perturbations act on the right."""
-
-    dimension: int
-    relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
-    far: Array  # (d,) the same where updates are not iterated: what moves without turning stays where it is linear
-
-    def __hash__(self) -> int:
-        """What is made once for a manifold is kept."""
+class StateArithmetic(Protocol):
+    """Calculus over arrays of states (..., s) and tangent vectors (..., d); perturbations act on the right."""
 
     def compose(self, state: Array, control: Array) -> Array:
         """The state after a control."""
 
     def frame(self, state: Array) -> Array:
-        """(..., f) a state to compose with many a control: its d coordinates first."""
+        """(..., f) a state to compose with many a control: its s coordinates first."""
 
     def placed(self, frame: Array, control: Array) -> Array:
         """:meth:`compose` from a :meth:`frame`, headings as they add up."""
-
-    def along(self, start: Array, controls: Array) -> Array:
-        """(..., T, d) states from ``start`` (..., d) after each of (..., T, d) controls, headings as they add up."""
-
-    def wrapped(self, state: Array) -> Array:
-        """The same states, headings in [-pi, pi)."""
 
     def retract(self, state: Array, tangent: Array) -> Array:
         """state * Exp(tangent)."""
@@ -38,29 +25,74 @@ class StateSpace(Protocol):
     def local(self, state: Array, other: Array) -> Array:
         """Log(state^-1 other)."""
 
-    def between(self, state: Array, other: Array) -> Array:
-        """``other`` as seen from ``state``."""
-
-    def mean(self, states: Array, weights: Array) -> Array:
-        """(..., d) mean of (P, ..., d) states with (P,) normalised weights, in map: of positions and of directions."""
-
     def exp(self, tangent: Array) -> Array:
         """State at the origin moved by (..., d) tangent vectors: retract(state, t) is compose(state, exp(t))."""
 
     def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
-        """The same, and (..., d, d): change of retract(state, t) in its own tangent space per change of t."""
+        """:meth:`exp`, and (..., d, d): change of retract(state, t) in its own tangent space per change of t."""
+
+
+class StateSpace(StateArithmetic, Protocol):
+    """States are (..., s) arrays of s stored numbers, tangent vectors (..., d); positions (..., p) are those in map."""
+
+    tangent_size: int  # d
+    storage_size: int  # s
+    frame_size: int  # f
+    heading: ClassVar[int | None]  # tangent coordinate that turns a state about the vertical; None: states do not turn
+    origin: Array  # (s,) a turned state, from which linearisation points are steps
+    relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
+    far: Array  # (d,) the same where updates are not iterated: what moves without turning stays where it is linear
+
+    def __hash__(self) -> int:
+        """What is made once for a space is kept."""
+
+    def along(self, start: Array, controls: Array) -> Array:
+        """(..., T, s) states from ``start`` (..., s) after each of (..., T, s) controls, headings as they add up."""
+
+    def wrapped(self, state: Array) -> Array:
+        """The same states, headings in [-pi, pi)."""
+
+    def between(self, state: Array, other: Array) -> Array:
+        """``other`` as seen from ``state``."""
+
+    def mean(self, states: Array, weights: Array) -> Array:
+        """(..., s) mean of (P, ..., s) states with (P,) normalised weights, in map: of positions and of directions."""
 
     def propagation(self, control: Array) -> Array:
         """(..., d, d) F with (x Exp(e)) u = (x u) Exp(F e)."""
 
+    def position(self, state: Array) -> Array:
+        """(..., p) where states are, metres in map."""
+
+    def position_slopes(self, state: Array) -> Array:
+        """(..., p, d) derivatives of :meth:`position`."""
+
+    def displacement(self, state: Array, point: Array, origin: Array) -> Array:
+        """(..., q) from ``origin`` (..., p) in map to a ``point`` (..., q) of the state's frame, along map's axes.
+
+        In the plane a third component, q = 3, is the height over it.
+        """
+
+    def turned_back(self, state: Array, vector: Array) -> Array:
+        """(..., q) a vector along map's axes along those of the state."""
+
+    def in_frame(self, state: Array, point: Array) -> tuple[Array, Array, Array]:
+        """(..., p) a point in map as seen from the state, its (..., p, d) and (..., p, p) slopes by state and point."""
+
+    def poses(self, states: Array) -> Array:
+        """(..., 7) pose vectors of messages."""
+
+    def covariances(self, states: Array, covariances: Array) -> Array:
+        """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map."""
+
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
-        """Insert one state (d,) into GTSAM values."""
+        """Insert one state (s,) into GTSAM values."""
 
     def state(self, values: gtsam.Values, key: int) -> Array:
-        """(d,) state of ``key``."""
+        """(s,) state of ``key``."""
 
     def states(self, values: gtsam.Values) -> Array:
-        """(n, d) of all keys, in ascending order."""
+        """(n, s) of all variables of this type, by ascending key."""
 
     def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
         """Gaussian prior; covariance in the tangent space at the mean."""

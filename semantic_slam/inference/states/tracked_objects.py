@@ -36,23 +36,23 @@ class HypothesisObjects:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedStates:
-    """Where robot and O objects were after the newest update; d dimensions of a state, T keyframes so far.
+    """Where robot and O objects were after the newest update; r and l dimensions of tangent spaces, T keyframes.
 
     Kept where objects come and go, because reading every marginal anew costs more than everything else.
     """
 
-    states: Array  # (O, d)
-    covariances: Array  # (O, d, d) when the object was last near: later updates only narrow it
+    states: Array  # (O, s)
+    covariances: Array  # (O, l, l) when the object was last near: later updates only narrow it
     sigmas: Array  # (O,) largest standard deviation of a position then, metres
-    robot: Array  # (d,)
-    robot_covariance: Array  # (d, d)
-    trail: Array  # (T, d) robot at each keyframe, as estimated then
+    robot: Array  # (s,)
+    robot_covariance: Array  # (r, r)
+    trail: Array  # (T, s) robot at each keyframe, as estimated then
     bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry
-    bias_covariance: Array | None = None  # (d + p, d + p) of robot and bias; None: p is 0
+    bias_covariance: Array | None = None  # (r + p, r + p) of robot and bias; None: p is 0
 
     @property
     def motion_covariance(self) -> Array:
-        """(d + p, d + p) of the newest robot and what odometry always gets wrong."""
+        """(r + p, r + p) of the newest robot and what odometry always gets wrong."""
         return self.robot_covariance if self.bias_covariance is None else self.bias_covariance
 
 

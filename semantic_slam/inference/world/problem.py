@@ -6,7 +6,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration, PruningConfiguration, WeightsConfiguration
-from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
@@ -14,28 +13,22 @@ from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 
 
 class KeyframeReader(Protocol):
-    """Turns keyframes into steps and states into message poses: the only place that knows the keyframe's content."""
+    """Turns keyframes into steps: the only place that knows the keyframe's content."""
 
     def step(self, keyframe: Any) -> Step:
         """The step of a keyframe."""
-
-    def poses(self, states: Array) -> Array:
-        """(..., d) states to (..., 7) pose vectors."""
-
-    def covariances(self, states: Array, covariances: Array) -> Array:
-        """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map."""
 
 
 @dataclass(frozen=True)
 class Problem:
     """Everything a backend needs besides keyframes and commits."""
 
-    space: StateSpace
+    spaces: Spaces
     model: ObservationModel
     reader: KeyframeReader
     robot: GaussianPrior
@@ -62,13 +55,13 @@ class Problem:
         """The component before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
         existence = {entry.object_id: entry.existence for entry in self.objects}
-        return Component.root(self.space, self.model, self.robot, priors, self.latent, existence)
+        return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence)
 
     def tracking_root(self, number: int) -> Component:
         """One that tracks its states, under one of the noises of odometry, as the configuration wants it updated."""
         plain, single_steps = self.root(), not self.open_world.settle
         entries = sorted(self.objects, key=lambda entry: entry.object_id)
-        tracked = tracked_before(self.robot, [entry.prior for entry in entries], self.num_biases)
+        tracked = tracked_before(self.spaces, self.robot, [entry.prior for entry in entries], self.num_biases)
         return replace(
             plain,
             smoother=plain.smoother.with_single_steps(self.num_biases) if single_steps else plain.smoother,

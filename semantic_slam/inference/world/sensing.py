@@ -8,7 +8,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.problem import KeyframeReader
 from semantic_slam.viewpoint.model import ViewpointModel
 
@@ -29,9 +29,9 @@ class SensingSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing:
-    """A state space and the observation model over it, which go together."""
+    """The spaces of robot and landmarks and the observation model over them, which go together."""
 
-    space: StateSpace
+    spaces: Spaces
     model: ObservationModel
     reader: KeyframeReader
     robot_prior: PriorReader

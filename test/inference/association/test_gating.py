@@ -10,6 +10,7 @@ from semantic_slam.inference.association.gating import best_assignments, log_sum
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.spaces import Spaces
 
 
 def everything(log_known: np.ndarray, log_new: np.ndarray) -> list[tuple[float, tuple[int, ...]]]:
@@ -66,8 +67,9 @@ def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
     offsets = [mean[1] - mean[0] + 0.3, mean[2] - mean[0] - 0.8]
     detections = [LinearDetection(offset, np.zeros(2)) for offset in offsets]
     model = LinearModel(0.25 * np.eye(2), np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
-    pairs = pair_densities(model, detections, mean, covariance)
-    linear = LinearisedEvidence(PlanarPositions(), mean, covariance, pairs, [], np.zeros(2))
+    spaces = Spaces.same(PlanarPositions())
+    pairs = pair_densities(spaces, model, detections, mean, covariance)
+    linear = LinearisedEvidence(spaces, mean, covariance, pairs, [], np.zeros(2))
     columns = np.array([[0, 1], [1, 0]])
     result = linear.evaluate(Assignments(parents=np.zeros(2, dtype=int), objects=columns), columns)
     for row, (first, second) in enumerate([(1, 2), (2, 1)]):

@@ -19,6 +19,7 @@ from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 
 MODEL = PlanarObservation(None, PlanarVisibility())
 LOST = Noise(robot=(0.5, 0.5, 0.01))
@@ -47,13 +48,14 @@ def test_no_association_costs_less_than_the_bound(has_range: bool, sensor: tuple
     cost, log_peak = MODEL.least_cost(
         MODEL.collect(items), robot[None], covariance[None, :3, :3], objects[None], sigmas
     )
-    predicted = PredictedBelief(np.concatenate([robot[None], objects])[None], covariance[None])
+    spaces = Spaces.same(PlanarPoses())
+    predicted = PredictedBelief(spaces.layout, np.concatenate([robot[None], objects])[None], covariance[None])
     starts = np.concatenate([np.zeros((1, 6)), random.normal(size=(9, 6))])
     for number, item in enumerate(items):
         rows = Assignments(
             parents=np.zeros(num_objects * 10, dtype=int), objects=np.repeat(np.arange(num_objects), 10)[:, None]
         )
-        stack = KeyframeProblem.of(PlanarPoses(), MODEL, predicted, MODEL.collect([item]), rows)
+        stack = KeyframeProblem.of(spaces, MODEL, predicted, MODEL.collect([item]), rows)
         energy = (
             stack.energy(find_modes(stack, np.tile(starts, (num_objects, 1))).y).reshape(num_objects, 10).min(axis=1)
         )

@@ -11,10 +11,13 @@ from semantic_slam.inference.evidence.laplace import Mode, find_modes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
+from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.spaces import Spaces
 
 GATE = 15.0
+POSES = Spaces.same(PlanarPoses())
 OBJECTS = np.array([[3.0, 1.0, 0.0], [3.0, -1.0, 1.0], [5.0, 0.5, -2.0]])
 BEARING_RANGE = PlanarObservation(None, PlanarVisibility())
 
@@ -30,18 +33,18 @@ def predicted(dimension: int, num_objects: int, scale: float = 1.0) -> Predicted
     size = (1 + num_objects) * dimension
     root = scale * random.normal(size=(2, size, size))
     mean = random.normal(size=(2, 1 + num_objects, dimension))
-    return PredictedBelief(mean, root @ np.swapaxes(root, 1, 2) + scale**2 * np.eye(size))
+    return PredictedBelief(Layout(dimension, dimension), mean, root @ np.swapaxes(root, 1, 2) + scale**2 * np.eye(size))
 
 
 @pytest.mark.parametrize("objects", [[0, 2, 1], [3, 3, 0], [2, 1, 2]])
 def test_factors_grow_to_those_of_the_whole(objects: list[int]) -> None:
     """Also where a detection is of an object seen before."""
     gaussians = predicted(3, 4)
-    prefixes = PartialAssignments.of_robots(PlanarPoses(), gaussians)
+    prefixes = PartialAssignments.of_robots(POSES, gaussians)
     for number in objects:
         prefixes = prefixes.extended(np.arange(2), np.full(2, number))
     seen = BEARING_RANGE.collect([sighting(OBJECTS[0])] * 3)
-    whole = KeyframeProblem.of(PlanarPoses(), BEARING_RANGE, gaussians, seen, prefixes.rows)
+    whole = KeyframeProblem.of(POSES, BEARING_RANGE, gaussians, seen, prefixes.rows)
     grown = prefixes.stack(BEARING_RANGE, seen)
     np.testing.assert_allclose(grown.root, whole.root, atol=1e-10)
     np.testing.assert_array_equal(grown.mean, whole.mean)
@@ -55,7 +58,7 @@ def test_one_step_is_exact_for_linear_models() -> None:
     random = np.random.default_rng(0)
     model = LinearModel(np.array([[0.3, 0.1], [0.1, 0.2]]), np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
     seen = model.collect([LinearDetection(random.normal(size=2), np.zeros(2)) for _ in range(2)])
-    prefixes = PartialAssignments.of_robots(PlanarPositions(), predicted(2, 3))
+    prefixes = PartialAssignments.of_robots(Spaces.same(PlanarPositions()), predicted(2, 3))
     first = screen(prefixes, of_prior(prefixes), *every(2, 3), model, seen.take(slice(1)), np.inf)
     second = screen(first.prefixes, first.mode, *every(6, 3), model, seen, np.inf)
     assert not len(first.searched) and not len(second.searched)
@@ -117,8 +120,8 @@ def every(count: int, num_objects: int) -> tuple[np.ndarray, np.ndarray]:
 def looked_at(sigma_m: float, sigma_rad: float, gate: float = GATE) -> tuple[ScreenedAssignments, Mode]:
     """The first detection, of the first object, and the modes that a search finds."""
     spread = np.diag([sigma_m, sigma_m, sigma_rad, *[0.1, 0.1, 0.1] * len(OBJECTS)]) ** 2
-    gaussians = PredictedBelief(np.concatenate([np.zeros((1, 3)), OBJECTS])[None], spread[None])
-    prefixes = PartialAssignments.of_robots(PlanarPoses(), gaussians)
+    gaussians = PredictedBelief(POSES.layout, np.concatenate([np.zeros((1, 3)), OBJECTS])[None], spread[None])
+    prefixes = PartialAssignments.of_robots(POSES, gaussians)
     seen = BEARING_RANGE.collect([sighting(OBJECTS[0])])
     screened = screen(prefixes, of_prior(prefixes), *every(1, len(OBJECTS)), BEARING_RANGE, seen, gate)
     return screened, find_modes(screened.stack, screened.mode.y)

@@ -23,6 +23,7 @@ from semantic_slam.inference.pruning import prune
 from semantic_slam.inference.states.identity import generator, hypothesis_id
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 
@@ -35,10 +36,11 @@ def linear_stack(objects: list[int]) -> tuple[KeyframeProblem, float]:
     detections = [LinearDetection(random.normal(size=2), np.zeros(2)) for _ in objects]
     noise = np.array([[0.3, 0.1], [0.1, 0.2]])
     model = LinearModel(noise, np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
+    spaces = Spaces.same(PlanarPositions())
     stack = KeyframeProblem.of(
-        PlanarPositions(),
+        spaces,
         model,
-        PredictedBelief(mean[None], covariance[None]),
+        PredictedBelief(spaces.layout, mean[None], covariance[None]),
         model.collect(detections),
         Assignments(parents=np.zeros(1, int), objects=np.array([objects])),
     )
@@ -77,9 +79,9 @@ def planar_stack(covariance: np.ndarray, visibility: PlanarVisibility, semantics
         objects=np.zeros((1, 1), int),
         classes=np.zeros((1, 1), int) if semantics else None,
     )
-    return KeyframeProblem.of(
-        PlanarPoses(), model, PredictedBelief(mean, covariance[None]), model.collect([detection]), rows
-    )
+    spaces = Spaces.same(PlanarPoses())
+    predicted = PredictedBelief(spaces.layout, mean, covariance[None])
+    return KeyframeProblem.of(spaces, model, predicted, model.collect([detection]), rows)
 
 
 def test_laplace_agrees_with_many_samples_where_the_posterior_is_narrow() -> None:

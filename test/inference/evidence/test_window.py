@@ -24,6 +24,7 @@ from semantic_slam.inference.smoothing.growth import certain, grow
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
@@ -41,7 +42,7 @@ def observation(visibility: PlanarVisibility | None = None) -> PlanarObservation
 
 def component(model: PlanarObservation, sigma_m: float, sigma_rad: float) -> Component:
     robot = GaussianPrior(START, np.diag([0.01, sigma_m**2, sigma_rad**2]))
-    return Component.root(MANIFOLD, model, robot, {0: GaussianPrior(OBJECT, np.diag([1e-4, 1e-4, 1e-6]))})
+    return Component.root(Spaces.same(MANIFOLD), model, robot, {0: GaussianPrior(OBJECT, np.diag([1e-4, 1e-4, 1e-6]))})
 
 
 def detection(

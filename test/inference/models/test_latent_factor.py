@@ -14,6 +14,7 @@ from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 
 RANDOM = np.random.default_rng(2)
 MODEL = HarmonicModel()
@@ -98,7 +99,7 @@ def test_the_density_is_tempered() -> None:
 def test_both_factors_linearise_alike() -> None:
     symbols = [tuple(gtsam.symbol(letter, row) for letter in "xoe") for row in range(COUNT)]
     named = [SemanticFactor(*own[:2], DETECTIONS[row], -1, own[2]) for row, own in enumerate(symbols)]
-    factors = SemanticFactorMaker(PlanarPoses(), PlanarObservation(None, PlanarVisibility()), LATENT)
+    factors = SemanticFactorMaker(Spaces.same(PlanarPoses()), PlanarObservation(None, PlanarVisibility()), LATENT)
     linear = factors.make([named], [LinearisationPoints.stacked(X, O, E)])[0]
     for row in range(COUNT):
         at = values(X[row], O[row], E[row], symbols[row])

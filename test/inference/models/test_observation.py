@@ -12,6 +12,7 @@ from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 
@@ -62,7 +63,7 @@ def test_factors_are_the_likelihood(with_range: bool) -> None:
     z, x, o = detection(with_range), X[0], O[0]
     factors = [
         MODEL.geometry_factor(z, (0, 1)),
-        *SemanticFactorMaker(PlanarPoses(), MODEL).make(
+        *SemanticFactorMaker(Spaces.same(PlanarPoses()), MODEL).make(
             [[SemanticFactor(0, 1, z, 1)]], [LinearisationPoints.stacked(X[:1], O[:1], np.zeros((1, 0)))]
         )[0],
     ]

@@ -17,6 +17,7 @@ from semantic_slam.inference.models.odometry_bias import bias_prior, biased_fact
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap
 from semantic_slam.inference.states.keys import bias_key
+from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 PRIOR = {"estimate_bias": True, "sigma_bias_rad_per_m": 0.05, "sigma_bias_scale": 0.1}
@@ -78,7 +79,9 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
     before = root @ root.T
     transition, noise = random.normal(size=(3, 5)), np.diag([0.1, 0.2, 0.3])
     seen = LocalDetection(7, random.normal(size=(2, 3)), random.normal(size=(2, 3)))
-    local = LocalMap(np.array([4, 7]), before, num_biases=2).moved(before, transition, noise).updated([seen])
+    local = (
+        LocalMap(Layout(3, 3), np.array([4, 7]), before, num_biases=2).moved(before, transition, noise).updated([seen])
+    )
     full, jacobian = np.eye(11), np.zeros((2, 11))
     full[:3, :5] = transition
     jacobian[:, :3], jacobian[:, 8:] = seen.by_robot, seen.by_object
@@ -88,7 +91,7 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
     expected = moved - gain @ jacobian @ moved
     np.testing.assert_allclose(local.covariance, expected, atol=1e-9)
     rows = [0, 1, 2, 8, 9, 10]
-    np.testing.assert_allclose(local.of(np.array([7]), 3), expected[np.ix_(rows, rows)], atol=1e-9)
+    np.testing.assert_allclose(local.of(np.array([7])), expected[np.ix_(rows, rows)], atol=1e-9)
 
 
 def room_with(bias: np.ndarray, num_keyframes: int, seed: int) -> Room:

@@ -95,6 +95,7 @@ def test_the_number_of_backends_changes_nothing(semantic: bool) -> None:
         assert_same(first, second)
 
 
+@pytest.mark.slow
 def test_a_lineage_is_rebuilt_as_it_was() -> None:
     room = make_room(14, seed=0)
     manager = Engine.of_run(room.run, ForgetfulPool(2))

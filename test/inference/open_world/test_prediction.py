@@ -47,8 +47,8 @@ def test_what_is_cut_weighs_no_more_than_is_counted(range_m: float) -> None:
     item = detection(range_m)
     cut, full = prediction(item, 3), prediction(item, AROUND)
     assert (full.log_beyond == -np.inf).all()
-    model = problem_of(make_room(1).run).model
-    pairs = pair_densities(model, [item], full.predicted.mean[0], full.predicted.covariance[0])
+    problem = problem_of(make_room(1).run)
+    pairs = pair_densities(problem.spaces, problem.model, [item], full.predicted.mean[0], full.predicted.covariance[0])
     others = ~np.isin(full.near_ids, cut.near_ids)
     weight = 0.9 / (1.0 - 0.9)  # of a detection against a miss of an object that certainly exists
     assert np.isfinite(cut.log_beyond).all()

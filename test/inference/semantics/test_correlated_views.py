@@ -32,6 +32,7 @@ from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.viewpoint.correlated import CorrelatedModel
 from semantic_slam.viewpoint.gaussian_process import GRID, GaussianProcessModel, kernel, posterior
@@ -39,6 +40,7 @@ from semantic_slam.viewpoint.load import load_model
 
 CORRELATED = {"semantic_model": {"kind": "gp_correlated"}}
 MANIFOLD = PlanarPoses()
+SPACES = Spaces.same(MANIFOLD)
 GEOMETRY = PlanarObservation(None, PlanarVisibility())
 SIGMA_VIEW = 0.03
 LOG_PRIOR = np.log(np.full(5, 0.2))
@@ -75,12 +77,12 @@ class OneObject:
     """A robot that sees object 0 keyframe by keyframe; the association is known."""
 
     def __init__(self, robot: GaussianPrior, target: GaussianPrior) -> None:
-        self.component = Component.root(MANIFOLD, GEOMETRY, robot, {0: target})
+        self.component = Component.root(SPACES, GEOMETRY, robot, {0: target})
 
     def moment(self, step: Step) -> SemanticInput:
         predicted = predict([self.component], step.motion, [0], [{}])
         rows = Assignments(parents=np.zeros(1, dtype=int), objects=np.zeros((1, 1), dtype=int))
-        stack = KeyframeProblem.of(MANIFOLD, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
+        stack = KeyframeProblem.of(SPACES, GEOMETRY, predicted, GEOMETRY.collect(step.detections), rows)
         mode = find_modes(stack, np.zeros((1, stack.size)))
         return SemanticInput(
             step=step,
@@ -163,7 +165,7 @@ def test_samples_have_the_joint_moments_of_isam2() -> None:
         scene.take(step_of(k, detection(np.full(5, 0.2)), np.array([0.02, 0.05, 0.01]), 0.02), semantics)
     samples = StateSamples.of(scene.component, 40_000, seed=1)
     keys = [robot_key(0), robot_key(2), object_key(0)]
-    drawn = samples.deviations[:, [samples.rows[key] for key in keys]].reshape(40_000, -1)
+    drawn = np.concatenate([samples.deviations[:, samples.rows[key]] for key in keys], axis=1)
     expected = scene.component.joint_covariance(keys)
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(np.cov(drawn.T) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.03)
@@ -293,6 +295,7 @@ def lost_world() -> World:
     return make_world(8, **CORRELATED)
 
 
+@pytest.mark.slow
 def test_a_lost_robot_finds_itself_and_the_classes() -> None:
     world = lost_world()
     belief = beliefs(world, 1)[-1]

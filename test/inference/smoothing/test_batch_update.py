@@ -12,11 +12,11 @@ from semantic_slam.inference.models.latent_factor import exact_factor
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.linear_factors import linearisation_points
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation, viewpoints_in_plane
+from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing import batch_update
 from semantic_slam.inference.smoothing.batch_update import Extension, update_all
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import ConsumedSmootherError, LostComponentError
 from semantic_slam.inference.smoothing.growth import only_children
 from semantic_slam.inference.smoothing.semantic_factors import (
     MOVED_DESCRIPTOR,
@@ -26,11 +26,13 @@ from semantic_slam.inference.smoothing.semantic_factors import (
 )
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.model import LatentPrediction
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 MANIFOLD = PlanarPoses()
+SPACES = Spaces.same(MANIFOLD)
 CLASSES = PlanarObservation(ParametricModel(0.25, 10.0), PlanarVisibility())
 GEOMETRY = PlanarObservation(None, PlanarVisibility())
 ROBOT = [gtsam.symbol("x", k) for k in range(10)]
@@ -96,7 +98,7 @@ def root(semantics: SemanticFactorMaker) -> Smoother:
     for key, mean, sigma in ((ROBOT[0], np.zeros(3), 0.1), (TARGET, OBJECT, 0.1)):
         graph.add(MANIFOLD.prior_factor(key, mean, sigma**2 * np.eye(3)))
         MANIFOLD.insert(values, key, mean)
-    return Smoother.of(MANIFOLD, semantics, graph, values)
+    return Smoother.of(SPACES, semantics, graph, values)
 
 
 def detection(x: np.ndarray, feature: np.ndarray) -> PlanarDetection:
@@ -136,7 +138,7 @@ def estimate(smoother: Smoother) -> np.ndarray:
 
 
 def test_together_is_as_one_by_one() -> None:
-    semantics = SemanticFactorMaker(MANIFOLD, CLASSES)
+    semantics = SemanticFactorMaker(SPACES, CLASSES)
     offsets = (-0.4, 0.0, 0.1, 0.5)
     alone, together = [root(semantics)] * 4, [root(semantics)] * 4
     for k in range(5):
@@ -150,16 +152,16 @@ def test_together_is_as_one_by_one() -> None:
 
 
 def test_growing_leaves_the_parent_as_it_was() -> None:
-    parent = root(SemanticFactorMaker(MANIFOLD, CLASSES))
+    parent = root(SemanticFactorMaker(SPACES, CLASSES))
     before = estimate(parent)
     update_all([parent, parent], [classed(0, 0.0), classed(0, 0.5, jumped=True)])
     assert np.array_equal(estimate(parent), before)
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_an_only_child_may_use_up_its_parent(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_only_child_may_consume_its_parent(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where the update was in vain: what it left behind in the smoother does not count twice."""
-    kept, used = root(SemanticFactorMaker(MANIFOLD, CLASSES)), root(SemanticFactorMaker(MANIFOLD, CLASSES))
+    kept, used = root(SemanticFactorMaker(SPACES, CLASSES)), root(SemanticFactorMaker(SPACES, CLASSES))
     updated = Smoother.updated
 
     def in_vain(*arguments: object) -> Smoother:
@@ -173,11 +175,34 @@ def test_an_only_child_may_use_up_its_parent(fails: bool, monkeypatch: pytest.Mo
                 patch.setattr(Smoother, "updated", in_vain)
             kept = extend(kept, extension)
             used = update_all([parent], [extension], only_children([parent]))[0]
-        assert (used.isam is parent.isam) != (fails and k == 2)
+        with pytest.raises(ConsumedSmootherError, match="fork"):
+            parent.states([TARGET])
     assert num_real_factors(used) == num_real_factors(kept)
     np.testing.assert_allclose(estimate(used), estimate(kept), atol=1e-4 if fails else 1e-12)
     covariances = [one.joint_covariance([ROBOT[5], TARGET]) for one in (used, kept)]
     np.testing.assert_allclose(*covariances, rtol=1e-3 if fails else 1e-9, atol=1e-6)
+
+
+def test_a_consumed_smoother_says_so_whatever_it_is_asked() -> None:
+    parent = root(SemanticFactorMaker(MANIFOLD, CLASSES))
+    kept = parent.fork()
+    parent.joint_covariance([TARGET])  # what was read before is not answered from memory either
+    assert parent.estimate is not None
+    update_all([parent], [classed(0, 0.2)], [0])
+    asked = [
+        lambda: parent.estimate,
+        lambda: parent.states([TARGET]),
+        lambda: parent.joint_covariance([TARGET]),
+        lambda: parent.covariances([TARGET]),
+        lambda: parent.has(TARGET),
+        parent.kept,
+        parent.rests,
+        parent.fork,
+    ]
+    for ask in asked:
+        with pytest.raises(ConsumedSmootherError, match=r"fork\(\) it before"):
+            ask()
+    assert np.isfinite(estimate(kept)).all()
 
 
 def num_real_factors(smoother: Smoother) -> int:
@@ -186,7 +211,7 @@ def num_real_factors(smoother: Smoother) -> int:
 
 
 def test_a_lost_one_does_not_take_the_others_along() -> None:
-    parent = root(SemanticFactorMaker(MANIFOLD, CLASSES))
+    parent = root(SemanticFactorMaker(SPACES, CLASSES))
     broken = classed(0, 0.0)
     broken.graph.add(MANIFOLD.prior_factor(ROBOT[7], np.zeros(3), np.eye(3)))  # of a variable that is not there
     found = update_all([parent] * 3, [classed(0, 0.0), broken, classed(0, 0.2)])
@@ -212,7 +237,7 @@ def test_half_way_ends_a_swing(damped: bool, monkeypatch: pytest.MonkeyPatch) ->
     extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
     extension.values.insert(LOOK, begin)
     began = {**extension.start, LOOK: begin}
-    grown = extend(root(SemanticFactorMaker(MANIFOLD, GEOMETRY, latent)), replace(extension, start=began))
+    grown = extend(root(SemanticFactorMaker(SPACES, GEOMETRY, latent)), replace(extension, start=began))
     assert (len(calls) < batch_update.MAX_UPDATES) == damped
     assert (abs(grown.descriptors([LOOK])[0, 0]) < MOVED_DESCRIPTOR) == damped
 
@@ -229,7 +254,7 @@ def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
     extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
     extension.values.insert(LOOK, np.zeros(1))
     began = {**extension.start, LOOK: np.zeros(1)}
-    smoother = extend(root(SemanticFactorMaker(MANIFOLD, GEOMETRY, latent)), replace(extension, start=began))
+    smoother = extend(root(SemanticFactorMaker(SPACES, GEOMETRY, latent)), replace(extension, start=began))
     now = smoother.places([0])
     off = now.descriptors + thresholds * MOVED_DESCRIPTOR * latent.prior.sigma
     moved = replace(
@@ -242,7 +267,7 @@ def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
 
 def test_what_cannot_be_read_is_lost_alone() -> None:
     """A measurement that is not a number shows when states are read, not in the update."""
-    semantics = SemanticFactorMaker(MANIFOLD, CLASSES)
+    semantics = SemanticFactorMaker(SPACES, CLASSES)
     good, bad = classed(0, 0.0), classed(0, 0.0)
     broken = replace(bad.named[0].detection, feature=np.array([np.nan, 0.2]))
     bad = replace(bad, named=[replace(bad.named[0], detection=broken)])
@@ -252,7 +277,7 @@ def test_what_cannot_be_read_is_lost_alone() -> None:
 
 def test_a_factor_does_not_fall_behind_a_creeping_view() -> None:
     """An object that turns by less than a relinearisation per keyframe: its factors follow, a keyframe late at most."""
-    semantics = SemanticFactorMaker(MANIFOLD, CLASSES)
+    semantics = SemanticFactorMaker(SPACES, CLASSES)
     smoother = root(semantics)
     for k in range(8):
         extension = classed(k, 0.0)
@@ -275,11 +300,11 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
     monkeypatch.setattr(batch_update, "MAX_UPDATES", updates)
     model = Swinging()
     latent = LatentObservation(model)
-    smoother = root(SemanticFactorMaker(MANIFOLD, GEOMETRY, latent))
+    smoother = root(SemanticFactorMaker(SPACES, GEOMETRY, latent))
     true = np.array([0.37])
     for k in range(4):
         x = path(k + 1)
-        views = viewpoints_in_plane(x[None], OBJECT[None], np.zeros(2))
+        views = SPACES.viewpoints(x[None], OBJECT[None], np.zeros(2))
         seen = detection(x, model.predict(views, true[None]).mean[0] + 0.02)
         extension = step(k, [SemanticFactor(ROBOT[k + 1], TARGET, seen, -1, LOOK)], seen, x)
         begin = np.array([start]) if k == 0 else smoother.descriptors([LOOK])[0]
@@ -305,7 +330,7 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
 
 def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
     """A bearing over a millimetre: Cholesky gives such systems up."""
-    smoother = extend(root(SemanticFactorMaker(MANIFOLD, CLASSES)), classed(0, 0.0))
+    smoother = extend(root(SemanticFactorMaker(SPACES, CLASSES)), classed(0, 0.0))
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.add(MANIFOLD.between_factor(ROBOT[1], ROBOT[2], se2.between(path(1), OBJECT), 0.01 * np.eye(3)))
     noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1e-3, 1e-3]))
@@ -324,7 +349,7 @@ def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
 
 
 def test_a_state_that_is_not_there_is_an_error() -> None:
-    smoother = root(SemanticFactorMaker(MANIFOLD, CLASSES))
+    smoother = root(SemanticFactorMaker(SPACES, CLASSES))
     with pytest.raises(KeyError):
         smoother.states([ROBOT[0], ROBOT[5]])
 
@@ -334,7 +359,7 @@ def test_linearisation_points_are_the_states() -> None:
     keys = [[(ROBOT[0], TARGET, LOOK), (ROBOT[1], TARGET, LOOK)], [], [(ROBOT[0], TARGET, LOOK)]]
     far = np.array([300.0, -200.0, 1e-10])  # where GTSAM's exponential map is least exact
     rows = [(path(3), OBJECT, look), (far, OBJECT, look), (path(1), path(4), other)]
-    points = linearisation_points(MANIFOLD, keys, np.array([np.concatenate(row) for row in rows]))
+    points = linearisation_points(SPACES, keys, np.array([np.concatenate(row) for row in rows]))
     one = {ROBOT[0]: path(3), ROBOT[1]: far, TARGET: OBJECT, LOOK: look}
     for own, point in zip([one, {}, {ROBOT[0]: path(1), TARGET: path(4), LOOK: other}], points, strict=True):
         assert sorted(point.keys()) == sorted(own)
@@ -344,7 +369,7 @@ def test_linearisation_points_are_the_states() -> None:
 
 
 def test_a_part_of_a_known_joint_covariance_is_that_of_gtsam() -> None:
-    smoother = extend(root(SemanticFactorMaker(MANIFOLD, CLASSES)), classed(0, 0.1))
+    smoother = extend(root(SemanticFactorMaker(SPACES, CLASSES)), classed(0, 0.1))
     smoother.joint_covariance([ROBOT[1], TARGET, ROBOT[0]])
     expected = smoother.isam.jointMarginalCovariance([ROBOT[0], ROBOT[1]]).fullMatrix()
     np.testing.assert_allclose(smoother.joint_covariance([ROBOT[0], ROBOT[1]]), expected, atol=1e-12)
@@ -354,12 +379,12 @@ def test_objects_that_nobody_has_seen_need_not_be_optimised(monkeypatch: pytest.
     """Most of a large map: they stay where their priors have them, and the others come to where they would."""
     random = np.random.default_rng(4)
     far = {gtsam.symbol("o", n): np.append(random.uniform(-50.0, 50.0, 2), 0.5) for n in range(1, 60)}
-    semantics = SemanticFactorMaker(MANIFOLD, CLASSES)
+    semantics = SemanticFactorMaker(SPACES, CLASSES)
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for key, mean in {ROBOT[0]: np.zeros(3), TARGET: OBJECT, **far}.items():
         graph.add(MANIFOLD.prior_factor(key, mean, 0.5**2 * np.eye(3)))
         MANIFOLD.insert(values, key, mean)
-    smoother = Smoother.of(MANIFOLD, semantics, graph, values)
+    smoother = Smoother.of(SPACES, semantics, graph, values)
     seen = detection(np.array([0.4, -0.3, 0.2]), np.array([0.6, 0.4]))
     extension = replace(step(0, [SemanticFactor(ROBOT[1], TARGET, seen, 1)], seen, STEP), jumped=True)
     part = extend(smoother, extension)

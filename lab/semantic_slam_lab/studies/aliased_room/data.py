@@ -21,7 +21,7 @@ from semantic_slam.geometry.pose import (
     planar_from_pose_vector,
     pose_vector_from_planar,
 )
-from semantic_slam.geometry.row_selection import joined_rows
+from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.keyframe import Keyframe, OdometrySample
 from semantic_slam.perception.measurement import OF_THE_FRAME, SemanticMeasurements

@@ -21,6 +21,7 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.viewpoint.parametric import ParametricModel
@@ -113,7 +114,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
     uniform = np.full(len(class_names), 1.0 / max(len(class_names), 1))
     covariance = np.diag(scenario.object_variance)
     return Problem(
-        space=PlanarPoses(),
+        spaces=Spaces.same(PlanarPoses()),
         model=PlanarObservation(model, PlanarVisibility(scenario.max_range_m, scenario.field_of_view_rad)),
         reader=HandMadeReader(0 if model is None else model.num_features),
         robot=GaussianPrior(scenario.start_mean, np.diag(scenario.start_variance)),

@@ -1,0 +1,31 @@
+"""What a detection in the plane costs at least if it is of an object whose place is known that well."""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.planar_detection import PlanarDetections
+from semantic_slam.inference.models.polar import polar
+
+
+def least_cost(seen: PlanarDetections, covariance: Array, body: Array, sigmas: Array) -> tuple[Array, float]:
+    """(P, D, O) nats of D detections, range and bearing each on its own, at the deviation that makes it cheapest.
+
+    ``body`` (P, D, O, 2) objects in the body frames of P robots of (P, 3, 3) ``covariance``; ``sigmas`` (O,) [m] of the
+    objects' positions. And the log of the densities' peaks. A position that is off by r changes a distance d by at most
+    r and, while r < d, a direction by asin(r / d) <= pi r / 2 d. Deviations of robot and object may go together: their
+    standard deviations add up.
+    """
+    heading = np.sqrt(covariance[:, 2, 2])[:, None, None]  # (P, 1, 1)
+    offset = np.hypot(*seen.origin.T)[:, None]  # (D, 1): a camera off the centre moves with the heading
+    position = position_sigmas(covariance)[:, None, None] + sigmas + offset * heading  # (P, D, O)
+    distance, bearing = polar(body - seen.origin[:, None])
+    noise = np.linalg.inv(seen.whiten + (1.0 - seen.has_range)[:, None, None] * np.diag([1.0, 0.0]))
+    variance = (noise @ np.swapaxes(noise, 1, 2)).diagonal(axis1=1, axis2=2)  # (D, 2)
+    off = np.where(seen.has_range[:, None], distance - seen.range_m[:, None], 0.0)
+    by_range = off**2 / (position**2 + variance[:, :1])
+    turn = wrap_angle(bearing - seen.bearing_rad[:, None])
+    by_bearing = turn**2 / ((heading + 0.5 * np.pi * position / distance) ** 2 + variance[:, 1:])
+    by_bearing = np.minimum(by_bearing, (distance / position) ** 2)  # or the robot is anywhere around the object
+    return 0.5 * np.maximum(by_range, by_bearing), float(seen.log_normaliser.sum())

@@ -1,0 +1,132 @@
+"""Range and bearing of a point in the plane: of a landmark that has a place and no heading.
+
+With d the point in the body frame, less the detection's origin there, the residual is whiten [|d| - range, angle of d -
+bearing]. Where the point is in the body frame, and how that changes with robot and landmark, their spaces tell.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import NewObjectConfiguration
+from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.observation import Classes, Linearisation
+from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.models.planar_factors import bearing_factor, point_range_factor
+from semantic_slam.inference.models.planar_gate import least_cost
+from semantic_slam.inference.models.polar import polar, polar_jacobian
+from semantic_slam.inference.models.visibility import PlanarVisibility
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.spaces import Spaces
+
+POSES_AND_POINTS = Spaces(PlanarPoses(), PlanarPositions())
+
+
+@dataclass(frozen=True)
+class PointObservation:
+    """Geometry alone: nobody knows from which side a point is seen, so that views tell nothing of its class."""
+
+    visibility: PlanarVisibility = field(default_factory=PlanarVisibility)
+    new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
+
+    num_classes = 0
+    spaces = POSES_AND_POINTS
+
+    def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
+        """Detections as arrays."""
+        return PlanarDetections.of(detections)
+
+    def geometry(self, seen: PlanarDetections, x: Array, o: Array) -> Linearisation:
+        """Residual of [range, bearing], the range's 0 where there is only a bearing."""
+        seen = _repeated(seen, len(x))
+        relative = self.spaces.relative_position(x, o)
+        d = relative.point - seen.origin
+        distance, _ = polar(d)
+        by_point = seen.whiten @ np.stack(polar_jacobian(d, distance), axis=-2)
+        by_robot, by_landmark = by_point @ relative.by_robot, by_point @ relative.by_landmark
+        return Linearisation(_residual(seen, d), by_robot, by_landmark, seen.log_normaliser.copy())
+
+    def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
+        """There is none."""
+        raise NotImplementedError("points have no classes; set semantic_model.kind: none")
+
+    def log_likelihood(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
+        """(B,) log density without its slopes."""
+        seen = _repeated(seen, len(x))
+        residual = _residual(seen, self.spaces.relative_position(x, o).point - seen.origin)
+        return np.asarray(seen.log_normaliser - 0.5 * squared_norms(residual))
+
+    def best_heading(
+        self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
+    ) -> tuple[Array, Array]:
+        """There is none."""
+        raise NotImplementedError("points have no heading; set semantic_model.kind: none")
+
+    def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
+        """P(beta | x, o) of Eq. 4.18."""
+        return self.visibility.log_probability(*polar(self.spaces.relative_position(x, o).point), soft=soft)
+
+    def robot_start(self, seen: PlanarDetections, x: Array, o: Array) -> Array:
+        """Keep the heading, stand where the point is seen as measured."""
+        seen, start = _repeated(seen, len(x)), x.copy()
+        ahead = self.spaces.robot.displacement(x, _measured(seen.range_m, seen.bearing_rad), x[:, :2])
+        start[:, :2] = np.where(seen.has_range[:, None], o - ahead, x[:, :2])
+        return start
+
+    def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
+        """Where the detection points; without depth as uncertain as the guess is far."""
+        new = self.new_objects
+        distance = detection.range_m if detection.has_range else new.range_m
+        sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
+        point = detection.origin + _measured(np.array(distance), np.array(detection.bearing_rad))
+        return GaussianPrior(self.spaces.robot.displacement(x, point, np.zeros(2)), sigma_m**2 * np.eye(2))
+
+    def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
+        """Range and bearing; a bearing alone, from a camera off the body's origin, is a custom factor."""
+        if detection.has_range:
+            return point_range_factor(detection, keys)
+        seen = self.collect([detection])
+        return bearing_factor(self.spaces, lambda x, o: self.geometry(seen, x, o), keys)
+
+    def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
+        """From the covariance of the point in the body frame."""
+        relative = self.spaces.relative_position(x, o)
+        jacobian = np.concatenate([relative.by_robot, relative.by_landmark], axis=-1) @ charts
+        spread = ((jacobian @ covariance) * jacobian).sum(axis=(1, 2))
+        return np.asarray(np.sqrt(np.maximum(spread, 0.0)) / polar(relative.point)[0])
+
+    def view_change(self, before: Array, now: Array) -> Array:
+        """Of direction, from points in the robot's frame."""
+        distance, _ = polar(before)
+        return np.asarray(np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1]) / distance)
+
+    def least_cost(
+        self, seen: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
+    ) -> tuple[Array, float]:
+        """Range and bearing each on its own, at the deviation that makes it cheapest."""
+        robots = np.broadcast_to(x[:, None], (*o.shape[:2], x.shape[-1]))
+        body = self.spaces.relative_position(robots, o).point
+        return least_cost(seen, covariance, np.repeat(body[:, None], len(seen.range_m), axis=1), sigmas)
+
+
+def _residual(seen: PlanarDetections, d: Array) -> Array:
+    """(B, 2) whitened."""
+    distance, bearing = polar(d)
+    off = np.stack([distance - seen.range_m, wrap_angle(bearing - seen.bearing_rad)], axis=-1)
+    return np.asarray((seen.whiten @ off[..., None])[..., 0])
+
+
+def _measured(range_m: Array, bearing_rad: Array) -> Array:
+    """(..., 2) points of the body frame."""
+    return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=-1)
+
+
+def _repeated(seen: PlanarDetections, count: int) -> PlanarDetections:
+    """(S,) detections for ``count`` rows, of which row b is of detection b mod S."""
+    number = len(seen.range_m)
+    return seen if number == count else seen.take(np.arange(count) % max(number, 1))

@@ -1,0 +1,152 @@
+"""The spaces of a robot and of what it sees: two that may differ, and what relates a state of one to one of the other.
+
+States of both in one array stand in rows, the robot's first, each as wide as the wider kind.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.keys import is_object, is_robot
+from semantic_slam.inference.states.layout import Layout
+from semantic_slam.inference.states.mixed_states import MixedStates
+from semantic_slam.inference.states.state_space import StateArithmetic, StateSpace
+from semantic_slam.viewpoint.model import Viewpoints
+
+LEAST_DISTANCE_M = 1e-6
+"""Of camera and landmark: a direction is to be had where they stand together, too."""
+
+
+@dataclass(frozen=True)
+class RelativePosition:
+    """Where (...,) landmarks are in the frames of robots; p components, r and l of the tangent spaces."""
+
+    point: Array  # (..., p) metres
+    by_robot: Array  # (..., p, r)
+    by_landmark: Array  # (..., p, l)
+
+
+@dataclass(frozen=True, eq=False)
+class Spaces:
+    """Where a robot and its landmarks live."""
+
+    robot: StateSpace
+    landmark: StateSpace
+
+    @classmethod
+    def same(cls, space: StateSpace) -> "Spaces":
+        """One space for both."""
+        return cls(space, space)
+
+    @cached_property
+    def are_same(self) -> bool:
+        """Whether one space serves all rows."""
+        return self.robot == self.landmark
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Of tangent vectors."""
+        return Layout(self.robot.tangent_size, self.landmark.tangent_size)
+
+    @cached_property
+    def storage(self) -> Layout:
+        """Of states."""
+        return Layout(self.robot.storage_size, self.landmark.storage_size)
+
+    @cached_property
+    def joint(self) -> StateArithmetic:
+        """Calculus over (..., 1 + n, s) states."""
+        return self.robot if self.are_same else MixedStates(self.robot, self.landmark)
+
+    def joint_with_motions(self, num_landmarks: int) -> StateArithmetic:
+        """Calculus over (..., 1 + n + T, s): a robot, n landmarks and T motions of the robot."""
+        return self.robot if self.are_same else MixedStates(self.robot, self.landmark, 1 + num_landmarks)
+
+    def of(self, key: int) -> StateSpace:
+        """The space of a GTSAM variable."""
+        return self.robot if self.are_same or is_robot(key) else self.landmark
+
+    def own(self, key: int, state: Array) -> Array:
+        """(..., s) the columns that a variable uses of a row (..., w)."""
+        return state if self.are_same else state[..., : self.of(key).storage_size]
+
+    def kinds(self, count: int) -> list[tuple[StateSpace, slice]]:
+        """The spaces of ``count`` rows, the robot's first, and their rows: one, or two that differ."""
+        if self.are_same:
+            return [(self.robot, slice(0, count))]
+        return [(self.robot, slice(0, 1)), (self.landmark, slice(1, count))]
+
+    def states(self, values: gtsam.Values) -> Array:
+        """(n, w) of all robots and landmarks, by ascending key: landmarks come first."""
+        if self.are_same:
+            return self.robot.states(values)
+        keys = values.keys()
+        robots, landmarks = (sum(map(kind, keys)) for kind in (is_robot, is_object))
+        found = self.landmark.states(values) if landmarks else np.zeros((0, self.storage.landmark))
+        # Variables of the same type that are neither come before all of these.
+        return self.storage.stacked(found[len(found) - landmarks :], self.robot.states(values)[-robots:])
+
+    def are_within(self, changes: Array, count: int) -> bool:
+        """Whether changes of ``count`` variables, landmarks first, are below their thresholds; not where one is NaN."""
+        if self.are_same:
+            return bool((changes.reshape(-1, self.layout.width) <= self.robot.relinearize_threshold).all())
+        robots = (len(changes) - count * self.layout.landmark) // (self.layout.robot - self.layout.landmark)
+        split = (count - robots) * self.layout.landmark
+        parts = ((self.landmark, changes[:split]), (self.robot, changes[split:]))
+        return all(bool((part.reshape(-1, s.tangent_size) <= s.relinearize_threshold).all()) for s, part in parts)
+
+    def largest_change(self, keys: Sequence[int], before: Array, after: Sequence[Array]) -> float:
+        """Of any coordinate, metres or radians, from (n, w) states of some variables to others, (s,) each."""
+        if self.are_same:
+            return float(np.abs(self.robot.local(before, np.array(after))).max())
+        pairs = zip(keys, before, after, strict=True)
+        changes = (self.of(key).local(self.own(key, state), other) for key, state, other in pairs)
+        return max(float(np.abs(change).max()) for change in changes)
+
+    def steps(self, pairs: Array) -> tuple[Array, Array]:
+        """(n, r) and (n, l) steps from the origins of the spaces to (n, s + s) robots and landmarks."""
+        r = self.storage.robot
+        if self.are_same:
+            steps = self.robot.local(self.robot.origin, pairs.reshape(-1, r)).reshape(len(pairs), -1)
+            return steps[:, : self.layout.robot], steps[:, self.layout.robot :]
+        robots = self.robot.local(self.robot.origin, pairs[:, :r])
+        return robots, self.landmark.local(self.landmark.origin, pairs[:, r:])
+
+    def seen(self, x: Array, o: Array) -> Array:
+        """(n, s) landmarks as robots see them: poses among poses, or else positions."""
+        return self.robot.between(x, o) if self.are_same else self.relative_position(x, o).point
+
+    def relative_position(self, x: Array, o: Array) -> RelativePosition:
+        """Of landmarks ``o`` (..., s) in the frames of robots ``x`` (..., s)."""
+        point, by_robot, by_point = self.robot.in_frame(x, self.landmark.position(o))
+        return RelativePosition(point, by_robot, by_point @ self.landmark.position_slopes(o))
+
+    def viewpoints(self, x: Array, o: Array, sensor: Array) -> Viewpoints:
+        """From where the cameras of robots ``x`` (B, s) see landmarks ``o`` (B, s).
+
+        ``sensor`` (q,) or (B, q) in the body frame; in the plane an elevation is told by its third component.
+        """
+        v = self.landmark.turned_back(o, self.robot.displacement(x, sensor, self.landmark.position(o)))
+        squared = v[:, 0] * v[:, 0] + v[:, 1] * v[:, 1]
+        azimuth, elevation = np.arctan2(v[:, 1], v[:, 0]), np.zeros(len(v))
+        if v.shape[1] > 2:
+            elevation = np.arctan2(v[:, 2], np.sqrt(squared))
+            squared = squared + v[:, 2] * v[:, 2]
+        return Viewpoints(azimuth, elevation, np.maximum(np.sqrt(squared), LEAST_DISTANCE_M))
+
+    def in_map(self, states: Array, covariances: Array) -> tuple[Array, Array]:
+        """(..., n, 7) pose vectors and (..., n, 6, 6) covariances of (..., n, w) states, the robot's first."""
+        poses, spreads = [], []
+        for own, rows in self.kinds(states.shape[-2]):
+            part, size = states[..., rows, : own.storage_size], own.tangent_size
+            poses.append(own.poses(part))
+            spreads.append(own.covariances(part, covariances[..., rows, :size, :size]))
+        return _joined(poses, -2), _joined(spreads, -3)
+
+
+def _joined(parts: list[Array], axis: int) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
