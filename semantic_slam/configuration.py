@@ -248,7 +248,7 @@ class Configuration:
     )
     observation: str = parameter(
         "range_bearing",
-        "what a detection measures of an object, and in which space robot and objects live",
+        "what a detection measures: range_bearing of objects with a heading, or of points, which have none",
         choices=OBSERVATIONS,
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")

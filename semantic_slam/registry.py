@@ -82,7 +82,10 @@ CLASS_MODELS = Registry(
 OBSERVATIONS = Registry(
     "observation",
     "semantic_slam.observations",
-    _table(range_bearing="semantic_slam.inference.inputs.planar_sensing:range_bearing"),
+    _table(
+        range_bearing="semantic_slam.inference.inputs.planar_sensing:range_bearing",
+        points="semantic_slam.inference.inputs.planar_sensing:points",
+    ),
 )
 """Values of ``observation``: builders as inference/world/sensing.py describes them."""
 

@@ -177,6 +177,25 @@ def test_a_start_or_a_map_that_cannot_be_is_refused() -> None:
         Engine(Configuration(association="clairvoyant"))
 
 
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"semantic_model": {"kind": "parametric"}}, "points have no heading.*set semantic_model.kind: none"),
+        ({"semantic_model": {"kind": "none"}, "association": "open"}, "set association: enumerated, or given"),
+    ],
+)
+def test_points_are_refused_where_headings_or_births_are_wanted(values: dict, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        Engine(Configuration.of(observation="points", **values), MAP)
+
+
+def test_points_are_estimated_without_a_heading() -> None:
+    configuration = Configuration.of(observation="points", semantic_model={"kind": "none"})
+    belief = process(configuration, Detection.at(2.0, 1.0))
+    assert {known.yaw_rad for known in belief.objects} == {0.0}
+    assert all(known.covariance[0, 0] < 0.02 for known in belief.objects)
+
+
 def test_keyframes_out_of_order_are_refused() -> None:
     engine = Engine(GEOMETRY, MAP)
     engine.process(Keyframe.planar(0))

@@ -50,6 +50,17 @@ class TestOpen(AssociationStrategyContract):
     others = NO_MERGING
 
 
+class TestEnumeratedPoints(AssociationStrategyContract):
+    association = "enumerated"
+    others = {"observation": "points"}  # noqa: RUF012
+
+
+class TestGivenPoints(AssociationStrategyContract):
+    association = "given"
+    others = {"observation": "points"}  # noqa: RUF012
+    rebuilt_within = TestGiven.rebuilt_within
+
+
 class TestOpenWithMerging(AssociationStrategyContract):
     association = "open"
 

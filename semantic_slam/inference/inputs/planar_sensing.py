@@ -1,7 +1,9 @@
-"""Range, bearing and class scores of objects with a place and a heading, seen by a robot in the plane."""
+"""Range and bearing in the plane, of objects with a place and a heading or of points."""
 
 import numpy as np
 
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
@@ -9,32 +11,45 @@ from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
 from semantic_slam.inference.models.planar_observation import PlanarObservation
+from semantic_slam.inference.models.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.sensing import Sensing, SensingSettings
+from semantic_slam.registry import ASSOCIATIONS
 
 LEAST_VARIANCE = 1e-9
 """Added to the variances of priors, so that a map given as exact keeps the graph regular."""
 
 
 def range_bearing(settings: SensingSettings) -> Sensing:
-    """Robot and objects in SE(2)."""
-    configuration, visibility = settings.configuration, settings.configuration.visibility
-    noise = ConfiguredNoise(configuration.odometry, configuration.perception)
-    biases = bias_sigmas(configuration.odometry).tolist()
+    """Robot and objects in SE(2); class scores tell from which side an object is seen."""
+    configuration = settings.configuration
+    new_objects, visibility = configuration.new_objects, _visibility(configuration)
     return Sensing(
         spaces=Spaces.same(PlanarPoses()),
-        model=PlanarObservation(
-            settings.class_model,
-            PlanarVisibility(visibility.max_range_m, visibility.field_of_view_rad, visibility.softness),
-            configuration.new_objects,
-            settings.tempering,
-        ),
-        reader=PlanarReader(settings.num_features, biases, settings.feature_names, noise),
+        model=PlanarObservation(settings.class_model, visibility, new_objects, settings.tempering),
+        reader=_reader(settings),
         robot_prior=planar_prior,
         object_prior=planar_prior,
+    )
+
+
+def points(settings: SensingSettings) -> Sensing:
+    """A robot in SE(2) among points in R^2. Raises InputError where class models want a heading, or an open world."""
+    if settings.num_features:
+        raise InputError(
+            "observation: points have no heading, from which class models would be seen; set semantic_model.kind: none"
+        )
+    if ASSOCIATIONS.load(settings.configuration.association).tracks_objects:
+        raise InputError("observation: points are not born and lost yet; set association: enumerated, or given")
+    return Sensing(
+        spaces=POSES_AND_POINTS,
+        model=PointObservation(_visibility(settings.configuration), settings.configuration.new_objects),
+        reader=_reader(settings),
+        robot_prior=planar_prior,
+        object_prior=point_prior,
     )
 
 
@@ -43,3 +58,21 @@ def planar_prior(pose: Array, covariance: Array) -> GaussianPrior:
     mean = planar_from_pose_vector(pose)
     planar = rotate_covariance(mean, planar_from_covariance(covariance), to_parent=False)
     return GaussianPrior(mean, planar + LEAST_VARIANCE * np.eye(3))
+
+
+def point_prior(pose: Array, covariance: Array) -> GaussianPrior:
+    """Prior of a place, whatever the heading."""
+    place = planar_from_covariance(covariance)[:2, :2]
+    return GaussianPrior(planar_from_pose_vector(pose)[:2], place + LEAST_VARIANCE * np.eye(2))
+
+
+def _visibility(configuration: Configuration) -> PlanarVisibility:
+    settings = configuration.visibility
+    return PlanarVisibility(settings.max_range_m, settings.field_of_view_rad, settings.softness)
+
+
+def _reader(settings: SensingSettings) -> PlanarReader:
+    configuration = settings.configuration
+    biases = bias_sigmas(configuration.odometry).tolist()
+    noise = ConfiguredNoise(configuration.odometry, configuration.perception)
+    return PlanarReader(settings.num_features, biases, settings.feature_names, noise)

@@ -29,7 +29,7 @@ class SensingSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing:
-    """The spaces of robot and objects and the observation model over them, which go together."""
+    """The spaces of robot and landmarks and the observation model over them, which go together."""
 
     spaces: Spaces
     model: ObservationModel

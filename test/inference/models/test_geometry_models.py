@@ -1,10 +1,10 @@
 """The geometric observation models under their contract."""
 
 import numpy as np
-from contracts.geometry_model import GeometryModelContract
 from worlds.linear_gaussian import LinearDetection, LinearModel
 from worlds.points import BodyPointObservation
 
+from semantic_slam.contracts.geometry_model import GeometryModelContract
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.point_observation import POSES_AND_POINTS, PointObservation

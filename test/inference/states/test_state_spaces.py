@@ -1,8 +1,8 @@
 """The planar spaces, and the pairs of them that the engine knows, under their contracts."""
 
 import numpy as np
-from contracts.state_space import SpacesContract, StateSpaceContract
 
+from semantic_slam.contracts.state_space import SpacesContract, StateSpaceContract
 from semantic_slam.inference.models.point_observation import POSES_AND_POINTS
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions

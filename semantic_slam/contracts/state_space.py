@@ -1,9 +1,12 @@
 """What every state space, and every pair of spaces, has to fulfil: subclass, and say how to draw states."""
 
+from collections.abc import Callable
+
 import gtsam
 import numpy as np
 import pytest
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.state_space import StateSpace
@@ -12,7 +15,7 @@ COUNT = 7
 STEP = 1e-6
 
 
-def differences(function, size: int) -> np.ndarray:
+def differences(function: Callable[[Array], Array], size: int) -> Array:
     """(..., m, size) central differences of ``function`` (..., m) of a tangent vector, at 0."""
     columns = [(function(step) - function(-step)) / (2.0 * STEP) for step in STEP * np.eye(size)]
     return np.stack(columns, axis=-1)

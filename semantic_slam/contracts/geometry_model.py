@@ -6,8 +6,8 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
-from contracts.state_space import COUNT, differences
 
+from semantic_slam.contracts.state_space import COUNT, differences
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
