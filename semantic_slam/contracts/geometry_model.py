@@ -61,7 +61,7 @@ class GeometryModelContract:
         np.testing.assert_allclose(self.model.log_likelihood(self.seen, x, o, None), expected, atol=1e-9)
 
     def test_gtsam_s_factor_is_the_whitened_residual(self, random: np.random.Generator) -> None:
-        """Its error, and to first order what it says of robot and landmark."""
+        """Error of one measurement, and to first order what it says of robot and landmark."""
         for detection in self.detections:
             seen = self.model.collect([detection])
             x, o = self.pairs(random, 1)
