@@ -101,8 +101,8 @@ def command() -> None:
         save_latent_model(replace(trained.model, provenance=provenance), state, out)
     for place, groups in report.items():
         for group, figures in groups.items():
-            told = ", ".join(f"{text} {figures[name]:.3f}" for name, text in SHOWN.items() if name in figures)
-            print(f"{place}, {group}: {told}")
+            shown = ", ".join(f"{text} {figures[name]:.3f}" for name, text in SHOWN.items() if name in figures)
+            print(f"{place}, {group}: {shown}")
     print(f"{arguments.out}: {len(trained.model.instances.names)} instances, {len(held_out)} held out")
 
 

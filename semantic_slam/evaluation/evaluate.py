@@ -46,17 +46,17 @@ def evaluate(record: Record, truth: GroundTruth) -> Evaluation:
     """All metrics of ``record``; unknown ones are NaN."""
     beliefs = record.beliefs
     stamps = np.array([belief.stamp_ns for belief in beliefs], dtype=np.int64)
-    chain = lineage(beliefs)
-    matches = _matches(record, truth, chain)
+    ancestors = lineage(beliefs)
+    matches = _matches(record, truth, ancestors)
     true_associations = [_true_objects(belief, truth, matches) for belief in beliefs]
     probability = true_association_probability(beliefs, true_associations)
     true_classes = _true_classes(truth, matches)
     true_poses = trajectory.interpolate(truth.trajectory, stamps)
-    final_poses = poses_of(beliefs, chain)
+    final_poses = poses_of(beliefs, ancestors)
     dead, dead_true = dead_reckonings(record, truth, stamps)
     nees = np.array([_nees(belief, pose) for belief, pose in zip(beliefs, true_poses, strict=True)])
     metrics = {
-        **_association_metrics(beliefs, chain, true_associations, truth, probability),
+        **_association_metrics(beliefs, ancestors, true_associations, truth, probability),
         **_class_metrics(beliefs, true_classes),
         **_trajectory_metrics(beliefs, final_poses, dead, dead_true, true_poses),
         "nees_mean": _mean(nees),
@@ -66,10 +66,11 @@ def evaluate(record: Record, truth: GroundTruth) -> Evaluation:
     )
 
 
-def poses_of(beliefs: tuple[HybridBelief, ...], chain: list[int]) -> Array:
-    """(K, 7) robot pose of hypothesis ``chain[k]`` at every keyframe, NaN where it is -1."""
+def poses_of(beliefs: tuple[HybridBelief, ...], ancestors: list[int]) -> Array:
+    """(K, 7) robot pose of hypothesis ``ancestors[k]`` at every keyframe, NaN where it is -1."""
     rows = [
-        belief.poses[index] if index >= 0 else np.full(7, np.nan) for belief, index in zip(beliefs, chain, strict=True)
+        belief.poses[index] if index >= 0 else np.full(7, np.nan)
+        for belief, index in zip(beliefs, ancestors, strict=True)
     ]
     return np.array(rows).reshape(-1, 7)
 
@@ -98,11 +99,11 @@ def _reckon(start: Array, odometry: Array, row: int) -> Array:
     return poses
 
 
-def _matches(record: Record, truth: GroundTruth, chain: list[int]) -> dict[str, int]:
+def _matches(record: Record, truth: GroundTruth, ancestors: list[int]) -> dict[str, int]:
     prior = parse_map_prior(record.run.map_prior, "run configuration") if record.run.map_prior else None
     pairs = [
         (true, int(found))
-        for belief, index in zip(record.beliefs, chain, strict=True)
+        for belief, index in zip(record.beliefs, ancestors, strict=True)
         if index >= 0 and belief.stamp_ns in truth.associations
         for true, found in zip(_true_names(belief, truth), associated_objects(belief)[index], strict=True)
         if true
@@ -140,7 +141,7 @@ def _true_classes(truth: GroundTruth, matches: dict[str, int]) -> dict[int, str]
 
 
 def _association_metrics(
-    beliefs: tuple[HybridBelief, ...], chain: list[int], true: list[Ids], truth: GroundTruth, probability: Array
+    beliefs: tuple[HybridBelief, ...], ancestors: list[int], true: list[Ids], truth: GroundTruth, probability: Array
 ) -> dict[str, float | int | None]:
     """Clusters are compared by the true ids themselves, so that a missing correspondence costs no pair."""
     if not truth.associations:
@@ -150,7 +151,7 @@ def _association_metrics(
     reference: list[int] = []
     right: list[bool] = []
     numbers: dict[str, int] = {"": -1}
-    for belief, index, objects in zip(beliefs, chain, true, strict=True):
+    for belief, index, objects in zip(beliefs, ancestors, true, strict=True):
         if belief.stamp_ns in truth.associations and index >= 0:
             found = associated_objects(belief)[index]
             estimate.extend(found.tolist())

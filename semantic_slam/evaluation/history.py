@@ -35,12 +35,12 @@ def lineage(beliefs: Sequence[HybridBelief]) -> list[int]:
     """
     if not beliefs:
         return []
-    chain = [best_index(beliefs[-1])]
+    ancestors = [best_index(beliefs[-1])]
     for belief, child in zip(reversed(beliefs[:-1]), reversed(beliefs[1:]), strict=True):
-        parent = child.parent_ids[chain[-1]] if chain[-1] >= 0 else None
+        parent = child.parent_ids[ancestors[-1]] if ancestors[-1] >= 0 else None
         found = [] if parent is None else np.flatnonzero(belief.hypothesis_ids == parent).tolist()
-        chain.append(found[0] if found else -1)
-    return chain[::-1]
+        ancestors.append(found[0] if found else -1)
+    return ancestors[::-1]
 
 
 def step_is_right(belief: HybridBelief, true_objects: Ids) -> NDArray[np.bool_]:

@@ -41,7 +41,7 @@ class Chart:
 def time_charts(analysis: Analysis) -> list[Chart]:
     """The charts that every run has."""
     beliefs = analysis.record.beliefs
-    charts = [_weights(beliefs, analysis.chain), _entropies(beliefs), _counts(beliefs), _discarded(beliefs)]
+    charts = [_weights(beliefs, analysis.ancestors), _entropies(beliefs), _counts(beliefs), _discarded(beliefs)]
     return charts
 
 
@@ -66,11 +66,11 @@ def time_plot(beliefs: tuple[HybridBelief, ...], low: float, high: float, label:
     return Plot((first - 0.5, last + 0.5), (low, high), label=label, **options)
 
 
-def _weights(beliefs: tuple[HybridBelief, ...], chain: list[int]) -> Chart:
+def _weights(beliefs: tuple[HybridBelief, ...], ancestors: list[int]) -> Chart:
     plot = time_plot(beliefs, 0.0, 1.0, "weights of the hypotheses, stacked, per keyframe")
     plot.axes(y_ticks=(0, 0.25, 0.5, 0.75, 1))
     final = []
-    for belief, index in zip(beliefs, chain, strict=True):
+    for belief, index in zip(beliefs, ancestors, strict=True):
         weights = np.exp(belief.log_weights)
         final.append(float(weights[index]) if index >= 0 else float("nan"))
         others = np.sort(np.delete(weights, index) if index >= 0 else weights)[::-1]

@@ -119,7 +119,7 @@ def final_probabilities(run: Run, object_id: int) -> dict[str, float]:
 def _start(analysis: Analysis, object_id: int) -> int | None:
     """Place of the keyframe with the FIRST_VIEWS-th view of an object, under the finally best hypothesis."""
     views = 0
-    for place, (belief, index) in enumerate(zip(analysis.record.beliefs, analysis.chain, strict=True)):
+    for place, (belief, index) in enumerate(zip(analysis.record.beliefs, analysis.ancestors, strict=True)):
         views += index >= 0 and object_id in associated_objects(belief)[index]
         if views == FIRST_VIEWS:
             return place

@@ -23,7 +23,7 @@ class Analysis:
     record: Record
     bag: dict[str, Any]  # path, sha256 and number of keyframes of the input
     configuration: dict[str, Any]
-    chain: list[int]  # (K,) index of the ancestor of the final best hypothesis, -1 unknown
+    ancestors: list[int]  # (K,) index of the ancestor of the final best hypothesis, -1 unknown
     evaluation: Evaluation | None  # None without ground truth
     detection_counts: Counter[int]  # object id -> detections it explains in the end
 
@@ -37,15 +37,15 @@ def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysi
         "n_keyframes": len(record.beliefs),
         "belief_bag": str(belief_bag),
     }
-    chain = lineage(record.beliefs)
+    ancestors = lineage(record.beliefs)
     counts = Counter(
         int(number)
-        for belief, index in zip(record.beliefs, chain, strict=True)
+        for belief, index in zip(record.beliefs, ancestors, strict=True)
         if index >= 0
         for number in associated_objects(belief)[index]
     )
     evaluation = evaluate(record, record.truth) if record.truth else None
-    return Analysis(record, bag, json_object(record.run.configuration), chain, evaluation, counts)
+    return Analysis(record, bag, json_object(record.run.configuration), ancestors, evaluation, counts)
 
 
 def report_document(analysis: Analysis) -> dict[str, Any]:
@@ -58,7 +58,9 @@ def report_document(analysis: Analysis) -> dict[str, Any]:
         "seed": analysis.configuration.get("seed"),
         "revision": record.run.revision,
         "run_id": record.run.run_id,
-        "keyframes": [_keyframe(belief, index) for belief, index in zip(record.beliefs, analysis.chain, strict=True)],
+        "keyframes": [
+            _keyframe(belief, index) for belief, index in zip(record.beliefs, analysis.ancestors, strict=True)
+        ],
         "objects": object_rows(analysis),
         "dropped": record.dropped,
     }
@@ -146,7 +148,7 @@ def tum_lines(analysis: Analysis) -> str:
     Where its lineage is not recorded, the best hypothesis of that keyframe stands in.
     """
     lines = []
-    for belief, final in zip(analysis.record.beliefs, analysis.chain, strict=True):
+    for belief, final in zip(analysis.record.beliefs, analysis.ancestors, strict=True):
         seconds, nanoseconds = divmod(belief.stamp_ns, 1_000_000_000)
         pose = belief.poses[final if final >= 0 else best_index(belief)]
         lines.append(f"{seconds}.{nanoseconds:09d} " + " ".join(f"{value:.9g}" for value in pose))

@@ -52,9 +52,9 @@ def moments(beliefs: tuple[HybridBelief, ...]) -> list[int]:
     last = len(beliefs) - 1
     association = np.array([belief.association_entropy for belief in beliefs])
     component = np.array([belief.component_entropy for belief in beliefs])
-    told = [_below(association, 0.5), _below(component, 0.05), _below(component, 0.5), last // 3, 2 * last // 3]
+    shown = [_below(association, 0.5), _below(component, 0.05), _below(component, 0.5), last // 3, 2 * last // 3]
     chosen = [0]
-    for place in (last, *told):
+    for place in (last, *shown):
         if len(chosen) < SHOWN_MOMENTS and min(abs(place - other) for other in chosen) > last / 10:
             chosen.append(place)
     return sorted(chosen)

@@ -170,8 +170,8 @@ def test_incremental_is_the_batch_optimum(drive) -> None:
     smoother = backend.held[number].component.smoother
     estimate = smoother.isam.calculateEstimate()
     graph = gtsam.NonlinearFactorGraph(smoother.kept())
-    for named in smoother.made.named:
-        graph.add(exact_factor(backend.problem.latent, named.detection, named.keys))
+    for measurements in smoother.factor_table.measurements:
+        graph.add(exact_factor(backend.problem.latent, measurements.detection, measurements.keys))
     batch = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
     poses = [key for key in estimate.keys() if key >= object_key(0)]  # noqa: SIM118
     for key in poses:
@@ -186,15 +186,15 @@ def test_every_view_has_one_factor_and_exact_ones_become_linear(drive) -> None:
     number = max(manager.live, key=lambda n: manager.live[n].log_weight)
     smoother = backend.held[number].component.smoother
     factors = gtsam.NonlinearFactorGraph(smoother.isam.getFactorsUnsafe())
-    assert len(smoother.made) == sum(len(seen) for seen in world.associations)
-    assert len(set(smoother.made.indices)) == len(smoother.made)
-    kinds = [type(factors.at(index)) for index in smoother.made.indices]
+    assert len(smoother.factor_table) == sum(len(seen) for seen in world.associations)
+    assert len(set(smoother.factor_table.indices)) == len(smoother.factor_table)
+    kinds = [type(factors.at(index)) for index in smoother.factor_table.indices]
     assert set(kinds) == {gtsam.LinearContainerFactor}
     poses = len(world.keyframes) + 1
     in_graph = sum(factors.exists(i) for i in range(factors.size()))
     objects = len(OBJECTS)
     descriptors = smoother.num_descriptors
-    assert in_graph == poses + objects + descriptors + 2 * len(smoother.made)
+    assert in_graph == poses + objects + descriptors + 2 * len(smoother.factor_table)
 
 
 @pytest.mark.slow

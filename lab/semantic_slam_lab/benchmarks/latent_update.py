@@ -83,16 +83,18 @@ class Circuit:
     def views(self, frame: int) -> tuple[list[SemanticFactor], LinearisationPoints]:
         """The semantic measurements of one keyframe, and where their factors are made."""
         detections, numbers = self.seen[frame]
-        named = [
+        measurements = [
             SemanticFactor(robot_key(frame), object_key(int(n)), detection, -1, descriptor_key(int(n)))
             for detection, n in zip(detections, numbers, strict=True)
         ]
         x = np.tile(self.poses[frame], (len(numbers), 1))
-        return named, LinearisationPoints.stacked(x, self.objects[numbers], self.descriptors[numbers])
+        return measurements, LinearisationPoints.stacked(x, self.objects[numbers], self.descriptors[numbers])
 
-    def linear(self, named: list[SemanticFactor], places: LinearisationPoints) -> list[gtsam.LinearContainerFactor]:
+    def linear(
+        self, measurements: list[SemanticFactor], points: LinearisationPoints
+    ) -> list[gtsam.LinearContainerFactor]:
         """The latent factors of one keyframe, made in one batch."""
-        return self._factors.make([named], [places])[0]
+        return self._factors.make([measurements], [points])[0]
 
     def _layout(self) -> tuple[Array, Array]:
         poses = [np.zeros(3)]

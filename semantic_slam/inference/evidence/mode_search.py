@@ -24,7 +24,7 @@ from semantic_slam.inference.evidence.importance import (
 )
 from semantic_slam.inference.evidence.laplace import Mode, mode_at
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode, SampledMoments, WindowSamples
-from semantic_slam.inference.evidence.window import Region, Window, window_problem_of
+from semantic_slam.inference.evidence.window import ModeRegion, Window, window_problem_of
 from semantic_slam.inference.evidence.window_problem import WindowProblem
 from semantic_slam.inference.states.keys import object_key, robot_key
 
@@ -65,14 +65,14 @@ MOST_TOGETHER = 64
 class SearchStart:
     """A window and where the first search for its modes starts: (1 + T, s) robot and (O, s) objects seen since."""
 
-    history: Window
+    window: Window
     robots: Array
     objects: Array
 
 
-def search_one(history: Window, robots: Array, objects: Array, settings: WeightsConfiguration) -> list[PosteriorMode]:
-    """Modes of the window ``history``, best first; see :func:`search_modes`."""
-    return search_modes([SearchStart(history, robots, objects)], settings)[0]
+def search_one(window: Window, robots: Array, objects: Array, settings: WeightsConfiguration) -> list[PosteriorMode]:
+    """Modes of the window ``window``, best first; see :func:`search_modes`."""
+    return search_modes([SearchStart(window, robots, objects)], settings)[0]
 
 
 def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
@@ -82,7 +82,7 @@ def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) 
     """
     groups: dict[object, list[int]] = {}
     for row, start in enumerate(starts):
-        groups.setdefault(start.history.shape(), []).append(row)
+        groups.setdefault(start.window.shape(), []).append(row)
     found: list[list[PosteriorMode]] = [[] for _ in starts]
     for rows in groups.values():
         for at in range(0, len(rows), MOST_TOGETHER):
@@ -94,32 +94,32 @@ def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) 
 
 def _refined(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
     """Modes of windows that have one shape, best first."""
-    histories = [start.history for start in starts]
-    chain = window_problem_of(histories)
-    y = chain.coordinates(np.array([s.robots for s in starts]), np.array([s.objects for s in starts]))
-    modes = _distinct(histories, chain, *_search(chain, y))
-    mixtures, samples = _sampled(histories, chain, modes, settings.importance_samples)
+    windows = [start.window for start in starts]
+    problem = window_problem_of(windows)
+    y = problem.coordinates(np.array([s.robots for s in starts]), np.array([s.objects for s in starts]))
+    modes = _distinct(windows, problem, *_search(problem, y))
+    mixtures, samples = _sampled(windows, problem, modes, settings.importance_samples)
     looks = (
-        _Look(history, chain.select(slice(row, row + 1)), modes[row], states, mixtures[row], samples[row])
-        for row, (history, states) in enumerate(zip(histories, _states(chain, modes), strict=True))
+        _Look(window, problem.select(slice(row, row + 1)), modes[row], states, mixtures[row], samples[row])
+        for row, (window, states) in enumerate(zip(windows, _states(problem, modes), strict=True))
     )
     return [_of_one(look, settings) for look in looks]
 
 
-def _states(chain: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
+def _states(problem: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
     """(M, 1 + T + O, s) robot states, the anchor's first, and objects at the M modes of each window."""
     counts = [len(own.y) for own in modes]
-    repeated = chain.select(np.repeat(np.arange(len(modes)), counts))
+    repeated = problem.select(np.repeat(np.arange(len(modes)), counts))
     robots, objects = repeated.states(np.concatenate([own.y for own in modes]))
-    return np.split(chain.spaces.storage.stacked(robots, objects), np.cumsum(counts)[:-1])
+    return np.split(problem.spaces.storage.stacked(robots, objects), np.cumsum(counts)[:-1])
 
 
 @dataclass(frozen=True)
 class _Look:
     """What was found of one window, alone in its window problem."""
 
-    history: Window
-    chain: WindowProblem
+    window: Window
+    problem: WindowProblem
     modes: Mode  # M
     states: Array  # (M, 1 + T + O, s)
     mixture: Gaussians
@@ -127,71 +127,73 @@ class _Look:
 
 
 def _of_one(look: _Look, settings: WeightsConfiguration) -> list[PosteriorMode]:
-    history, samples = look.history, look.samples
+    window, samples = look.window, look.samples
     log_evidence, weights = samples.part()
     if not weights.any():
         return []
     kept, region = _kept(look.mixture, samples)
     share = 1.0 / float(weights @ weights) / len(weights)
-    gaussian = len(kept) == 1 and not history.regions and share >= settings.gaussian_share * (1.0 - PRIOR_SHARE)
-    ends = gaussian or len(history.taken) >= settings.max_history
-    drawn = WindowSamples(look.chain, samples.y)
+    gaussian = len(kept) == 1 and not window.regions and share >= settings.gaussian_share * (1.0 - PRIOR_SHARE)
+    ends = gaussian or len(window.taken) >= settings.max_history
+    drawn = WindowSamples(look.problem, samples.y)
     if len(kept) == 1:
-        kept_history = None if ends else replace(history, log_evidence=log_evidence)
-        return [_mode(look, drawn, kept[0], weights, log_evidence, kept_history)]
+        kept_window = None if ends else replace(window, log_evidence=log_evidence)
+        return [_mode(look, drawn, kept[0], weights, log_evidence, kept_window)]
     found = []
     for number, (at, log_part) in enumerate(zip(kept, region.log_responsibilities(samples.y), strict=True)):
         log_evidence, weights = samples.part(log_part)
-        own = (*history.regions, Region(region, number, look.chain.mean.shape[1] - 1, len(look.chain.links)))
-        kept_history = None if ends else replace(history, regions=own, log_evidence=log_evidence)
-        found.append(_mode(look, drawn, at, weights, log_evidence, kept_history))
+        own = (*window.regions, ModeRegion(region, number, look.problem.mean.shape[1] - 1, len(look.problem.links)))
+        kept_window = None if ends else replace(window, regions=own, log_evidence=log_evidence)
+        found.append(_mode(look, drawn, at, weights, log_evidence, kept_window))
     return found
 
 
 def _mode(
-    look: _Look, drawn: WindowSamples, at: int, weights: Array, log_evidence: float, kept_history: Window | None
+    look: _Look, drawn: WindowSamples, at: int, weights: Array, log_evidence: float, kept_window: Window | None
 ) -> PosteriorMode:
-    history, modes = look.history, look.modes
-    keyframe = history.anchor.keyframe + len(history.taken)
-    keys = [robot_key(keyframe), *(object_key(n) for n in history.object_ids())]
-    past = [robot_key(k) for k in range(history.anchor.keyframe, keyframe)]
+    window, modes = look.window, look.modes
+    keyframe = window.anchor.keyframe + len(window.taken)
+    keys = [robot_key(keyframe), *(object_key(n) for n in window.object_ids())]
+    past = [robot_key(k) for k in range(window.anchor.keyframe, keyframe)]
     return PosteriorMode(
         log_evidence,
         1.0 / float(weights @ weights) / len(weights),
-        {key: look.chain.spaces.own(key, state) for key, state in zip([*past, *keys], look.states[at], strict=True)},
-        kept_history,
+        {key: look.problem.spaces.own(key, state) for key, state in zip([*past, *keys], look.states[at], strict=True)},
+        kept_window,
         SampledMoments(drawn, modes.y[at], modes.hessian[at], weights, keys),
         len(weights),
     )
 
 
 def _sampled(
-    histories: Sequence[Window], chain: WindowProblem, modes: Sequence[Mode], count: int
+    windows: Sequence[Window], problem: WindowProblem, modes: Sequence[Mode], count: int
 ) -> tuple[list[Gaussians], list[Samples]]:
     """Samples and the mixtures they are from: a first part of ``count``, all where that shows not to suffice."""
     mixtures = [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes]
     first = int(np.ceil(FIRST_SHARE * count))
-    everything = np.arange(len(histories))
-    samples, shares = _adapting(histories, chain, mixtures, everything, first, MAX_ADAPTATIONS)
+    everything = np.arange(len(windows))
+    samples, shares = _adapting(windows, problem, mixtures, everything, first, MAX_ADAPTATIONS)
     coarse = np.flatnonzero((shares < GOOD) & (first < count))
     if len(coarse):
-        more, _ = _adapting(histories, chain, mixtures, coarse, count, MORE_ADAPTATIONS)
+        more, _ = _adapting(windows, problem, mixtures, coarse, count, MORE_ADAPTATIONS)
         for row, better in zip(coarse, more, strict=True):
             samples[row] = better
     return mixtures, samples
 
 
 def _adapting(
-    histories: Sequence[Window], chain: WindowProblem, mixtures: list[Gaussians], rows: Index, count: int, times: int
+    windows: Sequence[Window], problem: WindowProblem, mixtures: list[Gaussians], rows: Index, count: int, times: int
 ) -> tuple[list[Samples], Array]:
     """Samples of ``rows``, weighed in the regions that these answer for, and their effective shares.
 
     Mixtures are adapted in place where modes miss the target.
     """
-    samples, shares, pending = dict[int, Samples](), np.zeros(len(histories)), rows
+    samples, shares, pending = dict[int, Samples](), np.zeros(len(windows)), rows
     for left in reversed(range(times + 1)):
-        for row, drawn in zip(pending, draw(chain.select(pending), [mixtures[r] for r in pending], count), strict=True):
-            samples[row] = Samples(drawn.y, drawn.log_weights + histories[row].log_share(chain, drawn.y))
+        for row, drawn in zip(
+            pending, draw(problem.select(pending), [mixtures[r] for r in pending], count), strict=True
+        ):
+            samples[row] = Samples(drawn.y, drawn.log_weights + windows[row].log_share(problem, drawn.y))
         shares[pending] = effective_share(np.array([samples[row].log_weights for row in pending]))
         pending = pending[(shares[pending] > 0.0) & (shares[pending] < POOR)]
         if not left or not len(pending):
@@ -201,18 +203,18 @@ def _adapting(
     return [samples[row] for row in rows], shares[rows]
 
 
-def _search(chain: WindowProblem, start: Array) -> tuple[Mode, Index]:
+def _search(problem: WindowProblem, start: Array) -> tuple[Mode, Index]:
     """Modes from ``start`` (K, size) and, while windows are short, from the prior; and whose each is.
 
     What is far behind is not followed, and searches that end in one valley go on as one.
     """
-    aside = NUDGE * normal_points(1, chain.size)
+    aside = NUDGE * normal_points(1, problem.size)
     starts = [start + aside, start - aside]
-    if len(chain.links) <= SEARCHED_LINKS:
-        starts += [broadcast_copy(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, chain.size)]
-    owners = np.repeat(np.arange(len(chain)), len(starts))
-    enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(chain))
-    search = LevenbergMarquardt(chain.select(owners), np.stack(starts, axis=1).reshape(-1, chain.size))
+    if len(problem.links) <= SEARCHED_LINKS:
+        starts += [broadcast_copy(y, start.shape) for y in START_SPREAD * normal_points(NUM_STARTS, problem.size)]
+    owners = np.repeat(np.arange(len(problem)), len(starts))
+    enough = np.tile([NUDGED] * 2 + [ROUGH] * (len(starts) - 2), len(problem))
+    search = LevenbergMarquardt(problem.select(owners), np.stack(starts, axis=1).reshape(-1, problem.size))
     for iterations, patience in ROUNDS:
         search.advance(iterations, enough)
         rows = valleys(mode_at(search.reached()), owners, patience * NEGLIGIBLE)
@@ -251,16 +253,16 @@ def _close(found: Mode, leaders: Index, rows: Index) -> NDArray[np.bool_]:
     return close
 
 
-def _distinct(histories: Sequence[Window], chain: WindowProblem, found: Mode, owners: Index) -> list[Mode]:
+def _distinct(windows: Sequence[Window], problem: WindowProblem, found: Mode, owners: Index) -> list[Mode]:
     """For each window the modes that differ and have weight in its region, heaviest first."""
-    scores = found.log_evidence + chain.select(owners).log_visibility(found.y, soft=True)
+    scores = found.log_evidence + problem.select(owners).log_visibility(found.y, soft=True)
     modes = []
-    for number, history in enumerate(histories):
+    for number, window in enumerate(windows):
         rows = np.arange(*np.searchsorted(owners, [number, number + 1]))
         if len(rows) == 1:
             modes.append(found.take(rows))
             continue
-        own = scores[rows] + history.log_share(chain, found.y[rows])
+        own = scores[rows] + window.log_share(problem, found.y[rows])
         order = rows[np.argsort(-own, kind="stable")]
         kept: list[int] = []
         for row in order[np.sort(-own) <= NEGLIGIBLE - own.max()]:

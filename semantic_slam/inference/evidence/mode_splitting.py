@@ -87,8 +87,8 @@ def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path
     log_evidence = expanded.mode.log_evidence + log_visible
     effective = np.full(len(log_evidence), np.nan)
     heavy = _heavy(expanded, log_evidence, weights.importance_gate, path_mode)
-    has_history = np.array([parent.window is not None for parent in expanded.parents])[expanded.stack.rows.parents]
-    plain = heavy & ~has_history
+    has_window = np.array([parent.window is not None for parent in expanded.parents])[expanded.stack.rows.parents]
+    plain = heavy & ~has_window
     shares = np.zeros(len(log_evidence))
     if plain.any():
         rows, counts = np.flatnonzero(plain), np.zeros(len(shares), dtype=int)
@@ -99,7 +99,7 @@ def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path
         effective[plain] = (shares * counts)[plain]
     look = heavy & (shares < weights.gaussian_share) if path_mode is None else heavy
     rows = np.flatnonzero(look)
-    if not len(rows) and not has_history.any():
+    if not len(rows) and not has_window.any():
         return expanded.candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
     found: list[list[PosteriorMode]] = [[] for _ in log_evidence]
     for row, modes in zip(rows, search_modes(_starts(expanded, rows), weights), strict=True):
@@ -149,17 +149,17 @@ def _starts(expanded: UnsplitCandidates, rows: Index) -> list[SearchStart]:
 def _start(expanded: UnsplitCandidates, row: int, states: Array) -> SearchStart:
     parent, storage = expanded.parents[expanded.stack.rows.parents[row]], expanded.stack.spaces.storage
     new = expanded.new[expanded.stack.rows.parents[row]]
-    history = Window.of(parent).with_keyframe(expanded.taken(row), new)
+    window = Window.of(parent).with_keyframe(expanded.taken(row), new)
     seen = {
         int(expanded.object_ids[place]): states[1 + expanded.stack.slots[row, number]]
         for number, place in enumerate(expanded.stack.rows.objects[row])
         if place >= 0
     }
-    past = range(history.anchor.keyframe, parent.keyframe + 1)
+    past = range(window.anchor.keyframe, parent.keyframe + 1)
     robots = np.concatenate([parent.states([robot_key(k) for k in past]), states[:1]])[:, : storage.robot]
-    objects = [seen[n] if n in seen else parent.states([object_key(n)])[0] for n in history.object_ids()]
+    objects = [seen[n] if n in seen else parent.states([object_key(n)])[0] for n in window.object_ids()]
     by_object = np.array(objects).reshape(-1, storage.width)[:, : storage.landmark]
-    return SearchStart(history, robots, by_object)
+    return SearchStart(window, robots, by_object)
 
 
 def _collected(
@@ -172,7 +172,7 @@ def _collected(
     """(M,) candidate of each mode, and the columns that tell of it."""
     origin, number, evidence, sizes = [], [], [], []
     refined: list[PosteriorMode | None] = []
-    histories: list[Window | None] = []
+    windows: list[Window | None] = []
     for row, modes in enumerate(found):
         parent = expanded.parents[expanded.stack.rows.parents[row]]
         before = parent.window.log_evidence if parent.window is not None else 0.0
@@ -182,20 +182,20 @@ def _collected(
             evidence.append(mode.log_evidence - before)
             sizes.append(mode.effective_share * mode.num_samples)
             refined.append(mode)
-            histories.append(mode.history)
+            windows.append(mode.window)
         if not modes:
             origin.append(row)
             number.append(0)
             evidence.append(float(log_evidence[row]))
             sizes.append(float(effective[row]))
             refined.append(None)
-            histories.append(_carried(expanded, row, log_evidence[row], weights.max_history))
+            windows.append(_carried(expanded, row, log_evidence[row], weights.max_history))
     columns = {
         "numbers": np.array(number, dtype=int),
         "log_evidence": np.array(evidence),
         "effective_sample_sizes": np.array(sizes),
         "posterior_modes": _objects(refined),
-        "windows": _objects(histories),
+        "windows": _objects(windows),
     }
     return np.array(origin, dtype=int), columns
 

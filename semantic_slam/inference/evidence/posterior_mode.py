@@ -19,7 +19,7 @@ class PosteriorMode:
     log_evidence: float  # of everything since the anchor, in this mode's region
     effective_share: float  # effective sample size over the number of samples
     smoothed: dict[int, Array]  # GTSAM key -> (s,) mode: robot since the anchor, objects seen since
-    history: Window | None  # None where the mode is Gaussian
+    window: Window | None  # None where the mode is Gaussian
     moments: "SampledMoments" = field(compare=False, repr=False)
     num_samples: int = 0
 
@@ -33,14 +33,14 @@ class PosteriorMode:
 class WindowSamples:
     """Samples of a window, which its modes share."""
 
-    chain: WindowProblem  # of one history
+    problem: WindowProblem  # of one window
     y: Array  # (N, size)
 
     @cached_property
     def states(self) -> Array:
         """(N, 1 + O, s) of the newest robot state and of the objects."""
-        robots, objects = self.chain.states(self.y)
-        return self.chain.spaces.storage.stacked(robots[:, -1:], objects)
+        robots, objects = self.problem.states(self.y)
+        return self.problem.spaces.storage.stacked(robots[:, -1:], objects)
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,12 @@ class SampledMoments:
 
     def corrections(self) -> dict[int, Correction]:
         """Weighted moments of the newest robot state and of the objects, against the Laplace Gaussian's."""
-        chain = self.drawn.chain
-        slopes = chain.newest_slopes(self.y[None])[0]  # (K, w, size)
+        problem = self.drawn.problem
+        slopes = problem.newest_slopes(self.y[None])[0]  # (K, w, size)
         covariances = slopes @ np.linalg.solve(self.hessian, np.swapaxes(slopes, 1, 2))
-        mode = WindowSamples(chain, self.y[None]).states[0]
+        mode = WindowSamples(problem, self.y[None]).states[0]
         found: list[Correction] = []
-        for space, rows in chain.spaces.kinds(len(mode)):
+        for space, rows in problem.spaces.kinds(len(mode)):
             s, d = space.storage_size, space.tangent_size
             own = (mode[rows, :s], covariances[rows, :d, :d], self.drawn.states[:, rows, :s])
             found += Correction.towards(space, *own, self.weights)

@@ -56,7 +56,7 @@ class WindowStep:
 
 
 @dataclass(frozen=True)
-class Region:
+class ModeRegion:
     """The share of one of several modes, over the blocks of y that a window had when it split."""
 
     modes: Gaussians
@@ -64,10 +64,10 @@ class Region:
     num_objects: int
     num_links: int
 
-    def log_share(self, chain: WindowProblem, y: Array) -> Array:
+    def log_share(self, problem: WindowProblem, y: Array) -> Array:
         """(B,) log responsibility of the mode, a function of the window's earlier blocks."""
-        anchor = chain.layout.size(self.num_objects)
-        motions = y[:, chain.width : chain.motion_rows(self.num_links).start]
+        anchor = problem.layout.size(self.num_objects)
+        motions = y[:, problem.width : problem.motion_rows(self.num_links).start]
         earlier = np.concatenate([y[:, :anchor], motions], axis=1)
         return np.asarray(self.modes.log_responsibilities(earlier)[self.number])
 
@@ -79,7 +79,7 @@ class Window:
     anchor: Anchor
     taken: tuple[WindowStep, ...] = ()
     introduced: tuple[tuple[int, GaussianPrior], ...] = ()  # objects that the keyframes since have introduced
-    regions: tuple[Region, ...] = ()
+    regions: tuple[ModeRegion, ...] = ()
     log_evidence: float = 0.0
 
     @classmethod
@@ -122,23 +122,23 @@ class Window:
         rows = anchor.spaces.layout.rows(order)
         return mean[order], covariance[np.ix_(rows, rows)]
 
-    def chain(self) -> WindowProblem:
+    def problem(self) -> WindowProblem:
         """The integral over everything since the anchor. Raises LostComponentError."""
         return window_problem_of([self])
 
-    def log_share(self, chain: WindowProblem, y: Array) -> Array:
+    def log_share(self, problem: WindowProblem, y: Array) -> Array:
         """(B,) log of the share that this mode answers for."""
-        return np.asarray(sum((region.log_share(chain, y) for region in self.regions), np.zeros(len(y))))
+        return np.asarray(sum((region.log_share(problem, y) for region in self.regions), np.zeros(len(y))))
 
 
-def window_problem_of(histories: Sequence[Window]) -> WindowProblem:
+def window_problem_of(windows: Sequence[Window]) -> WindowProblem:
     """The problem of windows that have one shape. Raises LostComponentError."""
-    first = histories[0]
-    anchored = [history.anchored() for history in histories]
+    first = windows[0]
+    anchored = [window.anchored() for window in windows]
     places, classes = [], []
-    for history in histories:
-        place = {n: i for i, n in enumerate(history.object_ids())}
-        observed = [item for taken in history.taken for item in taken.observed]
+    for window in windows:
+        place = {n: i for i, n in enumerate(window.object_ids())}
+        observed = [item for taken in window.taken for item in taken.observed]
         places.append([place[item.object_id] for item in observed])
         classes.append([item.assigned_class for item in observed])
     links = [WindowKeyframe(taken.motion, tuple(item.detection for item in taken.observed)) for taken in first.taken]

@@ -133,14 +133,14 @@ class WindowProblem:
         robots, objects = self._moved(composed)
         by_robot, by_object = self._slopes(composed, chart)
         energy, residuals, jacobians = 0.5 * squared_norms(y), [], []
-        for parts, sights in self._linearised(robots, objects):
+        for parts, sightings in self._linearised(robots, objects):
             for part in parts:
                 energy += row_sums((0.5 * squared_norms(part.residual) - part.log_normaliser).reshape(len(y), -1))
-            shape = (*robots.shape[:2], len(sights), -1)
+            shape = (*robots.shape[:2], len(sightings), -1)
             together = _joined([part.jacobian_robot for part in parts]).reshape(*shape, self.layout.robot)
-            jacobian = together @ self._timed(by_robot, sights)
+            jacobian = together @ self._timed(by_robot, sightings)
             together = _joined([part.jacobian_object for part in parts]).reshape(*shape, self.layout.landmark)
-            jacobian[..., : self.width] += together @ self._placed(by_object, sights)
+            jacobian[..., : self.width] += together @ self._placed(by_object, sightings)
             jacobians.append(jacobian.reshape(len(y), -1, self.size))
             residuals.append(_joined([part.residual for part in parts]).reshape(len(y), -1, 1))
         if not jacobians:
@@ -153,9 +153,9 @@ class WindowProblem:
 
     def _log_likelihood(self, robots: Array, objects: Array) -> Array:
         total = np.zeros(robots.shape[0] * robots.shape[1])
-        for seen, sights, named in self._parts:
-            x, o = self._pairs(robots, objects, sights)
-            classes = self._repeated(sights, robots.shape[1]) if named else None
+        for seen, sightings, named in self._parts:
+            x, o = self._pairs(robots, objects, sightings)
+            classes = self._repeated(sightings, robots.shape[1]) if named else None
             total += row_sums(self.model.log_likelihood(seen, x, o, classes).reshape(len(total), -1))
         return total
 
@@ -169,38 +169,38 @@ class WindowProblem:
     def _linearised(self, robots: Array, objects: Array) -> list[tuple[list[Linearisation], Index]]:
         """Linearised geometry of all sightings, with semantics where they have a class, and which they are."""
         found = []
-        for seen, sights, named in self._parts:
-            x, o = self._pairs(robots, objects, sights)
+        for seen, sightings, named in self._parts:
+            x, o = self._pairs(robots, objects, sightings)
             parts = [self.model.geometry(seen, x, o)]
             if named:
-                parts.append(self.model.semantics(seen, x, o, self._repeated(sights, robots.shape[1])))
-            found.append((parts, sights))
+                parts.append(self.model.semantics(seen, x, o, self._repeated(sightings, robots.shape[1])))
+            found.append((parts, sightings))
         return found
 
-    def _pairs(self, robots: Array, objects: Array, sights: Index) -> tuple[Array, Array]:
+    def _pairs(self, robots: Array, objects: Array, sightings: Index) -> tuple[Array, Array]:
         """(K N S, s) robot and object of S sightings."""
-        o = self._placed(objects, sights)
-        x = broadcast_copy(self._timed(robots, sights), (*o.shape[:-1], robots.shape[-1]))
+        o = self._placed(objects, sightings)
+        x = broadcast_copy(self._timed(robots, sightings), (*o.shape[:-1], robots.shape[-1]))
         return x.reshape(-1, x.shape[-1]), o.reshape(-1, o.shape[-1])
 
-    def _timed(self, values: Array, sights: Index) -> Array:
+    def _timed(self, values: Array, sightings: Index) -> Array:
         """(K, N, S, ...) of the sightings' robots, from (K, N, 1 + T, ...); one of them where all are the same."""
-        times = self._times[sights]
+        times = self._times[sightings]
         return values[:, :, times[0] : times[0] + 1] if (times == times[0]).all() else values[:, :, times]
 
-    def _placed(self, values: Array, sights: Index) -> Array:
+    def _placed(self, values: Array, sightings: Index) -> Array:
         """(K, N, S, ...) of the sightings' objects, from (K, N, O, ...)."""
-        places = self.places[:, sights]
+        places = self.places[:, sightings]
         if (places == places[:1]).all():
             in_order = np.array_equal(places[0], np.arange(values.shape[2]))
             return values if in_order else values[:, :, places[0]]
         rows, columns = np.arange(values.shape[0])[:, None, None], np.arange(values.shape[1])[:, None]
         return np.asarray(values[rows, columns, places[:, None]])
 
-    def _repeated(self, sights: Index, count: int) -> Index:
+    def _repeated(self, sightings: Index, count: int) -> Index:
         """(K N S,) classes of the sightings, once for each of N states."""
-        classes = self.classes[:, None, sights]
-        return broadcast_copy(classes, (len(classes), count, len(sights))).reshape(-1)
+        classes = self.classes[:, None, sightings]
+        return broadcast_copy(classes, (len(classes), count, len(sightings))).reshape(-1)
 
     def _states(self, y: Array) -> tuple[Array, Array]:
         """(K, N, 1 + T, s) robot and (K, N, O, s) objects, headings as they add up."""

@@ -26,7 +26,7 @@ class RecentAssociations:
 
     objects: Array  # (R, 3) where the object of each lies now, NaN when given up
     classes: Index  # (R,) -1 where classes are not enumerated
-    settles: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
+    confirms: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
     sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of the objects that are likely to exist
     noise: int = 0  # of odometry, under which the hypothesis began
     tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
@@ -144,7 +144,7 @@ class Copies:
         parents, numbers = np.unique(candidates.parent_ids[likely], return_inverse=True)
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
         known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
-        settled = np.array([item.settles for item in recent], dtype=bool).reshape(len(likely), -1)
+        confirmed = np.array([item.confirms for item in recent], dtype=bool).reshape(len(likely), -1)
         seen = zip(candidates.associations[likely], recent, strict=True)
         second = [[n in item.tentative for n in association] for association, item in seen]
         now = np.array(second, dtype=bool).reshape(len(likely), -1)
@@ -152,7 +152,7 @@ class Copies:
             poses=candidates.poses[likely],
             objects=np.concatenate([before, candidates.object_poses[likely, :, :3]], axis=1),
             classes=np.concatenate([known, candidates.classes[likely], noise], axis=1),
-            settles=np.concatenate([settled, now], axis=1),
+            confirms=np.concatenate([confirmed, now], axis=1),
             parents=numbers,
             alike=self._alike([self._recent[int(n)] for n in parents]),
         )
@@ -189,14 +189,14 @@ class Copies:
         classes = np.array([c for step in steps for c in step.class_assignment], dtype=int)
         padded = np.concatenate([objects.object_poses[:, :3], np.full((1, 3), np.nan)])
         times: Counter[int] = Counter()
-        settles = np.zeros(len(seen), dtype=bool)
+        confirms = np.zeros(len(seen), dtype=bool)
         for row, found in enumerate(seen.tolist()):
-            settles[row] = found >= first_new and times[found] == 1
+            confirms[row] = found >= first_new and times[found] == 1
             times[found] += 1
         tentative = {found for found, count in times.items() if found >= first_new and count == 1}
         likely = () if self.settings.merge_ghosts else np.flatnonzero(objects.existence > SURE)
         sure = {reported.ids[row]: objects.object_poses[row, :3] for row in likely}
-        return RecentAssociations(padded[reported.rows(seen)], classes, settles, sure, lineage[0].mode, tentative)
+        return RecentAssociations(padded[reported.rows(seen)], classes, confirms, sure, lineage[0].mode, tentative)
 
 
 def _all_near(points: list[Array], others: dict[int, Array], limit_m: float) -> bool:

@@ -2,7 +2,7 @@
 
 Two are near copies when their robots stand together, when the objects that each recent detection was associated with
 lie together, and when these objects have the same classes. Which of the objects existed before does not matter, but
-whether a detection is the second of its object does: that one settles that the object exists, and a hypothesis in which
+whether a detection is the second of its object does: that one confirms that it exists, and a hypothesis in which
 it was a false alarm, or another object, must stay until misses or further detections decide. So must hypotheses that
 are sure of different objects, wherever these are.
 """
@@ -24,7 +24,7 @@ class MergeCandidates:
     poses: Array  # (K, 7) robot in map
     objects: Array  # (K, R, 3) where the object of each recent detection is, metres; NaN when given up
     classes: Index  # (K, R + 1) its class, -1 where classes are not enumerated; and the noise of the odometry
-    settles: NDArray[np.bool_]  # (K, R) whether the detection is the second one of its object
+    confirms: NDArray[np.bool_]  # (K, R) whether the detection is the second one of its object
     parents: Index  # (K,) from 0 on
     alike: NDArray[np.bool_]  # (P, P) whether two parents are sure of the same objects
 
@@ -69,7 +69,7 @@ def _near(
     near &= np.abs(wrap_angle(offset[:, 2])) <= limits.merge_heading_rad
     near &= (looks.classes[others] == looks.classes[row]).all(axis=1)
     if not limits.merge_ghosts:
-        near &= (looks.settles[others] == looks.settles[row]).all(axis=1)
+        near &= (looks.confirms[others] == looks.confirms[row]).all(axis=1)
         near &= looks.alike[looks.parents[others], looks.parents[row]]
     distance = np.linalg.norm(looks.objects[others] - looks.objects[row], axis=-1)
     return np.asarray(near & (np.nan_to_num(distance, nan=0.0) <= limits.merge_object_m).all(axis=1))

@@ -146,16 +146,16 @@ class OpenKeyframe:
         """Candidates weighed by one linearisation at the prediction, or by own searches where measurements bend."""
         rows, scores = candidates.assignments, candidates.assignments.column("log_evidence")
         parts: list[Assignments] = []
-        bent: list[int] = []
+        curved: list[int] = []
         for parent, (own, ranked) in enumerate(zip(self._linearised, self.ranked, strict=True)):
             numbers = np.flatnonzero(rows.parents == parent)
             part = own.evaluate(rows.take(numbers), ranked.columns)
             likely = scores[numbers] >= scores[numbers].max() - UNLIKELY
-            bent += numbers[(part.column("bend") > LARGEST_BEND) & likely].tolist()
+            curved += numbers[(part.column("bend") > LARGEST_BEND) & likely].tolist()
             parts.append(part)
         found = Assignments.joined(parts)
-        if bent and len(self.used):
-            found = found.with_rows(np.array(bent), self._searched(found.take(np.array(bent))))
+        if curved and len(self.used):
+            found = found.with_rows(np.array(curved), self._searched(found.take(np.array(curved))))
         return replace(candidates, assignments=found)
 
     @property

@@ -75,26 +75,26 @@ class CorrelatedViews:
         views: list[dict[int, ObjectViews]] = [{} for _ in rows]
         by_track: list[dict[int, Array]] = [{} for _ in rows]
         for number in range(len(given.used)):
-            sights = self._sights(given, rows, views, number)
-            for sight, evidence in self._evidence(sights):
-                prior = given.log_class_prior[sight.place]
-                object_id = given.object_ids[sight.place]
-                record, tracks = self._record(sight, evidence, prior)
-                log_weights[sight.row] += _log_evidence(prior, record) - _log_evidence(prior, sight.before)
-                views[sight.row][object_id], by_track[sight.row][object_id] = record, tracks
+            sightings = self._tracked(given, rows, views, number)
+            for tracked, evidence in self._evidence(sightings):
+                prior = given.log_class_prior[tracked.place]
+                object_id = given.object_ids[tracked.place]
+                record, tracks = self._record(tracked, evidence, prior)
+                log_weights[tracked.row] += _log_evidence(prior, record) - _log_evidence(prior, tracked.before)
+                views[tracked.row][object_id], by_track[tracked.row][object_id] = record, tracks
         if self._thesis:
             effective = np.full(len(rows), float(self._num_tracks))
             return replace(SemanticEvidence.of(log_weights, views), effective_sample_sizes=effective)
         return _with_corrections(given, rows, log_weights, by_track, views)
 
-    def _sights(
+    def _tracked(
         self, given: SemanticInput, rows: list[SampledRow], views: list[dict[int, ObjectViews]], number: int
     ) -> list[TrackedViews]:
         stack, index = given.stack, given.used[number]
         detection = given.step.detections[index]
         variance = np.diag(detection.feature_covariance)
         seen = RecordedView(given.step.index, detection.sensor, detection.feature, variance)
-        sights = []
+        sightings = []
         for row in np.flatnonzero(stack.active[:, number]):
             place = int(stack.rows.objects[row, number])
             object_id = given.object_ids[place]
@@ -104,54 +104,56 @@ class CorrelatedViews:
             o = rows[row].objects(stack.slots[row, number])
             azimuth = [self._azimuth(given, rows[row], view, o) for view in together]
             flag = bool(given.step.in_coverage[index])
-            sights.append(TrackedViews(int(row), place, before, together, np.stack(azimuth, axis=1), detection, flag))
-        return sights
+            sightings.append(
+                TrackedViews(int(row), place, before, together, np.stack(azimuth, axis=1), detection, flag)
+            )
+        return sightings
 
     def _azimuth(self, given: SemanticInput, row: SampledRow, view: RecordedView, o: Array) -> Array:
         now = view.keyframe == given.step.index
         x = row.robots if now else row.robot_at(view.keyframe)
         return row.spaces.viewpoints(x, o, view.sensor).azimuth_rad
 
-    def _evidence(self, sights: list[TrackedViews]) -> list[tuple[TrackedViews, Evidence]]:
+    def _evidence(self, sightings: list[TrackedViews]) -> list[tuple[TrackedViews, Evidence]]:
         """Sights of as many views are looked at together."""
         by_length: dict[int, list[TrackedViews]] = defaultdict(list)
-        for sight in sights:
-            by_length[len(sight.views)].append(sight)
+        for tracked in sightings:
+            by_length[len(tracked.views)].append(tracked)
         found = []
         for group in by_length.values():
             evidence = self._of_views(group, slice(None))
-            for at, sight in enumerate(group):
+            for at, tracked in enumerate(group):
                 rows = slice(at * self._num_tracks, (at + 1) * self._num_tracks)
-                found.append((sight, evidence.rows(rows)))
+                found.append((tracked, evidence.rows(rows)))
         return found
 
-    def _of_views(self, sights: list[TrackedViews], selection: slice) -> Evidence:
-        azimuth = np.concatenate([sight.azimuth_rad[:, selection] for sight in sights])
+    def _of_views(self, sightings: list[TrackedViews], selection: slice) -> Evidence:
+        azimuth = np.concatenate([tracked.azimuth_rad[:, selection] for tracked in sightings])
         stacked = [
-            np.array([[getattr(view, name) for view in sight.views[selection]] for sight in sights])
+            np.array([[getattr(view, name) for view in tracked.views[selection]] for tracked in sightings])
             for name in ("feature", "variance")
         ]
         return self._model.evidence(azimuth, *(np.repeat(value, self._num_tracks, axis=0) for value in stacked))
 
-    def _record(self, sight: TrackedViews, evidence: Evidence, log_prior: Array) -> tuple[ObjectViews, Array]:
+    def _record(self, tracked: TrackedViews, evidence: Evidence, log_prior: Array) -> tuple[ObjectViews, Array]:
         """The object's record with its newest view, and (P,) log of how well each track explains the views."""
-        before = sight.before
+        before = tracked.before
         base = np.zeros(len(log_prior)) if before is None or before.log_dropped is None else before.log_dropped
         by_track = base + evidence.log_likelihood  # (P, C)
-        dropped, recent, log_dropped = (before.dropped if before else 0), sight.views, base
+        dropped, recent, log_dropped = (before.dropped if before else 0), tracked.views, base
         if len(recent) > self._window:
             recent, dropped = recent[1:], dropped + 1
-            kept = self._of_views([sight], slice(1, None)).log_likelihood
+            kept = self._of_views([tracked], slice(1, None)).log_likelihood
             log_dropped = base + _mean(evidence.log_likelihood) - _mean(kept)
         likelihood = self._averaged(by_track, log_prior)
         best = int(np.argmax(log_prior + likelihood))
-        azimuth = np.asarray(sight.azimuth_rad[:, -1])
+        azimuth = np.asarray(tracked.azimuth_rad[:, -1])
         nearby = Viewpoints(azimuth, np.zeros_like(azimuth), np.ones_like(azimuth))
         covered = self._model.independent.in_coverage(np.full(len(azimuth), best), nearby).mean() >= 0.5
         record = ObjectViews(
             likelihood,
-            self._epistemic(base, sight, evidence, log_prior),
-            sight.flag and bool(covered) and (before is None or before.in_coverage),
+            self._epistemic(base, tracked, evidence, log_prior),
+            tracked.flag and bool(covered) and (before is None or before.in_coverage),
             recent,
             log_dropped,
             dropped,
@@ -169,10 +171,10 @@ class CorrelatedViews:
             ratio = np.where(np.isfinite(log_prior), posterior - log_prior, 0.0)
         return np.asarray(ratio + log_sum_exp(log_prior + average))
 
-    def _epistemic(self, base: Array, sight: TrackedViews, evidence: Evidence, log_prior: Array) -> float:
+    def _epistemic(self, base: Array, tracked: TrackedViews, evidence: Evidence, log_prior: Array) -> float:
         """Spread of the posterior over draws of the newest measurement from the network's uncertainty (Eq. 3.25)."""
         earlier = base + evidence.log_likelihood - evidence.newest  # (P, C)
-        drawn = _mean(earlier[..., None] + evidence.of_newest(score_offsets(sight.detection)))  # (C, M)
+        drawn = _mean(earlier[..., None] + evidence.of_newest(score_offsets(tracked.detection)))  # (C, M)
         return float(mutual_information(class_posterior(log_prior, drawn.T)))
 
 

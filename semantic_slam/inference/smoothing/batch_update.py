@@ -12,7 +12,7 @@ from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.factor_table import AddedFactors, RelinearisedFactors
 from semantic_slam.inference.smoothing.reoptimisation import changed, reoptimised
 from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, LinearisationPoints, SemanticFactor
-from semantic_slam.inference.smoothing.smoother import AT_REST, Smoother, first_line
+from semantic_slam.inference.smoothing.smoother import CONVERGED, Smoother, first_line
 
 Outcome = Smoother | LostComponentError
 T = TypeVar("T")
@@ -25,15 +25,15 @@ class Extension:
     """What a keyframe adds to a smoother: factors, new variables, and semantic measurements.
 
     ``start``: states (s,) of variables that the semantic measurements concern, and where they are made. The estimate
-    may have ``jumped`` there; with descriptors, ``calm`` are states from which an optimisation may end better.
+    may have ``jumped`` there; with descriptors, ``other_start`` are states from which an optimisation may end better.
     """
 
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
-    named: Sequence[SemanticFactor]
+    measurements: Sequence[SemanticFactor]
     start: Mapping[int, Array]
     jumped: bool = False
-    calm: Mapping[int, Array] = field(default_factory=dict)
+    other_start: Mapping[int, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class _Fork:
 
     extension: Extension
     smoother: Smoother
-    rests: bool
+    converged: bool
     exact: Sequence[int] = ()  # semantic measurements whose exact factors are to become linear
     made_at: Mapping[int, Array] = field(default_factory=dict)  # descriptors of the factors made in the round before
 
@@ -61,7 +61,7 @@ class _Remains:
 
     def kept(self, smoother: Smoother) -> gtsam.NonlinearFactorGraph:
         """All factors that were there before but the semantic ones."""
-        return smoother.made.without(self.isam.getFactorsUnsafe(), self.num_factors)
+        return smoother.factor_table.without(self.isam.getFactorsUnsafe(), self.num_factors)
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,10 @@ def update_all(
     error stands for a smoother whose system is indeterminate. The rows ``consumed``, which nobody needs again, are not
     forked. (Parents at which a window begins are needed; but their children have jumped.)
     """
-    calm = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
-    remains = {row: _Remains.of(calm[row]) for row in consumed if row in calm}
-    mine = {row: own if row in remains else own.fork() for row, own in calm.items()}
-    found = _settled(_begun(mine, {row: extensions[row] for row in calm}))
+    steady = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
+    remains = {row: _Remains.of(steady[row]) for row in consumed if row in steady}
+    mine = {row: own if row in remains else own.fork() for row, own in steady.items()}
+    found = _iterated(_begun(mine, {row: extensions[row] for row in steady}))
     for row, extension in enumerate(extensions):
         if extension.jumped or isinstance(found[row], LostComponentError):
             found[row] = _attempt(_jumped, smoothers[row], extension, remains.get(row))
@@ -103,7 +103,12 @@ def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) 
         origin, kept = gtsam.Values(remains.isam.getLinearizationPoint()), remains.kept(smoother)
     origin.insert_or_assign(extension.values)
     kept.push_back(extension.graph)
-    return reoptimised(smoother, kept, [*smoother.made.named, *extension.named], _starts(smoother, origin, extension))
+    return reoptimised(
+        smoother,
+        kept,
+        [*smoother.factor_table.measurements, *extension.measurements],
+        _starts(smoother, origin, extension),
+    )
 
 
 def _begun(
@@ -113,24 +118,24 @@ def _begun(
     if not smoothers:
         return {}
     before, own = list(smoothers.values()), list(extensions.values())
-    semantics, places = before[0].semantics, [LinearisationPoints.of(one.named, one.start) for one in own]
+    semantics, points = before[0].semantics, [LinearisationPoints.of(one.measurements, one.start) for one in own]
     stale = [each.rows for each in _stale(before, [one.start.keys() for one in own])]
-    now = [one.places(rows) if rows else NO_POINTS for one, rows in zip(before, stale, strict=True)]
+    now = [one.points(rows) if rows else NO_POINTS for one, rows in zip(before, stale, strict=True)]
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
-    made = semantics.make([one.named for one in own], places)
+    made = semantics.make([one.measurements for one in own], points)
 
     def begin(smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors) -> _Fork:
         updated = smoother.updated(extension.graph, extension.values, added, renewal)
-        certain = {item.descriptor_key for item in extension.named if not item.exact}
-        return _Fork(extension, updated, updated.rests(), updated.exact_rows(certain))
+        certain = {item.descriptor_key for item in extension.measurements if not item.exact}
+        return _Fork(extension, updated, updated.converged(), updated.exact_rows(certain))
 
-    added = [AddedFactors(one.named, factors, at) for one, factors, at in zip(own, made, places, strict=True)]
+    added = [AddedFactors(one.measurements, factors, at) for one, factors, at in zip(own, made, points, strict=True)]
     renewals = [RelinearisedFactors(*parts) for parts in zip(stale, again, now, strict=True)]
     rows = zip(smoothers, before, own, added, renewals, strict=True)
     return {row: _attempt(begin, *parts) for row, *parts in rows}
 
 
-def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outcome]:
+def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outcome]:
     """Updated on; the semantic factors of the objects that were observed are made anew where their views changed.
 
     Exact factors of descriptors that have been seen so well that new ones are linear become linear.
@@ -139,26 +144,26 @@ def _settled(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outco
     pending = {row: fork for row, fork in forks.items() if isinstance(fork, _Fork)}
     for number in range(MAX_UPDATES + 1):
         rows = {row: [*stale, *pending[row].exact] for row, stale in _to_renew(pending).items()}
-        settled = [row for row, fork in pending.items() if fork.rests and not rows[row]]
-        found |= {row: pending.pop(row).smoother for row in settled}
+        done = [row for row, fork in pending.items() if fork.converged and not rows[row]]
+        found |= {row: pending.pop(row).smoother for row in done}
         if not pending or number == MAX_UPDATES:
             break
         renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
         found |= {row: fork for row, fork in renewed.items() if isinstance(fork, LostComponentError)}
         pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
     # Poses at rest, and descriptors on their way: the next keyframe goes on.
-    return found | {row: fork.smoother if fork.rests else _attempt(_restless, fork) for row, fork in pending.items()}
+    return found | {row: fork.smoother if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()}
 
 
-def _restless(fork: _Fork) -> Smoother:
+def _whole(fork: _Fork) -> Smoother:
     smoother = fork.smoother
     starts = _starts(smoother, smoother.isam.calculateEstimate(), fork.extension)
-    return reoptimised(smoother, smoother.kept(), smoother.made.named, starts)
+    return reoptimised(smoother, smoother.kept(), smoother.factor_table.measurements, starts)
 
 
 def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
-    """Starts of an optimisation: at the extension's states and at its ``calm`` ones, all others being at ``origin``."""
-    states = [extension.start, extension.calm] if extension.calm else [extension.start]
+    """Starts of an optimisation: the extension's states, and its ``other_start``; all others are at ``origin``."""
+    states = [extension.start, extension.other_start] if extension.other_start else [extension.start]
     return [changed(smoother.spaces, origin, own) for own in states]
 
 
@@ -167,13 +172,15 @@ def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
 
     Unless they are far off, or an update is due anyway. Under classes they wait in any case: their variables are poses.
     """
-    going = {row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.rests}
+    going = {
+        row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.converged
+    }
     smoothers = [fork.smoother for fork in going.values()]
     stale = _stale(smoothers, [fork.extension.start.keys() for fork in going.values()])
     due = {
         row: own.rows
         for (row, fork), own in zip(going.items(), stale, strict=True)
-        if own.urgent or fork.exact or not fork.rests
+        if own.urgent or fork.exact or not fork.converged
     }
     return {row: [] for row in forks} | due
 
@@ -194,13 +201,13 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]
     stale = [_Stale() for _ in rows]
     if not some:
         return stale
-    before = LinearisationPoints.joined([smoothers[n].made.places.take(rows[n]) for n in some])
-    now = LinearisationPoints.joined([smoothers[n].places(rows[n]) for n in some])
+    before = LinearisationPoints.joined([smoothers[n].factor_table.points.take(rows[n]) for n in some])
+    now = LinearisationPoints.joined([smoothers[n].points(rows[n]) for n in some])
     change, floating = smoothers[0].semantics.change(before, now)
     ends = np.cumsum([len(rows[n]) for n in some])
     for place in np.unique(np.searchsorted(ends, np.flatnonzero(change > 1.0), side="right")).tolist():
         own, n = slice(ends[place] - len(rows[some[place]]), ends[place]), some[place]
-        urgent = bool((change[own] > AT_REST).any())
+        urgent = bool((change[own] > CONVERGED).any())
         stale[n] = _Stale(rows[n][change[own] > 1.0].tolist(), bool(floating[own].any()), urgent)
     return stale
 
@@ -211,11 +218,12 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
     Gauss-Newton through a decoder may swing about its optimum.
     """
     semantics = forks[0].smoother.semantics
-    named = [fork.smoother.linear(own) for fork, own in zip(forks, rows, strict=True)]
-    places = [
-        _halfway(fork.smoother.places(own), fork, what) for fork, own, what in zip(forks, rows, named, strict=True)
+    measurements = [fork.smoother.linear(own) for fork, own in zip(forks, rows, strict=True)]
+    points = [
+        _halfway(fork.smoother.points(own), fork, what)
+        for fork, own, what in zip(forks, rows, measurements, strict=True)
     ]
-    made = semantics.make(named, places)
+    made = semantics.make(measurements, points)
 
     def renew(
         fork: _Fork, own: list[int], what: list[SemanticFactor], factors: Sequence[Any], at: LinearisationPoints
@@ -223,17 +231,17 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
         renewed = fork.smoother.renewed(RelinearisedFactors(own, factors, at))
         keys = [item.descriptor_key for item in what if item.descriptor_key is not None]
         made_at = {**fork.made_at, **dict(zip(keys, at.descriptors, strict=False))}
-        return _Fork(fork.extension, renewed, renewed.rests(), made_at=made_at)
+        return _Fork(fork.extension, renewed, renewed.converged(), made_at=made_at)
 
-    return [_attempt(renew, *parts) for parts in zip(forks, rows, named, made, places, strict=True)]
+    return [_attempt(renew, *parts) for parts in zip(forks, rows, measurements, made, points, strict=True)]
 
 
-def _halfway(now: LinearisationPoints, fork: _Fork, named: Sequence[SemanticFactor]) -> LinearisationPoints:
+def _halfway(now: LinearisationPoints, fork: _Fork, measurements: Sequence[SemanticFactor]) -> LinearisationPoints:
     """Between the estimates ``now`` and where the descriptors' factors were made in the round before."""
     if not fork.made_at:
         return now
     descriptors = now.descriptors.copy()
-    for row, item in enumerate(named):
+    for row, item in enumerate(measurements):
         before = fork.made_at.get(item.descriptor_key) if item.descriptor_key is not None else None
         if before is not None:
             descriptors[row] = 0.5 * (before + descriptors[row])

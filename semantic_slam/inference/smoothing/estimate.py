@@ -34,7 +34,7 @@ class Estimate:
         """(B, s) estimated states of robots and objects by their keys. Raises KeyError."""
         return np.asarray(self.poses[_rows(self.keys, tuple(keys)) - len(self.descriptors)])
 
-    def places(self, keys: Index) -> LinearisationPoints:
+    def points(self, keys: Index) -> LinearisationPoints:
         """Linearisation points of some semantic measurements' variables, (B, 2) keys or with descriptors (B, 3)."""
         rows = np.searchsorted(_ascending(self.keys), keys)
         states = self.storage.joined(self.poses[rows[:, :2] - len(self.descriptors)])

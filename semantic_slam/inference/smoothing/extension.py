@@ -34,9 +34,9 @@ def extension(component: Component, shared: KeyframeFactors, update: ComponentUp
         return Extension(graph, values, classed, start, jumped)
     entering = descriptor_measurements(update.views)
     start |= _with_descriptors(component, graph, values, update.views, entering, start)
-    calm = {robot_key(component.keyframe + 1): update.predicted} | _turned_only(component, update.views)
+    other_start = {robot_key(component.keyframe + 1): update.predicted} | _turned_only(component, update.views)
     jumped = jumped or _turns_an_object(component, update.views)
-    return Extension(graph, values, [*classed, *entering], start, jumped, calm)
+    return Extension(graph, values, [*classed, *entering], start, jumped, other_start)
 
 
 def linearisation_start(component: Component, update: ComponentUpdate) -> dict[int, Array]:

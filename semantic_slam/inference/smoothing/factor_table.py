@@ -16,40 +16,46 @@ from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, Linear
 class FactorTable:
     """The semantic measurements in a graph, with one factor each."""
 
-    named: tuple[SemanticFactor, ...] = ()
+    measurements: tuple[SemanticFactor, ...] = ()
     indices: tuple[int, ...] = ()  # in iSAM2's list of factors
-    places: LinearisationPoints = NO_POINTS  # where linear factors were made
+    points: LinearisationPoints = NO_POINTS  # where linear factors were made
     keys: Index = field(default_factory=lambda: np.zeros((0, 2), dtype=int), compare=False)  # (n, 2 or 3) of variables
     exact: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool), compare=False)  # (n,) callbacks
 
     def __len__(self) -> int:
-        return len(self.named)
+        return len(self.measurements)
 
     def added(
-        self, named: Sequence[SemanticFactor], indices: Sequence[int], places: LinearisationPoints
+        self, measurements: Sequence[SemanticFactor], indices: Sequence[int], points: LinearisationPoints
     ) -> "FactorTable":
         """The table with more factors."""
-        if not named:
+        if not measurements:
             return self
-        keys = keys_of(named)
+        keys = keys_of(measurements)
         return FactorTable(
-            (*self.named, *named),
+            (*self.measurements, *measurements),
             (*self.indices, *indices),
-            LinearisationPoints.joined([self.places, places]),
+            LinearisationPoints.joined([self.points, points]),
             np.concatenate([self.keys, keys]) if len(self.keys) else keys,
-            np.concatenate([self.exact, np.array([item.exact for item in named], dtype=bool)]),
+            np.concatenate([self.exact, np.array([item.exact for item in measurements], dtype=bool)]),
         )
 
     def replaced(
-        self, rows: Sequence[int], named: Sequence[SemanticFactor], indices: Sequence[int], places: LinearisationPoints
+        self,
+        rows: Sequence[int],
+        measurements: Sequence[SemanticFactor],
+        indices: Sequence[int],
+        points: LinearisationPoints,
     ) -> "FactorTable":
         """The table with some factors made anew."""
         if not rows:
             return self
-        all_named, all_indices, exact = list(self.named), list(self.indices), self.exact.copy()
-        for row, item, index in zip(rows, named, indices, strict=True):
-            all_named[row], all_indices[row], exact[row] = item, index, item.exact
-        return FactorTable(tuple(all_named), tuple(all_indices), self.places.replaced(rows, places), self.keys, exact)
+        all_measurements, all_indices, exact = list(self.measurements), list(self.indices), self.exact.copy()
+        for row, item, index in zip(rows, measurements, indices, strict=True):
+            all_measurements[row], all_indices[row], exact[row] = item, index, item.exact
+        return FactorTable(
+            tuple(all_measurements), tuple(all_indices), self.points.replaced(rows, points), self.keys, exact
+        )
 
     def without(self, graph: gtsam.NonlinearFactorGraph, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
         """All factors of ``graph`` but the semantic ones; of its first ``num_factors`` where that is said."""
@@ -64,18 +70,18 @@ class FactorTable:
 NO_FACTORS = FactorTable()
 
 
-def keys_of(named: Sequence[SemanticFactor]) -> Index:
+def keys_of(measurements: Sequence[SemanticFactor]) -> Index:
     """(n, 2) of robots and objects, or (n, 3) with descriptors."""
-    return np.array([item.keys for item in named], dtype=int).reshape(len(named), -1)
+    return np.array([item.keys for item in measurements], dtype=int).reshape(len(measurements), -1)
 
 
 @dataclass(frozen=True)
 class AddedFactors:
     """New semantic measurements, their factors and where these are made."""
 
-    named: Sequence[SemanticFactor]
+    measurements: Sequence[SemanticFactor]
     factors: Sequence[Any]
-    places: LinearisationPoints
+    points: LinearisationPoints
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,7 @@ class RelinearisedFactors:
 
     rows: Sequence[int]
     factors: Sequence[Any]
-    places: LinearisationPoints
+    points: LinearisationPoints
 
 
 NONE_ADDED, NONE_RELINEARISED = AddedFactors((), (), NO_POINTS), RelinearisedFactors((), (), NO_POINTS)

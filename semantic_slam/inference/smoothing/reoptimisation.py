@@ -25,7 +25,7 @@ MAX_EXACT_ITERATIONS = 15
 def reoptimised(
     smoother: Smoother,
     kept: gtsam.NonlinearFactorGraph,
-    named: Sequence[SemanticFactor],
+    measurements: Sequence[SemanticFactor],
     starts: Sequence[gtsam.Values],
 ) -> Smoother:
     """A new iSAM2 of ``kept`` and of semantic measurements at the optimum next to a start, linear factors made there.
@@ -34,28 +34,28 @@ def reoptimised(
     that turns, or a map that may float, is far from where linear ones hold.
     """
     semantics = smoother.semantics
-    if semantics.latent is not None and named:
-        values = _exactly(semantics, kept, named, starts)
+    if semantics.latent is not None and measurements:
+        values = _exactly(semantics, kept, measurements, starts)
     else:
-        values = _by_rounds(semantics, kept, named, starts[0])
-    keys = sorted({key for item in named for key in item.keys})
-    places = LinearisationPoints.of(named, _states(semantics.spaces, values, keys))
-    factors = semantics.make([named], [places])[0]
-    return smoother.restarted(kept, values, factors, NO_FACTORS.added(named, (), places))
+        values = _by_rounds(semantics, kept, measurements, starts[0])
+    keys = sorted({key for item in measurements for key in item.keys})
+    points = LinearisationPoints.of(measurements, _states(semantics.spaces, values, keys))
+    factors = semantics.make([measurements], [points])[0]
+    return smoother.restarted(kept, values, factors, NO_FACTORS.added(measurements, (), points))
 
 
 def _by_rounds(
     semantics: SemanticFactorMaker,
     kept: gtsam.NonlinearFactorGraph,
-    named: Sequence[SemanticFactor],
+    measurements: Sequence[SemanticFactor],
     values: gtsam.Values,
 ) -> gtsam.Values:
     """Optimised with linear factors, made anew until that changes nothing."""
-    keys = sorted({key for item in named for key in item.keys})
+    keys = sorted({key for item in measurements for key in item.keys})
     states = _states(semantics.spaces, values, keys)
     kept, tied = _tied(kept, values)
     for _ in range(MAX_ROUNDS):
-        factors = semantics.make([named], [LinearisationPoints.of(named, states)])[0]
+        factors = semantics.make([measurements], [LinearisationPoints.of(measurements, states)])[0]
         tied = gtsam.LevenbergMarquardtOptimizer(_joined(kept, factors), tied).optimize()
         before, states = states, _states(semantics.spaces, tied, keys)
         if all(np.abs(semantics.spaces.of(key).local(before[key], states[key])).max() < SAME for key in keys):
@@ -99,12 +99,12 @@ def changed(spaces: Spaces, values: gtsam.Values, states: Mapping[int, Array]) -
 def _exactly(
     semantics: SemanticFactorMaker,
     kept: gtsam.NonlinearFactorGraph,
-    named: Sequence[SemanticFactor],
+    measurements: Sequence[SemanticFactor],
     starts: Sequence[gtsam.Values],
 ) -> gtsam.Values:
     """The best of the optima next to some starts, with callbacks for all semantic factors, nearly reached."""
-    exact = [replace(item, exact=True) for item in named]
-    states = _states(semantics.spaces, starts[0], sorted({key for item in named for key in item.keys}))
+    exact = [replace(item, exact=True) for item in measurements]
+    states = _states(semantics.spaces, starts[0], sorted({key for item in measurements for key in item.keys}))
     graph = _joined(kept, semantics.make([exact], [LinearisationPoints.of(exact, states)])[0])
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(MAX_EXACT_ITERATIONS)

@@ -55,12 +55,12 @@ class LinearisationPoints:
     storage: Layout  # of robot and object
 
     @classmethod
-    def of(cls, named: Sequence[SemanticFactor], states: Mapping[int, Array]) -> "LinearisationPoints":
+    def of(cls, measurements: Sequence[SemanticFactor], states: Mapping[int, Array]) -> "LinearisationPoints":
         """Linearisation points from the state of every key."""
-        rows = [np.concatenate([states[key] for key in item.keys]) for item in named]
+        rows = [np.concatenate([states[key] for key in item.keys]) for item in measurements]
         if not rows:
             return NO_POINTS
-        sizes = (len(states[key]) for key in (named[0].robot_key, named[0].object_key))
+        sizes = (len(states[key]) for key in (measurements[0].robot_key, measurements[0].object_key))
         return cls(np.array(rows), Layout(*sizes))
 
     @classmethod
@@ -126,20 +126,22 @@ class SemanticFactorMaker:
         assert self.latent is not None
         return self.latent.prior_of(object_id)
 
-    def make(self, named: Sequence[Sequence[SemanticFactor]], places: Sequence[LinearisationPoints]) -> list[list[Any]]:
+    def make(
+        self, measurements: Sequence[Sequence[SemanticFactor]], points: Sequence[LinearisationPoints]
+    ) -> list[list[Any]]:
         """Factors of S sets of measurements, (n_s,) of each at its own n_s places; one evaluation for all.
 
         In one set a variable is at one place, whichever measurement it is of.
         """
-        every = [item for own in named for item in own]
+        every = [item for own in measurements for item in own]
         if not every:
-            return [[] for _ in named]
-        at = LinearisationPoints.joined(places)
-        points = linearisation_points(self.spaces, [[item.keys for item in own] for own in named], at.states)
-        repeated = [point for own, point in zip(named, points, strict=True) for _ in own]
+            return [[] for _ in measurements]
+        at = LinearisationPoints.joined(points)
+        values = linearisation_points(self.spaces, [[item.keys for item in own] for own in measurements], at.states)
+        repeated = [value for own, value in zip(measurements, values, strict=True) for _ in own]
         make = self._classed if self.latent is None else self._latent
         factors = iter(make(every, at, repeated))
-        return [[next(factors) for _ in own] for own in named]
+        return [[next(factors) for _ in own] for own in measurements]
 
     def change(self, before: LinearisationPoints, now: LinearisationPoints) -> tuple[Array, NDArray[np.bool_]]:
         """(n,) how far from where linear factors were made, 1 being as far as they hold, and whether the map floats."""
@@ -152,32 +154,38 @@ class SemanticFactorMaker:
         descriptors = np.abs(now.descriptors - before.descriptors) / (MOVED_DESCRIPTOR * self._prior_sigma)
         return np.maximum(np.maximum(change, floating), descriptors.max(axis=1)), floating > 1.0
 
-    def _classed(self, named: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]) -> list[Any]:
-        seen = self.model.collect([item.detection for item in named])
-        classes = np.array([item.assigned_class for item in named])
+    def _classed(
+        self, measurements: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]
+    ) -> list[Any]:
+        seen = self.model.collect([item.detection for item in measurements])
+        classes = np.array([item.assigned_class for item in measurements])
         part = self.model.semantics(seen, at.robots, at.objects, classes)
         jacobians = [part.jacobian_robot, part.jacobian_object]
-        return linear_factors([item.keys for item in named], jacobians, part.residual, points)
+        return linear_factors([item.keys for item in measurements], jacobians, part.residual, points)
 
-    def _latent(self, named: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]) -> list[Any]:
+    def _latent(
+        self, measurements: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]
+    ) -> list[Any]:
         assert self.latent is not None
-        rows = [row for row, item in enumerate(named) if not item.exact]
-        if len(rows) == len(named):
-            return self._with_descriptors(named, at, points)
-        factors = [exact_factor(self.latent, item.detection, item.keys) if item.exact else None for item in named]
+        rows = [row for row, item in enumerate(measurements) if not item.exact]
+        if len(rows) == len(measurements):
+            return self._with_descriptors(measurements, at, points)
+        factors = [
+            exact_factor(self.latent, item.detection, item.keys) if item.exact else None for item in measurements
+        ]
         if rows:
-            linear = [named[row] for row in rows]
+            linear = [measurements[row] for row in rows]
             made = self._with_descriptors(linear, at.take(rows), [points[row] for row in rows])
             for row, factor in zip(rows, made, strict=True):
                 factors[row] = factor
         return factors
 
     def _with_descriptors(
-        self, named: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]
+        self, measurements: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]
     ) -> list[Any]:
         """Linear factors on robot, object and descriptor, one for each measurement."""
         assert self.latent is not None
-        seen = DetectionFeatures.of([item.detection for item in named])
+        seen = DetectionFeatures.of([item.detection for item in measurements])
         part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
         jacobians = [part.by_robot, part.by_object, part.by_descriptor]
-        return linear_factors([item.keys for item in named], jacobians, part.residual, points)
+        return linear_factors([item.keys for item in measurements], jacobians, part.residual, points)

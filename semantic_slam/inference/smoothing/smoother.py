@@ -36,7 +36,7 @@ FEW_VARIABLES = 200
 """Up to which reading the whole estimate once costs less than reading parts of it."""
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
-AT_REST = 1.5
+CONVERGED = 1.5
 """Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
 the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
 STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
@@ -79,7 +79,7 @@ class Smoother:
     semantics: SemanticFactorMaker
     owned: OwnedIsam
     num_variables: int
-    made: FactorTable = NO_FACTORS
+    factor_table: FactorTable = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
@@ -193,7 +193,7 @@ class Smoother:
         self,
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
-        named: Sequence[SemanticFactor],
+        measurements: Sequence[SemanticFactor],
         start: dict[int, Array],
         *,
         again: bool,
@@ -203,8 +203,8 @@ class Smoother:
         Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
         """
         try:
-            places = LinearisationPoints.of(named, start)
-            added = AddedFactors(named, self.semantics.make([named], [places])[0], places)
+            points = LinearisationPoints.of(measurements, start)
+            added = AddedFactors(measurements, self.semantics.make([measurements], [points])[0], points)
             child = self.updated(graph, values, added)
             if again:
                 child.isam.update(force_relinearize=True)
@@ -247,12 +247,12 @@ class Smoother:
         together = gtsam.NonlinearFactorGraph(graph)
         for factor in (*added.factors, *renewal.factors):
             together.add(factor)
-        removed = [self.made.indices[row] for row in renewal.rows]
-        last = _last([*self.last, *values.keys()], added.named) if self.last and values.size() else self.last
+        removed = [self.factor_table.indices[row] for row in renewal.rows]
+        last = _last([*self.last, *values.keys()], added.measurements) if self.last and values.size() else self.last
         indices = owned.isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
         split = len(added.factors)
-        made = self.made.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.places)
-        made = made.added(added.named, indices[:split], added.places)
+        made = self.factor_table.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.points)
+        made = made.added(added.measurements, indices[:split], added.points)
         size = self.num_variables + values.size()
         descriptors = self.num_descriptors + sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
         return Smoother(
@@ -260,7 +260,7 @@ class Smoother:
             semantics=self.semantics,
             owned=owned,
             num_variables=size,
-            made=made,
+            factor_table=made,
             num_descriptors=descriptors,
             last=last,
         )
@@ -297,49 +297,49 @@ class Smoother:
             semantics=self.semantics,
             owned=OwnedIsam(isam),
             num_variables=values.size(),
-            made=made,
+            factor_table=made,
             num_descriptors=descriptors,
             last=last,
         )
 
-    def rests(self) -> bool:
+    def converged(self) -> bool:
         """Whether all variables are about where they were linearised.
 
         Descriptors, which come first by their keys, count while they have exact factors: linear ones in a vector space
         say the same wherever they are linearised.
         """
-        deltas = np.abs(self.isam.getDelta().vector()) / AT_REST
+        deltas = np.abs(self.isam.getDelta().vector()) / CONVERGED
         limit = self.semantics.descriptor_threshold
         split = self.num_descriptors * len(limit)
         if not self.spaces.are_within(deltas[split:], self.num_variables - self.num_descriptors):
             return False
-        return not self.made.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
+        return not self.factor_table.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
         """Which semantic measurements of these descriptors have exact factors."""
-        rows: list[int] = np.flatnonzero(self.made.exact).tolist()
-        return [row for row in rows if self.made.named[row].descriptor_key in descriptor_keys]
+        rows: list[int] = np.flatnonzero(self.factor_table.exact).tolist()
+        return [row for row in rows if self.factor_table.measurements[row].descriptor_key in descriptor_keys]
 
     def linear_rows(self, objects: Collection[int] | None = None) -> Index:
         """Which semantic measurements, of some objects' keys or of all, have linear factors."""
-        linear = ~self.made.exact
+        linear = ~self.factor_table.exact
         if objects is not None and len(linear):
-            own = self.made.keys[:, 1]
+            own = self.factor_table.keys[:, 1]
             linear &= np.logical_or.reduce([own == key for key in objects])
         return linear.nonzero()[0]
 
     def linear(self, rows: Sequence[int]) -> list[SemanticFactor]:
         """Semantic measurements of the ``rows`` as they are to get linear factors."""
-        named = [self.made.named[row] for row in rows]
-        return [replace(item, exact=False) if item.exact else item for item in named]
+        measurements = [self.factor_table.measurements[row] for row in rows]
+        return [replace(item, exact=False) if item.exact else item for item in measurements]
 
-    def places(self, rows: Sequence[int] | Index) -> LinearisationPoints:
+    def points(self, rows: Sequence[int] | Index) -> LinearisationPoints:
         """Estimates of the variables of some semantic measurements."""
-        return self.estimate.places(self.made.keys[rows])
+        return self.estimate.points(self.factor_table.keys[rows])
 
     def kept(self) -> gtsam.NonlinearFactorGraph:
         """All factors but the semantic ones."""
-        return self.made.without(self.isam.getFactorsUnsafe())
+        return self.factor_table.without(self.isam.getFactorsUnsafe())
 
 
 @lru_cache(maxsize=1024)
@@ -364,9 +364,9 @@ def _new_isam(spaces: Spaces, semantics: SemanticFactorMaker, factorization: str
     return gtsam.ISAM2(parameters)
 
 
-def _last(keys: Sequence[int], named: Sequence[SemanticFactor] = ()) -> tuple[int, ...]:
+def _last(keys: Sequence[int], measurements: Sequence[SemanticFactor] = ()) -> tuple[int, ...]:
     """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
-    return _ordered(tuple(keys), tuple(item.descriptor_key for item in named if item.descriptor_key is not None))
+    return _ordered(tuple(keys), tuple(item.descriptor_key for item in measurements if item.descriptor_key is not None))
 
 
 @lru_cache(maxsize=256)

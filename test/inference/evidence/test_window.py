@@ -73,9 +73,9 @@ def modes_of(given: Window) -> list[PosteriorMode]:
 
 def prior_evidence(given: Window, count: int = 400_000) -> tuple[float, float]:
     """Log evidence from samples of the prior, which know of no modes, and its relative standard error."""
-    chain = given.chain()
-    y = np.random.default_rng(1).standard_normal((count, chain.size))
-    logs = chain.log_likelihood(y) + chain.log_visibility(y, soft=False)
+    problem = given.problem()
+    y = np.random.default_rng(1).standard_normal((count, problem.size))
+    logs = problem.log_likelihood(y) + problem.log_visibility(y, soft=False)
     weights = np.exp(logs - logs.max())
     return float(logs.max() + np.log(weights.mean())), float(weights.std() / weights.mean() / np.sqrt(count))
 
@@ -93,15 +93,15 @@ def test_evidence_of_three_keyframes_is_that_of_the_prior_s_samples(visibility: 
 
 def test_coordinates_and_slopes_are_those_of_the_states() -> None:
     model = observation()
-    chain = history(component(model, 1.0, 0.3), [detection(model, 0.3)] * 2, np.array([0.3, 0.1, 0.2])).chain()
-    y = np.random.default_rng(0).standard_normal(chain.size)
-    robots, objects = chain.states(y[None])
-    np.testing.assert_allclose(chain.coordinates(robots, objects)[0], y, atol=1e-9)
-    energy, gradient, _ = chain.normal_equations(y[None])
-    steps = 1e-6 * np.eye(chain.size)
-    numeric = (chain.energy(y + steps) - chain.energy(y - steps)) / 2e-6
+    problem = history(component(model, 1.0, 0.3), [detection(model, 0.3)] * 2, np.array([0.3, 0.1, 0.2])).problem()
+    y = np.random.default_rng(0).standard_normal(problem.size)
+    robots, objects = problem.states(y[None])
+    np.testing.assert_allclose(problem.coordinates(robots, objects)[0], y, atol=1e-9)
+    energy, gradient, _ = problem.normal_equations(y[None])
+    steps = 1e-6 * np.eye(problem.size)
+    numeric = (problem.energy(y + steps) - problem.energy(y - steps)) / 2e-6
     np.testing.assert_allclose(gradient[0], numeric, rtol=1e-5, atol=1e-4)
-    assert chain.energy(y[None])[0] == pytest.approx(energy[0])
+    assert problem.energy(y[None])[0] == pytest.approx(energy[0])
 
 
 @pytest.mark.slow
@@ -128,8 +128,8 @@ def test_a_mode_answers_for_its_own_side_from_then_on() -> None:
     total = -np.inf
     motion = Motion(np.zeros(3), np.diag([0.02, 0.02, 0.01]) ** 2)
     for mode in modes:
-        assert mode.history is not None
-        given = mode.history.with_keyframe(WindowStep(motion, (AssociatedDetection(detection(model, 0.9), 0, 0),)), {})
+        assert mode.window is not None
+        given = mode.window.with_keyframe(WindowStep(motion, (AssociatedDetection(detection(model, 0.9), 0, 0),)), {})
         robots = np.array([mode.smoothed[robot_key(k)] for k in (-1, 0, 1, 1)])
         found = search_one(given, robots, OBJECT[None], SETTINGS)
         assert np.sign(found[0].smoothed[robot_key(2)][1]) == np.sign(mode.smoothed[robot_key(1)][1])
@@ -149,7 +149,7 @@ def update_of(root: Component, given: Window, mode: PosteriorMode) -> ComponentU
         predicted=MANIFOLD.compose(root.newest_robot(), taken.motion.control),
         new_objects={},
         existence=ExistenceUpdate.starting(root.objects, []),
-        window=mode.history,
+        window=mode.window,
         smoothed=mode.smoothed,
         corrections=mode.corrections,
     )
@@ -174,11 +174,11 @@ def test_moments_are_those_of_the_posterior() -> None:
     """A turned robot lost along an arc: the mean of its positions is not where its mode is."""
     model = observation()
     given = history(component(model, 2.0, 0.4), [detection(model, 0.0)], np.zeros(3))
-    chain = given.chain()
-    y = np.random.default_rng(2).standard_normal((1_000_000, chain.size))
-    logs = chain.log_likelihood(y)
+    problem = given.problem()
+    y = np.random.default_rng(2).standard_normal((1_000_000, problem.size))
+    logs = problem.log_likelihood(y)
     weights = np.exp(logs - logs.max())
-    expected = MANIFOLD.mean(chain.states(y)[0][:, -1], weights / weights.sum())
+    expected = MANIFOLD.mean(problem.states(y)[0][:, -1], weights / weights.sum())
     modes = modes_of(given)
     shares = np.exp([mode.log_evidence for mode in modes])
     root = component(model, 2.0, 0.4)
@@ -199,8 +199,8 @@ def test_a_component_at_which_a_history_is_anchored_stays_as_it_was() -> None:
     looked_at_again = 0
     for keyframe in world.keyframes:
         manager.process(keyframe)
-        histories = [held.component.window for held in pool._backends[0].held.values()]
-        for anchor in (history.anchor for history in histories if history is not None):
+        windows = [held.component.window for held in pool._backends[0].held.values()]
+        for anchor in (history.anchor for history in windows if history is not None):
             state = anchor.newest_robot()
             looked_at_again += id(anchor) in anchors
             _, num_factors, before = anchors.setdefault(id(anchor), (anchor, anchor.smoother.kept().size(), state))

@@ -98,9 +98,9 @@ def test_the_density_is_tempered() -> None:
 
 def test_both_factors_linearise_alike() -> None:
     symbols = [tuple(gtsam.symbol(letter, row) for letter in "xoe") for row in range(COUNT)]
-    named = [SemanticFactor(*own[:2], DETECTIONS[row], -1, own[2]) for row, own in enumerate(symbols)]
+    measurements = [SemanticFactor(*own[:2], DETECTIONS[row], -1, own[2]) for row, own in enumerate(symbols)]
     factors = SemanticFactorMaker(Spaces.same(PlanarPoses()), PlanarObservation(None, PlanarVisibility()), LATENT)
-    linear = factors.make([named], [LinearisationPoints.stacked(X, O, E)])[0]
+    linear = factors.make([measurements], [LinearisationPoints.stacked(X, O, E)])[0]
     for row in range(COUNT):
         at = values(X[row], O[row], E[row], symbols[row])
         exact = exact_factor(LATENT, DETECTIONS[row], symbols[row])

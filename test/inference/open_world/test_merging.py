@@ -16,7 +16,7 @@ PAIR = MergeCandidates(
     poses=pose_vector_from_planar(np.array([[1.0, 2.0, 0.1], [1.05, 2.0, 0.1]])),
     objects=np.array([[[3.0, 0.0, 0.0]], [[3.1, 0.0, 0.0]]]),
     classes=np.array([[0], [0]]),
-    settles=np.array([[False], [False]]),
+    confirms=np.array([[False], [False]]),
     parents=np.array([0, 1]),
     alike=np.ones((2, 2), dtype=bool),
 )
@@ -44,7 +44,7 @@ def test_what_differs_in_place_or_class_is_no_copy(other: dict[str, np.ndarray])
     np.testing.assert_allclose(merged.log_weights, WEIGHTS[::-1])
 
 
-@pytest.mark.parametrize("other", [{"settles": np.array([[True], [False]])}, {"alike": np.eye(2, dtype=bool)}])
+@pytest.mark.parametrize("other", [{"confirms": np.array([[True], [False]])}, {"alike": np.eye(2, dtype=bool)}])
 def test_what_differs_in_what_exists_is_a_copy_on_request(other: dict[str, np.ndarray]) -> None:
     looks = replace(PAIR, **other)
     assert merge_copies(looks, WEIGHTS, IDS, SETTINGS).count == 0

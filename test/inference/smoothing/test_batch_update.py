@@ -109,12 +109,12 @@ def detection(x: np.ndarray, feature: np.ndarray) -> PlanarDetection:
     return PlanarDetection(np.hypot(*d[:2]), np.arctan2(d[1], d[0]), noise, np.zeros(2), feature, spread)
 
 
-def step(k: int, named: list[SemanticFactor], seen: PlanarDetection, guess: np.ndarray) -> Extension:
+def step(k: int, measurements: list[SemanticFactor], seen: PlanarDetection, guess: np.ndarray) -> Extension:
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.add(MANIFOLD.between_factor(ROBOT[k], ROBOT[k + 1], STEP, STEP_SIGMA**2 * np.eye(3)))
     graph.add(CLASSES.geometry_factor(seen, (ROBOT[k + 1], TARGET)))
     MANIFOLD.insert(values, ROBOT[k + 1], guess)
-    return Extension(graph, values, named, {ROBOT[k + 1]: guess, TARGET: OBJECT})
+    return Extension(graph, values, measurements, {ROBOT[k + 1]: guess, TARGET: OBJECT})
 
 
 def classed(k: int, offset: float, jumped: bool = False) -> Extension:
@@ -196,7 +196,7 @@ def test_a_consumed_smoother_says_so_whatever_it_is_asked() -> None:
         lambda: parent.covariances([TARGET]),
         lambda: parent.has(TARGET),
         parent.kept,
-        parent.rests,
+        parent.converged,
         parent.fork,
     ]
     for ask in asked:
@@ -229,7 +229,7 @@ def test_half_way_ends_a_swing(damped: bool, monkeypatch: pytest.MonkeyPatch) ->
     renewed = batch_update._renewed
     monkeypatch.setattr(batch_update, "_renewed", lambda *parts: calls.append(parts) or renewed(*parts))
     if not damped:
-        monkeypatch.setattr(batch_update, "_halfway", lambda now, fork, named: now)
+        monkeypatch.setattr(batch_update, "_halfway", lambda now, fork, measurements: now)
     latent = LatentObservation(Bent())
     seen = detection(path(1), np.array([0.0, -0.7]))
     extension = step(0, [SemanticFactor(ROBOT[1], TARGET, seen, -1, LOOK)], seen, path(1))
@@ -243,10 +243,11 @@ def test_half_way_ends_a_swing(damped: bool, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    ("thresholds", "rests", "renewed"), [(0.8, True, False), (1.2, True, False), (1.7, True, True), (1.2, False, True)]
+    ("thresholds", "converged", "renewed"),
+    [(0.8, True, False), (1.2, True, False), (1.7, True, True), (1.2, False, True)],
 )
 def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
-    thresholds: float, rests: bool, renewed: bool
+    thresholds: float, converged: bool, renewed: bool
 ) -> None:
     latent = LatentObservation(Bent())
     seen = detection(path(1), np.array([0.0, -0.7]))
@@ -255,12 +256,13 @@ def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
     extension.values.insert(LOOK, np.zeros(1))
     began = {**extension.start, LOOK: np.zeros(1)}
     smoother = extend(root(SemanticFactorMaker(SPACES, GEOMETRY, latent)), replace(extension, start=began))
-    now = smoother.places([0])
+    now = smoother.points([0])
     off = now.descriptors + thresholds * MOVED_DESCRIPTOR * latent.prior.sigma
     moved = replace(
-        smoother, made=replace(smoother.made, places=LinearisationPoints.stacked(now.robots, now.objects, off))
+        smoother,
+        factor_table=replace(smoother.factor_table, points=LinearisationPoints.stacked(now.robots, now.objects, off)),
     )
-    assert batch_update._to_renew({7: batch_update._Fork(extension, moved, rests)}) == {7: [0] if renewed else []}
+    assert batch_update._to_renew({7: batch_update._Fork(extension, moved, converged)}) == {7: [0] if renewed else []}
     next_keyframe = batch_update._stale([moved], [[TARGET]])[0]
     assert next_keyframe.rows == ([0] if thresholds > 1.0 else [])
 
@@ -269,8 +271,8 @@ def test_what_cannot_be_read_is_lost_alone() -> None:
     """A measurement that is not a number shows when states are read, not in the update."""
     semantics = SemanticFactorMaker(SPACES, CLASSES)
     good, bad = classed(0, 0.0), classed(0, 0.0)
-    broken = replace(bad.named[0].detection, feature=np.array([np.nan, 0.2]))
-    bad = replace(bad, named=[replace(bad.named[0], detection=broken)])
+    broken = replace(bad.measurements[0].detection, feature=np.array([np.nan, 0.2]))
+    bad = replace(bad, measurements=[replace(bad.measurements[0], detection=broken)])
     found = update_all([root(semantics)] * 2, [good, bad])
     assert [isinstance(one, LostComponentError) for one in found] == [False, True]
 
@@ -285,8 +287,8 @@ def test_a_factor_does_not_fall_behind_a_creeping_view() -> None:
         extension.graph.add(turn)
         smoother = extend(smoother, extension)
     rows = smoother.linear_rows()
-    now = smoother.places(rows)
-    behind = np.abs(now.objects[:, 2] - smoother.made.places.objects[:, 2])
+    now = smoother.points(rows)
+    behind = np.abs(now.objects[:, 2] - smoother.factor_table.points.objects[:, 2])
     assert now.objects[0, 2] - OBJECT[2] > 0.4
     assert behind.max() < 0.1 + 0.08
 
@@ -314,13 +316,13 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
             extension.graph.add(gtsam.PriorFactorVector(LOOK, prior.mean[0], sigma))
             extension.values.insert(LOOK, begin)
         began = {**extension.start, LOOK: begin}
-        smoother = extend(smoother, Extension(extension.graph, extension.values, extension.named, began, jumped))
+        smoother = extend(smoother, Extension(extension.graph, extension.values, extension.measurements, began, jumped))
     factors = gtsam.NonlinearFactorGraph(smoother.isam.getFactorsUnsafe())
     assert sum(factors.exists(i) for i in range(factors.size())) == 2 + 1 + 4 * 3
     graph = smoother.kept()
     assert graph.size() == 2 + 1 + 4 * 2
-    for named in smoother.made.named:
-        graph.add(exact_factor(latent, named.detection, named.keys))
+    for measurements in smoother.factor_table.measurements:
+        graph.add(exact_factor(latent, measurements.detection, measurements.keys))
     found = smoother.isam.calculateEstimate()
     best = gtsam.LevenbergMarquardtOptimizer(graph, found).optimize()
     np.testing.assert_allclose(found.atVector(LOOK), best.atVector(LOOK), atol=0.05)
@@ -337,9 +339,9 @@ def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
     graph.add(gtsam.BearingRangeFactorPose2(ROBOT[2], TARGET, gtsam.Rot2(), 1e-4, noise))
     at = se2.compose(OBJECT, np.array([-1e-4, 0.0, 0.0]))
     MANIFOLD.insert(values, ROBOT[2], at)
-    seen = classed(1, 0.0).named[0].detection
-    named = [SemanticFactor(ROBOT[2], TARGET, seen, 0)]
-    extension = Extension(graph, values, named, {ROBOT[2]: at, TARGET: OBJECT})
+    seen = classed(1, 0.0).measurements[0].detection
+    measurements = [SemanticFactor(ROBOT[2], TARGET, seen, 0)]
+    extension = Extension(graph, values, measurements, {ROBOT[2]: at, TARGET: OBJECT})
     with pytest.raises(RuntimeError, match="Indeterminate"):
         gtsam.ISAM2(smoother.isam).update(graph, values)
     grown = extend(smoother, extension)
