@@ -83,7 +83,9 @@ class WeightsConfiguration:
         maximum=1.0,
     )
     max_history: int = parameter(
-        6, "importance: keyframes that a hypothesis is looked at again while it is not Gaussian", minimum=1
+        6,
+        "importance: longest window, in keyframes, whose evidence is sampled anew while a hypothesis is not Gaussian",
+        minimum=1,
     )
     gate: float = parameter(
         15.0,

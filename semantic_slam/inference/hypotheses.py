@@ -13,7 +13,7 @@ from semantic_slam.inference.pruning import Pruned
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep
 
-WINDOW = 10
+RECENT_KEYFRAMES = 10
 """Keyframes of ``discarded_mass_window``: what was discarded longer ago has shown, or it never will."""
 
 
@@ -32,7 +32,7 @@ class DiscardedMass:
     """What pruning, gates and lost components cost so far; d_k is the share that keyframe k discarded."""
 
     log_kept: float = 0.0  # log prod_k (1 - d_k)
-    lately: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))  # log (1 - d_k)
+    lately: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT_KEYFRAMES))  # log (1 - d_k)
 
     def add(self, log_kept: float) -> None:
         """Count the mass that one more keyframe discards."""

@@ -16,8 +16,8 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.liveliness import Sign
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
-from semantic_slam.ros.rounds import Answer, Rounds
 from semantic_slam.ros.transport import Outlet, relative_name
+from semantic_slam.ros.work_order import Answer, WorkOrder
 
 MATCH_S = 20.0
 
@@ -30,7 +30,7 @@ class BackendNode(PipelineNode):
         given = int(self.declare_parameter("backend_id", -1).value)
         refuse_undeclared(self)
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
-        self._rounds = Rounds(backend_class(self.backend_id))
+        self._rounds = WorkOrder(backend_class(self.backend_id))
         self._sign = Sign(self, self.backend_id)
         self._candidates = self._outlet(topics.CANDIDATES)
         self._components = self._outlet(topics.COMPONENTS)

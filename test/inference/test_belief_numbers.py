@@ -7,7 +7,7 @@ from worlds.planar_world import make_world
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.hypotheses import WINDOW
+from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
 from semantic_slam.inference.marginals import association_probabilities
 from semantic_slam.inference.pool import InProcessPool
 
@@ -36,10 +36,10 @@ def test_the_evidence_of_all_keyframes_adds_up_to_that_of_the_run(
 def test_the_window_holds_the_last_keyframes_alone(closed: tuple[Engine, list[HybridBelief]]) -> None:
     beliefs = closed[1]
     kept = np.array([1.0 - belief.discarded_mass for belief in beliefs])
-    assert len(beliefs) > WINDOW and kept[-1] < 1.0
-    for belief in beliefs[:WINDOW]:
+    assert len(beliefs) > RECENT_KEYFRAMES and kept[-1] < 1.0
+    for belief in beliefs[:RECENT_KEYFRAMES]:
         assert belief.discarded_mass_window == pytest.approx(belief.discarded_mass, abs=1e-12)
-    expected = 1.0 - kept[-1] / kept[-1 - WINDOW]
+    expected = 1.0 - kept[-1] / kept[-1 - RECENT_KEYFRAMES]
     assert beliefs[-1].discarded_mass_window == pytest.approx(expected, abs=1e-12)
 
 

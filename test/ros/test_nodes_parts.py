@@ -20,8 +20,8 @@ from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros.flow_control import Credit
 from semantic_slam.ros.playlist import Playlist, parse_remaps
-from semantic_slam.ros.rounds import Rounds
 from semantic_slam.ros.views import map_to_odom_view, markers_view, pose_view
+from semantic_slam.ros.work_order import WorkOrder
 
 RUN = "run"
 
@@ -45,12 +45,12 @@ def in_order(number: int) -> list[str]:
 
 @dataclass
 class Feed:
-    """One message to :class:`Rounds`."""
+    """One message to :class:`WorkOrder`."""
 
     kind: str
     index: int = 0
 
-    def to(self, rounds: Rounds) -> list[Any]:
+    def to(self, rounds: WorkOrder) -> list[Any]:
         if self.kind == "start":
             return rounds.start(SimpleNamespace(run_id=RUN))  # type: ignore[arg-type]
         if self.kind == "keyframe":
@@ -64,7 +64,7 @@ def test_rounds_do_not_depend_on_the_order_between_topics() -> None:
     tried = 0
     for order in permutations(range(5)):
         if order.index(1) < order.index(2) and order.index(3) < order.index(4):
-            rounds = Rounds(Scribe())  # type: ignore[arg-type]
+            rounds = WorkOrder(Scribe())  # type: ignore[arg-type]
             answers = [answer for n in order for answer in messages[n].to(rounds)]
             assert answers == in_order(2)
             tried += 1
@@ -72,7 +72,7 @@ def test_rounds_do_not_depend_on_the_order_between_topics() -> None:
 
 
 def test_newest_keyframe_is_answered_again_and_a_second_start_begins_anew() -> None:
-    rounds = Rounds(Scribe())  # type: ignore[arg-type]
+    rounds = WorkOrder(Scribe())  # type: ignore[arg-type]
     for feed in (Feed("start"), Feed("keyframe", 0), Feed("commit", 0), Feed("keyframe", 1)):
         feed.to(rounds)
     assert Feed("keyframe", 1).to(rounds) == ["expand 1"]

@@ -78,7 +78,7 @@ def search_one(window: Window, robots: Array, objects: Array, settings: WeightsC
 def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
     """Modes of each window, best first; empty where no sample is compatible with it.
 
-    A window of ``max_history`` keyframes is not kept. Raises LostComponentError.
+    A window of ``max_history`` keyframes ends: its modes become Gaussian hypotheses. Raises LostComponentError.
     """
     groups: dict[object, list[int]] = {}
     for row, start in enumerate(starts):

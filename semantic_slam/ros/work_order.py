@@ -11,7 +11,7 @@ from semantic_slam.inference.protocol import Candidates, Commit, Components, Run
 Answer = Candidates | Components
 
 
-class Rounds:
+class WorkOrder:
     """Feeds one backend and returns its answers."""
 
     def __init__(self, backend: Backend) -> None:
