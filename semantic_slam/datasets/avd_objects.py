@@ -56,7 +56,15 @@ def uncertain_prior(objects: Sequence[TrueObject], rng: np.random.Generator) -> 
     for known in objects:
         planar = planar_from_pose_vector(known.pose) + sigma * rng.standard_normal(3)
         pose = pose_vector_from_planar(planar, float(known.pose[2]))
-        priors.append(ObjectPrior(known.object_id, f"object_{known.object_id}", pose, spread, {}))
+        priors.append(
+            ObjectPrior(
+                object_id=known.object_id,
+                name=f"object_{known.object_id}",
+                pose=pose,
+                covariance=spread,
+                class_probabilities={},
+            )
+        )
     return MapPrior(tuple(priors))
 
 
@@ -105,4 +113,10 @@ def _triangulated(scene: AvdScene, number: int, points: Array) -> ObjectPrior | 
     variance = max(POSITION_VARIANCE_M2, float(np.median((points[:, :2] - middle[:2]) ** 2)))
     pose = pose_vector_from_planar(np.array([middle[0], middle[1], 0.0]), float(middle[2]))
     planar = np.diag([variance, variance, UNKNOWN_HEADING_VARIANCE_RAD2])
-    return ObjectPrior(number, scene.instance_names.get(number, f"object_{number}"), pose, covariance(planar), {})
+    return ObjectPrior(
+        object_id=number,
+        name=scene.instance_names.get(number, f"object_{number}"),
+        pose=pose,
+        covariance=covariance(planar),
+        class_probabilities={},
+    )

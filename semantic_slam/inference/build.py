@@ -212,11 +212,11 @@ def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) 
             f" {', '.join(class_names)}"
         )
     return ObjectEntry(
-        item.object_id,
-        item.name,
-        prior(item.pose, item.covariance),
-        _class_prior(item, class_names),
-        item.existence,
+        object_id=item.object_id,
+        name=item.name,
+        prior=prior(item.pose, item.covariance),
+        class_prior=_class_prior(item, class_names),
+        existence=item.existence,
     )
 
 

@@ -62,7 +62,16 @@ def moment_of(robot_sigma_rad: float, seed: int) -> SemanticInput:
     none = np.zeros((MODEL.num_features, MODEL.num_features))
     value = feature(MODEL, truth, o, seed)
     detection = PlanarDetection(float(np.hypot(*seen)), bearing, covariance, np.zeros(2), value, none)
-    step = Step(0, 1, motion, [detection], np.zeros(1, np.uint32), np.ones(1), ("",), np.ones(1, dtype=bool))
+    step = Step(
+        index=0,
+        stamp_ns=1,
+        motion=motion,
+        detections=[detection],
+        detection_ids=np.zeros(1, np.uint32),
+        scores=np.ones(1),
+        names=("",),
+        in_coverage=np.ones(1, dtype=bool),
+    )
     predicted = predict([component], motion, [0], [{}])
     rows = Assignments(parents=np.zeros(1, int), objects=np.zeros((1, 1), int))
     stack = KeyframeProblem.of(SPACES, GEOMETRY, predicted, GEOMETRY.collect([detection]), rows)

@@ -197,7 +197,7 @@ def test_a_hypothesis_in_which_a_ghost_is_none_is_no_copy(settles: bool, alike: 
         poses=np.tile(pose_vector_from_planar(np.zeros(3)), (2, 1)),
         objects=np.zeros((2, 1, 3)),
         classes=np.full((2, 1), -1),
-        settles=np.array([[False], [settles]]),
+        confirms=np.array([[False], [settles]]),
         parents=np.array([0, 1]),
         alike=sure,
     )

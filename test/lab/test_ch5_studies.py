@@ -161,7 +161,16 @@ def small_track(shipped: Shipped, name: str, number: int) -> Located:
 
 def test_maps_tell_poses_classes_or_instances(shipped: Shipped) -> None:
     instances = {1: known(shipped, goods_names(NUM_GOODS))[0], 2: new(shipped, goods_names(NUM_GOODS))[0]}
-    entries = [ObjectPrior(n, "", np.array([0, 0, 0, 0, 0, 0, 1.0]), np.eye(6), {"x": 1.0}) for n in instances]
+    entries = [
+        ObjectPrior(
+            object_id=n,
+            name="",
+            pose=np.array([0, 0, 0, 0, 0, 0, 1.0]),
+            covariance=np.eye(6),
+            class_probabilities={"x": 1.0},
+        )
+        for n in instances
+    ]
     plain = unannotated(MapPrior(tuple(entries)))
     assert all(not entry.class_probabilities for entry in plain.objects)
     classes = with_classes(plain, instances).objects

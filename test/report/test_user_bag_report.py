@@ -52,7 +52,12 @@ def test_yolo_msgs_without_ids_are_associated_with_a_map(tmp_path, monkeypatch):
     bag = import_drive(monkeypatch, tmp_path, detector="yolo", track_ids=("", ""))
     covariance = np.diag([0.05, 0.05, 1e-6, 1e-6, 1e-6, 0.01])
     poses = {4: np.array([*CUP, 0, 0, 0, 0, 1.0]), 9: np.array([*BOTTLE, 0, 0, 0, 0, 1.0])}
-    prior = MapPrior(tuple(ObjectPrior(n, f"object {n}", pose, covariance, {}) for n, pose in poses.items()))
+    prior = MapPrior(
+        tuple(
+            ObjectPrior(object_id=n, name=f"object {n}", pose=pose, covariance=covariance, class_probabilities={})
+            for n, pose in poses.items()
+        )
+    )
     (tmp_path / "objects.json").write_text(prior.to_json())
     configuration = write_configuration(tmp_path / "configuration", perception=FLAT)
     words = ("--map-prior", tmp_path / "objects.json")

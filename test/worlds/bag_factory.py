@@ -85,7 +85,12 @@ def write_bag(path: Path, entries: list[Entry]) -> Path:
 def map_prior() -> MapPrior:
     covariance = np.diag([0.01, 0.01, 1e-6, 1e-6, 1e-6, 0.01])
     poses = [np.array([*position, 0.0, 0.0, 0.0, 1.0]) for position in OBJECTS]
-    return MapPrior(tuple(ObjectPrior(n + 1, f"box {n + 1}", pose, covariance, {}) for n, pose in enumerate(poses)))
+    return MapPrior(
+        tuple(
+            ObjectPrior(object_id=n + 1, name=f"box {n + 1}", pose=pose, covariance=covariance, class_probabilities={})
+            for n, pose in enumerate(poses)
+        )
+    )
 
 
 def write_configuration(folder: Path, **changes: Any) -> Path:

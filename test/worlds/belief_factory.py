@@ -191,7 +191,13 @@ def run_configuration(source: Path, class_names: tuple[str, ...], object_names: 
     covariance = covariance_from_planar(np.diag([1.0, 1.0, 0.05]))
     prior = MapPrior(
         tuple(
-            ObjectPrior(n + 1, object_names[n], pose_vector_from_planar(OBJECTS[n]), covariance, {})
+            ObjectPrior(
+                object_id=n + 1,
+                name=object_names[n],
+                pose=pose_vector_from_planar(OBJECTS[n]),
+                covariance=covariance,
+                class_probabilities={},
+            )
             for n in range(len(OBJECTS))
         )
     )

@@ -69,7 +69,12 @@ def _problem(data: dict, semantics: bool, method: str) -> tuple[Problem, list[St
     prior = np.full(len(class_names), 1.0 / max(len(class_names), 1))
     as_covariance = (lambda value: np.array(value)) if linear else (lambda value: np.diag(value))
     entries = tuple(
-        ObjectEntry(i, str(i), GaussianPrior(np.array(state), as_covariance(given["So"])), prior)
+        ObjectEntry(
+            object_id=i,
+            name=str(i),
+            prior=GaussianPrior(np.array(state), as_covariance(given["So"])),
+            class_prior=prior,
+        )
         for i, state in enumerate(given["objects"])
     )
     problem = Problem(

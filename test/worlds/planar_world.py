@@ -78,7 +78,15 @@ def _map_prior(random: np.random.Generator, sigma_heading_rad: float | None) -> 
     objects = []
     for number, truth in enumerate(OBJECTS):
         mean = se2.compose(truth, se2.exp(random.normal(size=3) * np.sqrt(variance)))
-        objects.append(ObjectPrior(number, f"object_{number}", pose_vector_from_planar(mean), covariance, {}))
+        objects.append(
+            ObjectPrior(
+                object_id=number,
+                name=f"object_{number}",
+                pose=pose_vector_from_planar(mean),
+                covariance=covariance,
+                class_probabilities={},
+            )
+        )
     return MapPrior(tuple(objects))
 
 

@@ -133,7 +133,7 @@ class PointWorld:
 
     def problem(self) -> Problem:
         entries = tuple(
-            ObjectEntry(n, f"point_{n}", GaussianPrior(mean, self.spread), np.zeros(0))
+            ObjectEntry(object_id=n, name=f"point_{n}", prior=GaussianPrior(mean, self.spread), class_prior=np.zeros(0))
             for n, mean in enumerate(self.points)
         )
         return Problem(

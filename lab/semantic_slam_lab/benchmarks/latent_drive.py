@@ -60,13 +60,26 @@ class Drive:
             detections, _ = circuit.seen[k]
             count = len(detections)
             ids, flags = np.arange(count, dtype=np.uint32), np.ones(count, dtype=bool)
-            steps.append(Step(k, k + 1, motion, detections, ids, np.ones(count), ("",) * count, flags))
+            steps.append(
+                Step(
+                    index=k,
+                    stamp_ns=k + 1,
+                    motion=motion,
+                    detections=detections,
+                    detection_ids=ids,
+                    scores=np.ones(count),
+                    names=("",) * count,
+                    in_coverage=flags,
+                )
+            )
         names = model.class_names
         uniform = np.full(len(names), 1.0 / max(len(names), 1))
         sigma = np.array([0.1, 0.1, 0.02])
         means = [se2.compose(o, se2.exp(noise.normal(size=3) * sigma)) for o in circuit.objects]
         priors = [GaussianPrior(mean, np.diag(sigma**2)) for mean in means]
-        entries = tuple(ObjectEntry(n, str(n), prior, uniform) for n, prior in enumerate(priors))
+        entries = tuple(
+            ObjectEntry(object_id=n, name=str(n), prior=prior, class_prior=uniform) for n, prior in enumerate(priors)
+        )
         observation = LatentObservation(model)
         start = se2.compose(circuit.poses[0], se2.inverse(STEP))
         problem = Problem(

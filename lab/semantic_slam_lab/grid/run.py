@@ -25,7 +25,13 @@ def run_of(world: World, *, semantics: bool = True) -> RunConfiguration:
     limits = {"max_range_m": sensor.max_range_m, "field_of_view_rad": sensor.field_of_view_rad}
     configuration = from_dict({"semantic_model": model if semantics else {"kind": "none"}, "visibility": limits})
     objects = tuple(
-        ObjectPrior(i, str(i), pose_vector_from_planar(mean), _in_map(mean, world.noise.objects), {})
+        ObjectPrior(
+            object_id=i,
+            name=str(i),
+            pose=pose_vector_from_planar(mean),
+            covariance=_in_map(mean, world.noise.objects),
+            class_probabilities={},
+        )
         for i, mean in enumerate(world.object_means)
     )
     return make_run_configuration(

@@ -112,7 +112,15 @@ def uncertain_map(objects: tuple[PlacedObject, ...], seed: int) -> MapPrior:
     for placed in objects:
         planar = planar_from_pose_vector(placed.pose) + OBJECT_SIGMA * rng.standard_normal(3)
         pose = pose_vector_from_planar(planar, float(placed.pose[2]))
-        priors.append(ObjectPrior(placed.object_id, f"object_{placed.object_id}", pose, spread, {}))
+        priors.append(
+            ObjectPrior(
+                object_id=placed.object_id,
+                name=f"object_{placed.object_id}",
+                pose=pose,
+                covariance=spread,
+                class_probabilities={},
+            )
+        )
     return MapPrior(tuple(priors))
 
 

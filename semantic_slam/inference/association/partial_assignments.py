@@ -18,7 +18,7 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PartialAssignments:
     """B partial associations of n detections; O objects, tangent spaces of r and l dimensions, m = r + n l."""
 
@@ -36,7 +36,15 @@ class PartialAssignments:
         size, parents = spaces.layout.robot, np.arange(len(predicted.mean))
         root = np.asarray(np.linalg.cholesky(predicted.covariance[:, :size, :size]), dtype=np.float64)
         rows = Assignments(parents=parents, objects=np.zeros((len(parents), 0), dtype=int))
-        return cls(spaces, predicted, rows, predicted.mean[:, :1], root, None, parents)
+        return cls(
+            spaces=spaces,
+            predicted=predicted,
+            rows=rows,
+            mean=predicted.mean[:, :1],
+            root=root,
+            shorter=None,
+            origin=parents,
+        )
 
     def take(self, selection: Index) -> "PartialAssignments":
         """The chosen partial assignments."""
@@ -58,13 +66,13 @@ class PartialAssignments:
         root[:, known:, known:] = np.linalg.cholesky(left)
         mean = self.predicted.mean[parents, np.where(again, 0, place)]
         return PartialAssignments(
-            self.spaces,
-            self.predicted,
-            Assignments(parents=parents, objects=np.concatenate([before, objects[:, None]], axis=1)),
-            np.concatenate([self.mean[origin], mean[:, None]], axis=1),
-            root,
-            self,
-            origin,
+            spaces=self.spaces,
+            predicted=self.predicted,
+            rows=Assignments(parents=parents, objects=np.concatenate([before, objects[:, None]], axis=1)),
+            mean=np.concatenate([self.mean[origin], mean[:, None]], axis=1),
+            root=root,
+            shorter=self,
+            origin=origin,
         )
 
     @cached_property

@@ -28,7 +28,7 @@ SAFETY = 2.0
 """A linear step's nats count half: so much may the rest of the nonlinearity change them."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ScreenedAssignments:
     """What is left of B candidates."""
 
@@ -75,11 +75,15 @@ def screen(
         start[lost] = _better_start(stack.select(lost), start[lost])
     ranked = newest.sigma * np.maximum(newest.off, 1.0) < RANKED_RAD
     return ScreenedAssignments(
-        longer, stack, Mode(start, hessian, evidence[kept]), np.flatnonzero(~ranked[kept]), left_out
+        prefixes=longer,
+        stack=stack,
+        mode=Mode(start, hessian, evidence[kept]),
+        searched=np.flatnonzero(~ranked[kept]),
+        log_left_out=left_out,
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Expected:
     """Robot and all objects where the modes of B prefixes have them, in the tangent spaces at their prior means."""
 
@@ -115,10 +119,12 @@ def _expected(prefixes: PartialAssignments, previous: Mode, known: Array) -> _Ex
     diagonal = np.moveaxis(predicted.blocks[:, states, :, states], 0, 1)
     first = np.swapaxes(predicted.blocks[:, 0, : layout.robot], 1, 2)
     at = spaces.joint.compose(mean, moved)
-    return _Expected(spaces, at, charts, diagonal[parents] - own, first[parents] - with_robot)
+    return _Expected(
+        spaces=spaces, states=at, charts=charts, own=diagonal[parents] - own, with_robot=first[parents] - with_robot
+    )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Newest:
     """The newest detection of B candidates, linearised at the mode of the others; m components of a residual."""
 
@@ -143,7 +149,7 @@ def _newest(expected: _Expected, origin: Index, objects: Index, model: Observati
     found = Innovation.of(part, jacobian, covariance)
     gain = backward(found.root, found.whitened[..., None])[..., 0]
     sigma = model.bearing_sigma(x, o, covariance, charts)
-    return _Newest(jacobian, gain, found.log_density, sigma, found.distance)
+    return _Newest(jacobian=jacobian, gain=gain, log_density=found.log_density, sigma=sigma, off=found.distance)
 
 
 def _stepped(stack: KeyframeProblem, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:

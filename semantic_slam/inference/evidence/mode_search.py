@@ -100,7 +100,14 @@ def _refined(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> l
     modes = _distinct(windows, problem, *_search(problem, y))
     mixtures, samples = _sampled(windows, problem, modes, settings.importance_samples)
     looks = (
-        _Look(window, problem.select(slice(row, row + 1)), modes[row], states, mixtures[row], samples[row])
+        _Look(
+            window=window,
+            problem=problem.select(slice(row, row + 1)),
+            modes=modes[row],
+            states=states,
+            mixture=mixtures[row],
+            samples=samples[row],
+        )
         for row, (window, states) in enumerate(zip(windows, _states(problem, modes), strict=True))
     )
     return [_of_one(look, settings) for look in looks]
@@ -114,7 +121,7 @@ def _states(problem: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
     return np.split(problem.spaces.storage.stacked(robots, objects), np.cumsum(counts)[:-1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Look:
     """What was found of one window, alone in its window problem."""
 
@@ -156,12 +163,14 @@ def _mode(
     keys = [robot_key(keyframe), *(object_key(n) for n in window.object_ids())]
     past = [robot_key(k) for k in range(window.anchor.keyframe, keyframe)]
     return PosteriorMode(
-        log_evidence,
-        1.0 / float(weights @ weights) / len(weights),
-        {key: look.problem.spaces.own(key, state) for key, state in zip([*past, *keys], look.states[at], strict=True)},
-        kept_window,
-        SampledMoments(drawn, modes.y[at], modes.hessian[at], weights, keys),
-        len(weights),
+        log_evidence=log_evidence,
+        effective_share=1.0 / float(weights @ weights) / len(weights),
+        smoothed={
+            key: look.problem.spaces.own(key, state) for key, state in zip([*past, *keys], look.states[at], strict=True)
+        },
+        window=kept_window,
+        moments=SampledMoments(drawn=drawn, y=modes.y[at], hessian=modes.hessian[at], weights=weights, keys=keys),
+        num_samples=len(weights),
     )
 
 

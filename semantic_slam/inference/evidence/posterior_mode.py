@@ -12,7 +12,7 @@ from semantic_slam.inference.evidence.window_problem import WindowProblem
 from semantic_slam.inference.states.correction import Correction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PosteriorMode:
     """One mode of a continuation."""
 
@@ -43,7 +43,7 @@ class WindowSamples:
         return self.problem.spaces.storage.stacked(robots[:, -1:], objects)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SampledMoments:
     """Samples of a mode's region, and the Gaussian that they correct."""
 

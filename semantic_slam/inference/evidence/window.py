@@ -72,7 +72,7 @@ class ModeRegion:
         return np.asarray(self.modes.log_responsibilities(earlier)[self.number])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Window:
     """The anchor, the keyframes since, and the evidence of those keyframes."""
 
@@ -85,7 +85,7 @@ class Window:
     @classmethod
     def of(cls, component: Anchor) -> "Window":
         """A component's, which is its own anchor where it is Gaussian."""
-        return component.window if component.window is not None else cls(component)
+        return component.window if component.window is not None else cls(anchor=component)
 
     def with_keyframe(self, taken: WindowStep, new: dict[int, GaussianPrior], log_psi: float = 0.0) -> "Window":
         """One keyframe more, with an estimate of what it adds to the evidence."""

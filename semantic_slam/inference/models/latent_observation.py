@@ -18,7 +18,7 @@ from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.model import Viewpoints
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LatentLinearisation:
     """log p = log_normaliser - |residual|^2 / 2 at B states, with Jacobians in the tangent spaces there."""
 
@@ -66,12 +66,12 @@ class LatentObservation:
         turn = _azimuth_by_poses(v, x[:, 2] - o[:, 2], seen.sensor)
         by_poses = part.by_azimuth[:, :, None] * turn[:, None]
         return LatentLinearisation(
-            part.residual,
-            by_poses[:, :, :3],
-            by_poses[:, :, 3:],
-            part.by_descriptor,
-            part.by_azimuth,
-            part.log_normaliser,
+            residual=part.residual,
+            by_robot=by_poses[:, :, :3],
+            by_object=by_poses[:, :, 3:],
+            by_descriptor=part.by_descriptor,
+            by_azimuth=part.by_azimuth,
+            log_normaliser=part.log_normaliser,
         )
 
     def by_azimuth(self, seen: DetectionFeatures, azimuth: Array, e: Array) -> LatentLinearisation:
@@ -85,12 +85,12 @@ class LatentObservation:
         log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.tempering
         none = np.zeros((len(azimuth), variance.shape[1], 0))
         return LatentLinearisation(
-            (prediction.mean - seen.feature) / sigma,
-            none,
-            none,
-            prediction.by_descriptor / sigma[..., None],
-            prediction.by_direction[:, :, 0] / sigma,
-            np.asarray(log_peak),
+            residual=(prediction.mean - seen.feature) / sigma,
+            by_robot=none,
+            by_object=none,
+            by_descriptor=prediction.by_descriptor / sigma[..., None],
+            by_azimuth=prediction.by_direction[:, :, 0] / sigma,
+            log_normaliser=np.asarray(log_peak),
         )
 
 

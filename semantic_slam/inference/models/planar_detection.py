@@ -69,7 +69,7 @@ class PlanarDetection:
         return np.zeros(2) if self.has_range else self.sensor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanarDetections:
     """B detections as arrays; a bearing alone has a range that counts nothing. One row stands for any number."""
 
@@ -93,15 +93,15 @@ class PlanarDetections:
         range_m[~has_range] = 0.0
         sensor = np.array([item.sensor for item in detections]).reshape(count, 2)
         return cls(
-            range_m,
-            bearing,
-            np.array([item.whiten for item in detections]).reshape(count, 2, 2),
-            log_normaliser,
-            has_range,
-            np.where(has_range[:, None], 0.0, sensor),
-            sensor,
-            np.array([item.feature for item in detections]).reshape(count, size),
-            np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
+            range_m=range_m,
+            bearing_rad=bearing,
+            whiten=np.array([item.whiten for item in detections]).reshape(count, 2, 2),
+            log_normaliser=log_normaliser,
+            has_range=has_range,
+            origin=np.where(has_range[:, None], 0.0, sensor),
+            sensor=sensor,
+            feature=np.array([item.feature for item in detections]).reshape(count, size),
+            feature_covariance=np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
         )
 
     def take(self, index: Selection) -> "PlanarDetections":

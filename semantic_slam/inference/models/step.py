@@ -31,7 +31,7 @@ class AssociatedDetection:
     assigned_class: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Step:
     """One keyframe: motion since the one before, and D detections."""
 

@@ -19,7 +19,7 @@ WIDTH = 5.0
 """Standard deviations of the stand-in prior in those of the measurement: wide, and yet well conditioned."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Birth:
     """An object that one detection would start in one hypothesis (planar poses)."""
 
@@ -45,11 +45,20 @@ def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_vie
         across = np.hypot(*(prior.mean[:2] - robot[:2])) or 1.0
         variance = detection.covariance[1, 1] + prior.covariance[0, 0] / across**2
         stand_in = -0.5 * float(np.log(2.0 * np.pi * variance))
-        return Birth(prior, gain, noise, noise, -float(np.log(field_of_view_rad)), stand_in)
+        return Birth(
+            prior=prior,
+            gain=gain,
+            spread=noise,
+            noise=noise,
+            log_area=-float(np.log(field_of_view_rad)),
+            log_stand_in=stand_in,
+        )
     cos, sin, reach = np.cos(detection.bearing_rad), np.sin(detection.bearing_rad), detection.range_m
     polar = np.array([[cos, -reach * sin], [sin, reach * cos]])
     noise[:2, :2] = polar @ detection.covariance @ polar.T
     spread = noise.copy()
     spread[:2, :2] *= WIDTH**2
     stand_in = float(detection.log_normaliser - np.log1p(WIDTH**2))  # the stand-in is WIDTH^2 times the noise
-    return Birth(prior, gain, spread, noise, float(np.log(reach)), stand_in)
+    return Birth(
+        prior=prior, gain=gain, spread=spread, noise=noise, log_area=float(np.log(reach)), log_stand_in=stand_in
+    )

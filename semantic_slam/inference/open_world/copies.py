@@ -20,7 +20,7 @@ SURE = 0.5
 """Existence from which on a hypothesis that lacks an object is no copy."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RecentAssociations:
     """The detections of a hypothesis's last keyframes; R of them."""
 
@@ -118,7 +118,9 @@ class Copies:
     def __init__(self, problem: Problem):
         self.settings, self._ratio = problem.open_world, float(np.log(problem.pruning.ratio))
         self.num_merged = 0
-        nothing = RecentAssociations(np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
+        nothing = RecentAssociations(
+            objects=np.zeros((0, 3)), classes=np.zeros(0, dtype=int), confirms=np.zeros(0, dtype=bool)
+        )
         self._recent = {
             ROOT_ID + number: replace(nothing, noise=number) for number in range(len(problem.noise_factors))
         }
@@ -196,7 +198,14 @@ class Copies:
         tentative = {found for found, count in times.items() if found >= first_new and count == 1}
         likely = () if self.settings.merge_ghosts else np.flatnonzero(objects.existence > SURE)
         sure = {reported.ids[row]: objects.object_poses[row, :3] for row in likely}
-        return RecentAssociations(padded[reported.rows(seen)], classes, confirms, sure, lineage[0].mode, tentative)
+        return RecentAssociations(
+            objects=padded[reported.rows(seen)],
+            classes=classes,
+            confirms=confirms,
+            sure=sure,
+            noise=lineage[0].mode,
+            tentative=tentative,
+        )
 
 
 def _all_near(points: list[Array], others: dict[int, Array], limit_m: float) -> bool:

@@ -19,7 +19,7 @@ class Occluders(NamedTuple):
     free_range_scan: Array = NO_SCAN  # (B, 2) bearing and range of the farthest surface in each direction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PredictedObjects:
     """Robot and N objects of one parent before the detections; covariances in the tangent spaces at the means."""
 

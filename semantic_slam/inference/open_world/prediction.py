@@ -170,11 +170,11 @@ class Predictor:
 def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
     """The region in which a miss counts."""
     return SensorRegion(
-        settings.detection_probability,
-        settings.min_range_m,
-        settings.max_range_m,
-        settings.field_of_view_rad,
-        settings.occluder_radius_m,
+        detection_probability=settings.detection_probability,
+        min_range_m=settings.min_range_m,
+        max_range_m=settings.max_range_m,
+        field_of_view_rad=settings.field_of_view_rad,
+        occluder_radius_m=settings.occluder_radius_m,
     )
 
 
@@ -190,7 +190,7 @@ def _local(component: Component, robot: Array, near: Index) -> LocalMap:
     biases = len(tracked.bias)
     keys = [robot_key(component.keyframe), *[bias_key(component.keyframe)][:biases], *(object_key(int(n)) for n in ids)]
     together = component.joint_covariance(keys) if len(ids) else tracked.motion_covariance.copy()
-    return LocalMap(component.spaces.layout, ids, together, num_biases=biases)
+    return LocalMap(layout=component.spaces.layout, ids=ids, covariance=together, num_biases=biases)
 
 
 def _predicted(component: Component, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
@@ -219,7 +219,7 @@ def _objects_in_reach(
         own = cross @ np.linalg.inv(spread)
         gain[known[inside]] = own
         remainder[known[inside]] = blocks[numbers, landmark, numbers, landmark] - own @ np.swapaxes(cross, 1, 2)
-    return PredictedObjects(robot, spread, states, gain, remainder)
+    return PredictedObjects(robot=robot, robot_covariance=spread, objects=states, gain=gain, remainder=remainder)
 
 
 def _sigmas_away(tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:

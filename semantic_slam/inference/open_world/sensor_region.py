@@ -13,7 +13,7 @@ LEAST_SIGMA = 1e-6
 """Metres and radians: the softest edge is never quite sharp."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorRegion:
     """Where the sensor detects: an annular sector about the body's forward axis, seen from its origin."""
 

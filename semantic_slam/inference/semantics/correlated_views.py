@@ -39,7 +39,7 @@ class RecordedView:
     variance: Array  # (F,) of the dropout samples
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrackedViews:
     """One object in one continuation: all its views that still count, the newest last, along P tracks."""
 
@@ -105,7 +105,15 @@ class CorrelatedViews:
             azimuth = [self._azimuth(given, rows[row], view, o) for view in together]
             flag = bool(given.step.in_coverage[index])
             sightings.append(
-                TrackedViews(int(row), place, before, together, np.stack(azimuth, axis=1), detection, flag)
+                TrackedViews(
+                    row=int(row),
+                    place=place,
+                    before=before,
+                    views=together,
+                    azimuth_rad=np.stack(azimuth, axis=1),
+                    detection=detection,
+                    flag=flag,
+                )
             )
         return sightings
 

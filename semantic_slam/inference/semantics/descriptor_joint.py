@@ -78,14 +78,14 @@ def descriptor_problem(
     gain[:, size:, :size] = by_y @ spread
     gain[:, size:, size:] = own
     return DescriptorProblem(
-        stack.spaces,
-        observation,
-        DetectionFeatures.of([given.step.detections[i] for i in given.used]),
-        active,
-        stack.slots,
-        stack.mean,
-        np.concatenate([tangent_offset, descriptor_offset], axis=1),
-        gain,
+        spaces=stack.spaces,
+        observation=observation,
+        seen=DetectionFeatures.of([given.step.detections[i] for i in given.used]),
+        active=active,
+        slots=stack.slots,
+        mean=stack.mean,
+        offset=np.concatenate([tangent_offset, descriptor_offset], axis=1),
+        gain=gain,
     )
 
 

@@ -17,7 +17,7 @@ from semantic_slam.inference.models.latent_observation import LatentLinearisatio
 from semantic_slam.inference.states.spaces import Spaces
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DescriptorProblem:
     """B continuations of n detections; V coordinates, r and l dimensions of the tangent spaces, the wider w."""
 

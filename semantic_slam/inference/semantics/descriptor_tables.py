@@ -29,7 +29,7 @@ SETTLED_SHARE, SETTLED_RAD = 0.98, 0.15
 """Weight of the best direction, and its standard deviation, from which on the heading counts as known."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class UnorientedView:
     """One view of an object in one continuation."""
 
@@ -106,7 +106,9 @@ def _record(heading: HeadingRecord, likelihood: Array, inside: bool, before: Obj
         likelihood,
         float("nan"),
         inside and (before is None or before.in_coverage),
-        descriptor=DescriptorRecord(mean, variance, sigma, entering, float(best[-1])),
+        descriptor=DescriptorRecord(
+            mean=mean, variance=variance, direction_sigma_rad=sigma, entering=entering, heading_rad=float(best[-1])
+        ),
         headings=heading,
     )
 
@@ -151,7 +153,15 @@ class DescriptorTables:
             start = before.headings.modes
         else:
             start = self._before(parent, object_id)
-        return UnorientedView(row, object_id, number, before, start, bearing, sigma)
+        return UnorientedView(
+            row=row,
+            object_id=object_id,
+            number=number,
+            before=before,
+            start=start,
+            bearing_rad=bearing,
+            sigma_rad=sigma,
+        )
 
     def _before(self, component: Component, object_id: int) -> HeadingMixture:
         """What a map states of the heading, or nothing."""

@@ -89,7 +89,17 @@ class DescriptorViews:
                 before = given.parents[stack.rows.parents[row]].views.get(object_id)
                 sigma = float(np.sqrt(covariances[row, 0, 2, 2] + detections[number].covariance[1, 1]))
                 start = self._start(before, object_id)
-                seen.append(UnorientedView(int(row), object_id, number, before, start, float(bearing[row]), sigma))
+                seen.append(
+                    UnorientedView(
+                        row=int(row),
+                        object_id=object_id,
+                        number=number,
+                        before=before,
+                        start=start,
+                        bearing_rad=float(bearing[row]),
+                        sigma_rad=sigma,
+                    )
+                )
         inside = given.step.in_coverage[given.used]
         found = update_unoriented(self._observation, given.step.index, detections, inside, seen)
         for view, (record, evidence) in zip(seen, found, strict=True):
@@ -132,10 +142,10 @@ class DescriptorViews:
                 float(epistemic[at]),
                 bool(given.step.in_coverage[index]) and (before is None or before.in_coverage),
                 descriptor=DescriptorRecord(
-                    belief.mean[at],
-                    belief.sigma[at] ** 2,
-                    float(directions[row, own]),
-                    (*entering, (given.step.index, given.step.detections[index])),
+                    mean=belief.mean[at],
+                    variance=belief.sigma[at] ** 2,
+                    direction_sigma_rad=float(directions[row, own]),
+                    entering=(*entering, (given.step.index, given.step.detections[index])),
                 ),
             )
 

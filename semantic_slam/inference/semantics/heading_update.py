@@ -39,7 +39,12 @@ def updated_mixtures(
     bearing, sigma = (np.array([getattr(item, n) for item in sightings]) for n in ("bearing_rad", "sigma_rad"))
     views = np.array([item.view for item in sightings], dtype=int)[repeated]
     problem = _Directions(
-        observation, detections.take(views), mean, np.linalg.cholesky(covariance), bearing[repeated], sigma[repeated]
+        observation=observation,
+        seen=detections.take(views),
+        mean=mean,
+        root=np.linalg.cholesky(covariance),
+        bearing_rad=bearing[repeated],
+        sigma_rad=sigma[repeated],
     )
     mode = find_modes(problem, problem.start(), MAX_ITERATIONS, TOLERANCE)
     after = problem.states(mode.y)
@@ -64,7 +69,7 @@ def _padded(root: Array, size: int) -> Array:
     return padded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Directions:
     """B least-squares problems over w ~ N(0, I): (e, heading) = mean + root w, and an error of the bearing."""
 

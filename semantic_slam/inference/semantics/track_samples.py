@@ -98,7 +98,7 @@ class PredictedSamples:
         return cls(past, np.concatenate(ahead, axis=1), np.concatenate(gain, axis=1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SampledRow:
     """P samples of one continuation: states at the keyframe and, from them, of the past; n detections."""
 
@@ -153,7 +153,14 @@ def _sampled_row(given: SemanticInput, predicted: PredictedSamples, row: int, mo
     gain = np.where(used, predicted.gain[:, columns], 0.0)
     whitened = solve_triangular(stack.root[row], gain.T, lower=True).T
     deviations = stack.spaces.joint.local(np.broadcast_to(mode, states.shape), states)
-    return SampledRow(states, deviations, (after - before).T, whitened, predicted.past, stack.spaces)
+    return SampledRow(
+        states=states,
+        deviations=deviations,
+        change=(after - before).T,
+        gain=whitened,
+        past=predicted.past,
+        spaces=stack.spaces,
+    )
 
 
 def _normals(seed: int, key: int, shape: tuple[int, int]) -> Array:

@@ -20,7 +20,7 @@ T = TypeVar("T")
 MAX_UPDATES = 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Extension:
     """What a keyframe adds to a smoother: factors, new variables, and semantic measurements.
 
@@ -36,7 +36,7 @@ class Extension:
     other_start: Mapping[int, Array] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Fork:
     """A smoother on its way to convergence."""
 
@@ -127,7 +127,9 @@ def _begun(
     def begin(smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors) -> _Fork:
         updated = smoother.updated(extension.graph, extension.values, added, renewal)
         certain = {item.descriptor_key for item in extension.measurements if not item.exact}
-        return _Fork(extension, updated, updated.converged(), updated.exact_rows(certain))
+        return _Fork(
+            extension=extension, smoother=updated, converged=updated.converged(), exact=updated.exact_rows(certain)
+        )
 
     added = [AddedFactors(one.measurements, factors, at) for one, factors, at in zip(own, made, points, strict=True)]
     renewals = [RelinearisedFactors(*parts) for parts in zip(stale, again, now, strict=True)]
@@ -231,7 +233,7 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
         renewed = fork.smoother.renewed(RelinearisedFactors(own, factors, at))
         keys = [item.descriptor_key for item in what if item.descriptor_key is not None]
         made_at = {**fork.made_at, **dict(zip(keys, at.descriptors, strict=False))}
-        return _Fork(fork.extension, renewed, renewed.converged(), made_at=made_at)
+        return _Fork(extension=fork.extension, smoother=renewed, converged=renewed.converged(), made_at=made_at)
 
     return [_attempt(renew, *parts) for parts in zip(forks, rows, measurements, made, points, strict=True)]
 

@@ -31,12 +31,19 @@ def extension(component: Component, shared: KeyframeFactors, update: ComponentUp
     classed, jumped = classed_measurements(component, update), _jumped(component, update, moved)
     start = linearisation_start(component, update)
     if component.smoother.semantics.latent is None:
-        return Extension(graph, values, classed, start, jumped)
+        return Extension(graph=graph, values=values, measurements=classed, start=start, jumped=jumped)
     entering = descriptor_measurements(update.views)
     start |= _with_descriptors(component, graph, values, update.views, entering, start)
     other_start = {robot_key(component.keyframe + 1): update.predicted} | _turned_only(component, update.views)
     jumped = jumped or _turns_an_object(component, update.views)
-    return Extension(graph, values, [*classed, *entering], start, jumped, other_start)
+    return Extension(
+        graph=graph,
+        values=values,
+        measurements=[*classed, *entering],
+        start=start,
+        jumped=jumped,
+        other_start=other_start,
+    )
 
 
 def linearisation_start(component: Component, update: ComponentUpdate) -> dict[int, Array]:

@@ -12,7 +12,7 @@ from semantic_slam.geometry.arrays import Index
 from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, LinearisationPoints, SemanticFactor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FactorTable:
     """The semantic measurements in a graph, with one factor each."""
 
@@ -33,11 +33,11 @@ class FactorTable:
             return self
         keys = keys_of(measurements)
         return FactorTable(
-            (*self.measurements, *measurements),
-            (*self.indices, *indices),
-            LinearisationPoints.joined([self.points, points]),
-            np.concatenate([self.keys, keys]) if len(self.keys) else keys,
-            np.concatenate([self.exact, np.array([item.exact for item in measurements], dtype=bool)]),
+            measurements=(*self.measurements, *measurements),
+            indices=(*self.indices, *indices),
+            points=LinearisationPoints.joined([self.points, points]),
+            keys=np.concatenate([self.keys, keys]) if len(self.keys) else keys,
+            exact=np.concatenate([self.exact, np.array([item.exact for item in measurements], dtype=bool)]),
         )
 
     def replaced(
@@ -54,7 +54,11 @@ class FactorTable:
         for row, item, index in zip(rows, measurements, indices, strict=True):
             all_measurements[row], all_indices[row], exact[row] = item, index, item.exact
         return FactorTable(
-            tuple(all_measurements), tuple(all_indices), self.points.replaced(rows, points), self.keys, exact
+            measurements=tuple(all_measurements),
+            indices=tuple(all_indices),
+            points=self.points.replaced(rows, points),
+            keys=self.keys,
+            exact=exact,
         )
 
     def without(self, graph: gtsam.NonlinearFactorGraph, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:

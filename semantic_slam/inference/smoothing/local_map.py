@@ -25,7 +25,7 @@ class LocalDetection:
     by_object: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LocalMap:
     """M objects; r and l dimensions of the tangent spaces of robot and objects, p biases of odometry."""
 

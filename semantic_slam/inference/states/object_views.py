@@ -16,7 +16,7 @@ UNCERTAIN_RAD = 0.2
 """Standard deviation of the direction of view from which on a linear factor of the feature would not do."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DescriptorRecord:
     """What the views of one object tell of its descriptor; later keyframes without it change that little."""
 

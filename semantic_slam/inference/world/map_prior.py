@@ -16,7 +16,7 @@ ROUNDING = 1e-6
 """Relative; files hold rounded numbers."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObjectPrior:
     """Gaussian over the pose of one object in map, and probabilities of its class."""
 
@@ -45,7 +45,13 @@ class ObjectPrior:
         """From standard deviations of the place and of the heading, alike in all directions."""
         covariance = covariance_from_planar(np.diag([sigma_m**2, sigma_m**2, sigma_rad**2]))
         pose = pose_vector_from_planar(np.array([x_m, y_m, yaw_rad]))
-        return cls(object_id, name or f"object_{object_id}", pose, covariance, class_probabilities or {})
+        return cls(
+            object_id=object_id,
+            name=name or f"object_{object_id}",
+            pose=pose,
+            covariance=covariance,
+            class_probabilities=class_probabilities or {},
+        )
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.gaussian import GaussianPrior
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObjectEntry:
     """An object known from the start."""
 

@@ -24,7 +24,7 @@ class KeyframeReader(Protocol):
         """The step of a keyframe."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Problem:
     """Everything a backend needs besides keyframes and commits."""
 

@@ -80,7 +80,9 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
     transition, noise = random.normal(size=(3, 5)), np.diag([0.1, 0.2, 0.3])
     seen = LocalDetection(7, random.normal(size=(2, 3)), random.normal(size=(2, 3)))
     local = (
-        LocalMap(Layout(3, 3), np.array([4, 7]), before, num_biases=2).moved(before, transition, noise).updated([seen])
+        LocalMap(layout=Layout(3, 3), ids=np.array([4, 7]), covariance=before, num_biases=2)
+        .moved(before, transition, noise)
+        .updated([seen])
     )
     full, jacobian = np.eye(11), np.zeros((2, 11))
     full[:3, :5] = transition

@@ -6,7 +6,9 @@ import pytest
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 
-REGION = SensorRegion(0.9, 0.5, 5.0, 1.4, occluder_radius_m=0.2)
+REGION = SensorRegion(
+    detection_probability=0.9, min_range_m=0.5, max_range_m=5.0, field_of_view_rad=1.4, occluder_radius_m=0.2
+)
 EXACT = np.zeros((2, 2))
 
 
@@ -60,7 +62,7 @@ def test_its_edges_are_as_soft_as_the_pose_is_uncertain() -> None:
 
 
 def test_all_round_there_is_no_edge_behind() -> None:
-    region = SensorRegion(0.9, 0.0, 5.0, 2.0 * np.pi)
+    region = SensorRegion(detection_probability=0.9, min_range_m=0.0, max_range_m=5.0, field_of_view_rad=2.0 * np.pi)
     assert region.contains(np.array([-2.0, 0.0]), np.eye(2) * 0.01) == pytest.approx(1.0)
     assert region.area_m2 == pytest.approx(np.pi * 25.0)
 

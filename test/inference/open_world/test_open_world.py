@@ -119,7 +119,14 @@ def test_a_map_prior_and_an_open_world_go_together() -> None:
     ghost = np.array([4.0, 0.0, 0.0])
     poses = [OBJECTS[0], OBJECTS[1], ghost]
     objects = tuple(
-        ObjectPrior(n, f"thing_{n}", pose_vector_from_planar(pose), covariance, {}, existence=0.8)
+        ObjectPrior(
+            object_id=n,
+            name=f"thing_{n}",
+            pose=pose_vector_from_planar(pose),
+            covariance=covariance,
+            class_probabilities={},
+            existence=0.8,
+        )
         for n, pose in enumerate(poses)
     )
     room = make_room(24, seed=4, clutter=0.1, map_prior=MapPrior(objects))
@@ -134,7 +141,14 @@ def test_a_map_prior_and_an_open_world_go_together() -> None:
 def test_what_a_wall_hides_is_not_missed() -> None:
     """Nothing is detected where the map has an object; the depth image shows a wall in front of it, or open space."""
     covariance = covariance_from_planar(np.diag([0.01, 0.01, 0.01]))
-    ghost = ObjectPrior(0, "ghost", pose_vector_from_planar(np.array([4.0, 0.0, 0.0])), covariance, {}, existence=0.8)
+    ghost = ObjectPrior(
+        object_id=0,
+        name="ghost",
+        pose=pose_vector_from_planar(np.array([4.0, 0.0, 0.0])),
+        covariance=covariance,
+        class_probabilities={},
+        existence=0.8,
+    )
     room = make_room(1, map_prior=MapPrior((ghost,)))
     directions = np.linspace(-0.7, 0.7, 20)
     left: dict[float, float] = {}

@@ -22,7 +22,11 @@ def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3) -> 
     covariance = np.diag([sigma_m**2, sigma_m**2, 0.01, 1.0, 1.0, 1.0])
     objects = tuple(
         ObjectPrior(
-            i, str(i), pose_vector_from_planar(np.array([3.0 * np.cos(a), 3.0 * np.sin(a), 0.0])), covariance, {}
+            object_id=i,
+            name=str(i),
+            pose=pose_vector_from_planar(np.array([3.0 * np.cos(a), 3.0 * np.sin(a), 0.0])),
+            covariance=covariance,
+            class_probabilities={},
         )
         for i, a in enumerate(angles)
     )
@@ -70,7 +74,15 @@ def test_an_uncertain_object_may_be_within_reach() -> None:
     far = make_room(
         1,
         map_prior=MapPrior(
-            (ObjectPrior(0, "0", pose_vector_from_planar(np.array([10.0, 0.0, 0.0])), 4.0 * np.eye(6), {}),)
+            (
+                ObjectPrior(
+                    object_id=0,
+                    name="0",
+                    pose=pose_vector_from_planar(np.array([10.0, 0.0, 0.0])),
+                    covariance=4.0 * np.eye(6),
+                    class_probabilities={},
+                ),
+            )
         ),
     )
     problem = problem_of(far.run)

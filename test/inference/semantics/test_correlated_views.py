@@ -70,7 +70,16 @@ def detection(feature: np.ndarray, spread: float = 0.02, range_m: float = 2.0) -
 def step_of(index: int, item: PlanarDetection, control: np.ndarray, sigma: float) -> Step:
     motion = Motion(control, sigma**2 * np.eye(3))
     one = np.ones(1)
-    return Step(index, index + 1, motion, [item], np.zeros(1, np.uint32), one, ("",), np.ones(1, dtype=bool))
+    return Step(
+        index=index,
+        stamp_ns=index + 1,
+        motion=motion,
+        detections=[item],
+        detection_ids=np.zeros(1, np.uint32),
+        scores=one,
+        names=("",),
+        in_coverage=np.ones(1, dtype=bool),
+    )
 
 
 class OneObject:

@@ -114,7 +114,7 @@ def step(k: int, measurements: list[SemanticFactor], seen: PlanarDetection, gues
     graph.add(MANIFOLD.between_factor(ROBOT[k], ROBOT[k + 1], STEP, STEP_SIGMA**2 * np.eye(3)))
     graph.add(CLASSES.geometry_factor(seen, (ROBOT[k + 1], TARGET)))
     MANIFOLD.insert(values, ROBOT[k + 1], guess)
-    return Extension(graph, values, measurements, {ROBOT[k + 1]: guess, TARGET: OBJECT})
+    return Extension(graph=graph, values=values, measurements=measurements, start={ROBOT[k + 1]: guess, TARGET: OBJECT})
 
 
 def classed(k: int, offset: float, jumped: bool = False) -> Extension:
@@ -262,7 +262,9 @@ def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
         smoother,
         factor_table=replace(smoother.factor_table, points=LinearisationPoints.stacked(now.robots, now.objects, off)),
     )
-    assert batch_update._to_renew({7: batch_update._Fork(extension, moved, converged)}) == {7: [0] if renewed else []}
+    assert batch_update._to_renew(
+        {7: batch_update._Fork(extension=extension, smoother=moved, converged=converged)}
+    ) == {7: [0] if renewed else []}
     next_keyframe = batch_update._stale([moved], [[TARGET]])[0]
     assert next_keyframe.rows == ([0] if thresholds > 1.0 else [])
 
@@ -316,7 +318,16 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
             extension.graph.add(gtsam.PriorFactorVector(LOOK, prior.mean[0], sigma))
             extension.values.insert(LOOK, begin)
         began = {**extension.start, LOOK: begin}
-        smoother = extend(smoother, Extension(extension.graph, extension.values, extension.measurements, began, jumped))
+        smoother = extend(
+            smoother,
+            Extension(
+                graph=extension.graph,
+                values=extension.values,
+                measurements=extension.measurements,
+                start=began,
+                jumped=jumped,
+            ),
+        )
     factors = gtsam.NonlinearFactorGraph(smoother.isam.getFactorsUnsafe())
     assert sum(factors.exists(i) for i in range(factors.size())) == 2 + 1 + 4 * 3
     graph = smoother.kept()
@@ -341,7 +352,7 @@ def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
     MANIFOLD.insert(values, ROBOT[2], at)
     seen = classed(1, 0.0).measurements[0].detection
     measurements = [SemanticFactor(ROBOT[2], TARGET, seen, 0)]
-    extension = Extension(graph, values, measurements, {ROBOT[2]: at, TARGET: OBJECT})
+    extension = Extension(graph=graph, values=values, measurements=measurements, start={ROBOT[2]: at, TARGET: OBJECT})
     with pytest.raises(RuntimeError, match="Indeterminate"):
         gtsam.ISAM2(smoother.isam).update(graph, values)
     grown = extend(smoother, extension)

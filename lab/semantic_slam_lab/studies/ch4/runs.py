@@ -119,7 +119,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
         reader=HandMadeReader(0 if model is None else model.num_features),
         robot=GaussianPrior(scenario.start_mean, np.diag(scenario.start_variance)),
         objects=tuple(
-            ObjectEntry(n, f"O{n + 1}", GaussianPrior(mean, covariance), uniform)
+            ObjectEntry(object_id=n, name=f"O{n + 1}", prior=GaussianPrior(mean, covariance), class_prior=uniform)
             for n, mean in enumerate(run.map_means)
         ),
         class_names=class_names,
