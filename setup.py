@@ -36,6 +36,8 @@ EXTRAS = {
     "dev": (
         "coverage~=7.17",
         "mcap-ros2-support~=0.6.0",
+        "mkdocs~=1.6",
+        "mkdocs-material~=9.8",
         "mypy~=2.4",
         "packaging>=26",
         "pytest~=9.2",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.odometry_bias import bias_prior
-from semantic_slam.inference.smoothing.errors import ConsumedSmootherError, LostComponentError
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
     NO_FACTORS,
@@ -26,12 +26,11 @@ from semantic_slam.inference.smoothing.factor_table import (
     FactorTable,
     RelinearisedFactors,
 )
+from semantic_slam.inference.smoothing.isam import OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.states.keys import BIAS_LETTER, DESCRIPTOR, is_descriptor, letter_of
+from semantic_slam.inference.states.keys import is_descriptor, letter_of
 from semantic_slam.inference.states.spaces import Spaces
 
-WILDFIRE_THRESHOLD = 1e-9
-"""Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
 FEW_VARIABLES = 200
 """Up to which reading the whole estimate once costs less than reading parts of it."""
 MOST_JOINT = 24
@@ -39,32 +38,6 @@ MOST_JOINT = 24
 CONVERGED = 1.5
 """Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
 the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
-STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
-"""Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
-back-substitution stops, metres or radians."""
-
-
-class OwnedIsam:
-    """An iSAM2, which one smoother at a time reads and updates."""
-
-    def __init__(self, isam: gtsam.ISAM2) -> None:
-        self._isam: gtsam.ISAM2 | None = isam
-
-    @property
-    def isam(self) -> gtsam.ISAM2:
-        """The iSAM2. Raises ConsumedSmootherError where it was handed on."""
-        if self._isam is None:
-            raise ConsumedSmootherError("this smoother was consumed by its update; fork() it before, to keep it")
-        return self._isam
-
-    def fork(self) -> "OwnedIsam":
-        """A copy of the iSAM2, for another owner."""
-        return OwnedIsam(gtsam.ISAM2(self.isam))
-
-    def hand_on(self) -> "OwnedIsam":
-        """The iSAM2 handed on to another owner; this one raises from now on."""
-        other, self._isam = OwnedIsam(self.isam), None
-        return other
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +62,7 @@ class Smoother:
         cls, spaces: Spaces, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ) -> "Smoother":
         """A smoother of the factors ``graph`` at ``values``, without semantic measurements."""
-        isam = _new_isam(spaces, semantics)
+        isam = new_isam(spaces, semantics.descriptor_threshold)
         isam.update(graph, values)
         return cls(
             spaces=spaces,
@@ -217,18 +190,7 @@ class Smoother:
 
         With biases of odometry as a variable of its own, in which all is linear.
         """
-        parameters = gtsam.ISAM2Params()
-        parameters.relinearizeSkip = STEPPED_SKIP
-        thresholds = gtsam.ISAM2ThresholdMap()
-        for symbol, space in (("x", self.spaces.robot), ("o", self.spaces.landmark)):
-            thresholds.insert((symbol, space.far))
-        thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
-        parameters.setRelinearizeThreshold(thresholds)
-        parameters.enablePartialRelinearizationCheck = True
-        solver = gtsam.ISAM2GaussNewtonParams()
-        solver.setWildfireThreshold(STEPPED_WILDFIRE)
-        parameters.setOptimizationParams(solver)
-        isam = gtsam.ISAM2(parameters)
+        isam = single_step_isam(self.spaces, num_biases)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         if num_biases:
             isam.update(*bias_prior(num_biases))
@@ -281,11 +243,11 @@ class Smoother:
         for factor in factors:
             graph.add(factor)
         last = _last(values.keys())
-        isam = _new_isam(self.spaces, self.semantics)
+        isam = new_isam(self.spaces, self.semantics.descriptor_threshold)
         try:
             result = isam.update(graph, values, [], _groups(last))
         except RuntimeError:
-            isam = _new_isam(self.spaces, self.semantics, "QR")
+            isam = new_isam(self.spaces, self.semantics.descriptor_threshold, "QR")
             result = isam.update(graph, values, [], _groups(last))
         if not np.isfinite(isam.getDelta().vector()).all():
             raise RuntimeError("the system is not finite")
@@ -346,22 +308,6 @@ class Smoother:
 def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
     """Rank of each key among them all."""
     return np.argsort(np.argsort(keys))
-
-
-def _new_isam(spaces: Spaces, semantics: SemanticFactorMaker, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
-    parameters = gtsam.ISAM2Params()
-    parameters.setFactorization(factorization)
-    parameters.relinearizeSkip = 1
-    thresholds = gtsam.ISAM2ThresholdMap()
-    for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
-        thresholds.insert((symbol, space.relinearize_threshold))
-    if len(semantics.descriptor_threshold):
-        thresholds.insert((DESCRIPTOR, semantics.descriptor_threshold))
-    parameters.setRelinearizeThreshold(thresholds)
-    solver = gtsam.ISAM2GaussNewtonParams()
-    solver.setWildfireThreshold(WILDFIRE_THRESHOLD)
-    parameters.setOptimizationParams(solver)
-    return gtsam.ISAM2(parameters)
 
 
 def _last(keys: Sequence[int], measurements: Sequence[SemanticFactor] = ()) -> tuple[int, ...]:
