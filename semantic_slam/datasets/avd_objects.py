@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,15 +51,19 @@ def true_objects(scene: AvdScene) -> tuple[TrueObject, ...]:
 def uncertain_prior(objects: Sequence[TrueObject], rng: np.random.Generator) -> MapPrior:
     """What a robot could know beforehand: poses drawn about the truth with the stated variances, no classes."""
     sigma = np.sqrt([POSITION_VARIANCE_M2, POSITION_VARIANCE_M2, HEADING_VARIANCE_RAD2])
+    return surveyed_map({known.object_id: known.pose for known in objects}, sigma, rng)
+
+
+def surveyed_map(poses: Mapping[int, Array], sigma: Array, rng: np.random.Generator) -> MapPrior:
+    """Map prior of (7,) true ``poses`` by object id: x, y [m] and yaw [rad] drawn with ``sigma`` (3,), no classes."""
     spread = covariance(np.diag(sigma**2))
     priors = []
-    for known in objects:
-        planar = planar_from_pose_vector(known.pose) + sigma * rng.standard_normal(3)
-        pose = pose_vector_from_planar(planar, float(known.pose[2]))
+    for object_id, true in poses.items():
+        pose = pose_vector_from_planar(planar_from_pose_vector(true) + sigma * rng.standard_normal(3), float(true[2]))
         priors.append(
             ObjectPrior(
-                object_id=known.object_id,
-                name=f"object_{known.object_id}",
+                object_id=object_id,
+                name=f"object_{object_id}",
                 pose=pose,
                 covariance=spread,
                 class_probabilities={},

@@ -65,8 +65,14 @@ def test_values_are_written_as_asked() -> None:
 def test_kept_results_leave_out_what_only_figures_need(tmp_path: Path) -> None:
     source = tmp_path / "result.json"
     result = {"study": "drive", "steps": {"a": [1.0]}, "methods": {"ours": {"x": 0.123456789, "all": [0.0] * 99}}}
+    result |= {"network": str(tmp_path / "network.safetensors"), "topic": "/odom"}
     source.write_text(json.dumps(result))
     assert keep(source, tmp_path / "kept").name == "drive.json"
     kept = read_kept(tmp_path / "kept")
-    assert kept.results["drive"] == {"study": "drive", "methods": {"ours": {"x": 0.123457}}}
+    assert kept.results["drive"] == {
+        "study": "drive",
+        "methods": {"ours": {"x": 0.123457}},
+        "network": "network.safetensors",
+        "topic": "/odom",
+    }
     assert kept.at("drive:methods/ours/x") == 0.123457

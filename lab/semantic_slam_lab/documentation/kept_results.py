@@ -67,12 +67,14 @@ def keep(source: Path, folder: Path, remark: str = "") -> Path:
 
 
 def shortened(value: Any) -> Any:
-    """``value`` without what only figures need, its numbers rounded."""
+    """``value`` without what only figures need and without folders of the machine, its numbers rounded."""
     if isinstance(value, dict):
         kept = {key: shortened(item) for key, item in value.items() if not _only_for_figures(key, item)}
         return {key: item for key, item in kept.items() if item != {} and item != []}
     if isinstance(value, list):
         return [shortened(item) for item in value]
+    if isinstance(value, str) and Path(value).is_absolute() and Path(value).suffix:
+        return Path(value).name
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 

@@ -15,11 +15,11 @@ from tqdm import tqdm
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.avd_drive import BODY_FRAME, CAMERA_FRAME, FIRST_STAMP_NS, LABEL, STEP_NS
 from semantic_slam.datasets.avd_messages import camera_info, encoded_image, static_transform
-from semantic_slam.datasets.avd_objects import covariance
+from semantic_slam.datasets.avd_objects import surveyed_map
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector, pose_vector_from_planar
-from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
@@ -107,21 +107,7 @@ def detectable(
 def uncertain_map(objects: tuple[PlacedObject, ...], seed: int) -> MapPrior:
     """A surveyed map: poses drawn about the truth, no classes."""
     rng = np.random.default_rng([seed, PURPOSES["map_prior"]])
-    spread = covariance(np.diag(OBJECT_SIGMA**2))
-    priors = []
-    for placed in objects:
-        planar = planar_from_pose_vector(placed.pose) + OBJECT_SIGMA * rng.standard_normal(3)
-        pose = pose_vector_from_planar(planar, float(placed.pose[2]))
-        priors.append(
-            ObjectPrior(
-                object_id=placed.object_id,
-                name=f"object_{placed.object_id}",
-                pose=pose,
-                covariance=spread,
-                class_probabilities={},
-            )
-        )
-    return MapPrior(tuple(priors))
+    return surveyed_map({placed.object_id: placed.pose for placed in objects}, OBJECT_SIGMA, rng)
 
 
 @dataclass(frozen=True)

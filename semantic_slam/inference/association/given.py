@@ -1,36 +1,22 @@
 """Association by identities that come with the detections."""
 
-from collections.abc import Collection
-
 import numpy as np
 
-from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Index
 from semantic_slam.inference.association.closed_keyframe import ClosedKeyframe
-from semantic_slam.inference.association.enumerated import warm_up
-from semantic_slam.inference.association.map_gate import FEW_OBJECTS
+from semantic_slam.inference.association.closed_world import ClosedWorld, expected_along
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
-from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.objects import ObjectRegistry
 
 
-class GivenAssociation:
+class GivenAssociation(ClosedWorld):
     """Each detection names its object; a new name is a new object, and a detection without a name is clutter."""
 
-    carries_views = tracks_objects = False
-    needs_map, wants_identities, counts_misses, merges_copies = False, True, False, False
-
-    def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
-        self.problem, self.registry = problem, registry
-        warm_up(problem)
-
-    @staticmethod
-    def check(configuration: Configuration) -> None:
-        """Accept every configuration: any other parameters go together with given associations."""
+    needs_map, wants_identities = False, True
 
     @staticmethod
     def introduce(registry: ObjectRegistry, step: Step) -> None:
@@ -38,23 +24,13 @@ class GivenAssociation:
         for name in step.names:
             registry.identify(name)
 
-    @staticmethod
-    def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
-        """All objects of the map and all that were named."""
-        return registry.known
-
-    def root(self, number: int) -> Component:
-        """The component before any keyframe."""
-        return self.problem.root()
-
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> ClosedKeyframe:
         """About the objects that the keyframe names; along a ``path`` through many of them, those of that path."""
         identities = [self.registry.identify(name) for name in step.names]
         used = np.array([i for i, number in enumerate(identities) if number >= 0], dtype=int)
         named = sorted({identities[i] for i in used})
         known = [n for n in named if n in parents.components[0].object_ids]
-        if path is not None and len(known) > FEW_OBJECTS:
-            known = [n for n in known if n in path.association]
+        known = expected_along(path, known)
         unknown = [n for n in named if n not in parents.components[0].object_ids]
         return ClosedKeyframe(
             problem=self.problem,

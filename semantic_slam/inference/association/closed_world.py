@@ -1,0 +1,49 @@
+"""What associations have in common that know of every object, or are told of it, and of none that may not exist."""
+
+from collections.abc import Collection
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.inference.association.map_gate import FEW_OBJECTS
+from semantic_slam.inference.evidence.allocation import keep_freed_memory
+from semantic_slam.inference.evidence.importance import normal_points
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
+from semantic_slam.inference.world.problem import Problem
+
+
+class ClosedWorld:
+    """An association strategy but for what it needs, introduces and predicts."""
+
+    carries_views = tracks_objects = counts_misses = merges_copies = False
+
+    def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
+        self.problem, self.registry = problem, registry
+        warm_up(problem)
+
+    @staticmethod
+    def check(configuration: Configuration) -> None:
+        """Accept every configuration: any other parameters go together with a closed world."""
+
+    @staticmethod
+    def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
+        """All objects of the map and all that were named, seen or not."""
+        return registry.known
+
+    def root(self, number: int) -> Component:
+        """The component before any keyframe."""
+        return self.problem.root()
+
+
+def expected_along(path: LineageStep | None, known: list[int]) -> list[int]:
+    """The objects that a keyframe may be about: along a ``path`` through many, those of the path alone."""
+    if path is None or len(known) <= FEW_OBJECTS:
+        return known
+    return [n for n in known if n in path.association]
+
+
+def warm_up(problem: Problem) -> None:
+    """Do what would make the first keyframe take longer than the others."""
+    if problem.weights.method == "importance":
+        normal_points(1, 1)  # what it imports takes longer than a keyframe may
+        keep_freed_memory()
