@@ -166,6 +166,28 @@ class OpenWorldConfiguration:
 
 
 @dataclass(frozen=True)
+class DetectionErrorsConfiguration:
+    correlated_share: float = parameter(
+        0.0,
+        "share of the variance of a detection's place that repeats, in neighbours and in the next views; 0: all is new;"
+        " for association: open with iterate_updates: false",
+        minimum=0.0,
+        maximum=0.99,
+    )
+    common_range_share: float = parameter(
+        0.3, "share of what repeats in ranges that all detections of a frame have in common", minimum=0.0, maximum=1.0
+    )
+    common_bearing_share: float = parameter(
+        0.7, "share of what repeats in bearings that all detections of a frame have in common", minimum=0.0, maximum=1.0
+    )
+    neighbour_m: float = parameter(
+        0.5, "distance between two objects at which they have 60 % of the rest in common", minimum=1e-3
+    )
+    motion_m: float = parameter(1.0, "metres driven after which errors repeat by a factor of 1 / e", minimum=1e-3)
+    motion_rad: float = parameter(1.0, "radians turned after which errors repeat by a factor of 1 / e", minimum=1e-3)
+
+
+@dataclass(frozen=True)
 class InitialPoseConfiguration:
     mean: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else"
@@ -259,6 +281,7 @@ class Configuration:
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     visibility: VisibilityConfiguration = field(default_factory=VisibilityConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
+    detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)

@@ -88,6 +88,11 @@ def _check_odometry(configuration: Configuration, association: type[AssociationS
             "odometry.estimate_bias works only where updates are not iterated;"
             " set association: open and open_world.iterate_updates: false"
         )
+    if configuration.detection_errors.correlated_share > 0.0 and not single_steps:
+        raise InputError(
+            "detection_errors.correlated_share works only where updates are not iterated;"
+            " set association: open and open_world.iterate_updates: false"
+        )
 
 
 def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
@@ -128,6 +133,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         weights=configuration.weights,
         pruning=configuration.pruning,
         open_world=configuration.open_world,
+        detection_errors=configuration.detection_errors,
     )
 
 

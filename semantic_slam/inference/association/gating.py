@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
 from semantic_slam.inference.association.murty import k_best
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -34,9 +35,17 @@ class PairDensities:
 
 
 def pair_densities(
-    spaces: Spaces, model: ObservationModel, detections: Sequence[Any], mean: Array, covariance: Array
+    spaces: Spaces,
+    model: ObservationModel,
+    detections: Sequence[Any],
+    mean: Array,
+    covariance: Array,
+    errors: PredictedErrors | None = None,
 ) -> PairDensities:
-    """Densities of all pairs from the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects."""
+    """Densities of all pairs from the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects.
+
+    ``errors``: of the detections, where these repeat; residuals are then whitened by what does not.
+    """
     count, storage = len(mean) - 1, spaces.storage
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
@@ -49,8 +58,15 @@ def pair_densities(
     robot = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
     states = np.tile(mean[1:, : storage.landmark], (len(detections), 1))
     part = model.geometry(seen, robot, states)
-    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
     prior = np.tile(joint, (len(detections), 1, 1))
+    if errors is not None:
+        slopes, at = np.repeat(errors.slopes, count, axis=0), np.repeat(errors.mean, count, axis=0)
+        part = errors.transition.white.linearisation(part, slopes, at)
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
+    if errors is not None:
+        jacobian = np.concatenate([jacobian, slopes[:, :, None] * np.eye(2)], axis=-1)
+        places = spaces.layout.rows_of_slots(np.stack([np.zeros(count, dtype=int), 1 + np.arange(count)], axis=1))
+        prior = errors.with_pairs(joint, places).reshape(rows, jacobian.shape[-1], -1)
     found = Innovation.of(part, jacobian, prior)
     parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
     return PairDensities(found.log_density.reshape(-1, count), found.distance.reshape(-1, count), parts)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.rows import Selection, take
 
+ASSUMED_RANGE_M = 3.0
+"""Of a bearing alone, where nearness to other detections counts."""
 LOG_2PI = float(np.log(2.0 * np.pi))
 
 
@@ -62,6 +64,12 @@ class PlanarDetection:
     def feature_variance(self) -> Array:
         """(F,) diagonal of the feature's covariance."""
         return np.array(self.feature_covariance.diagonal())
+
+    @property
+    def place(self) -> Array:
+        """(2,) in the body frame; a bearing alone counts as at :data:`ASSUMED_RANGE_M`."""
+        reach = self.range_m if self.has_range else ASSUMED_RANGE_M
+        return self.origin + reach * np.array([np.cos(self.bearing_rad), np.sin(self.bearing_rad)])
 
     @property
     def origin(self) -> Array:

@@ -27,6 +27,7 @@ class Birth:
     gain: Array  # (3, 3) how the object moves with the robot
     spread: Array  # (3, 3) covariance given the robot, of the small problems
     noise: Array  # (3, 3) covariance given the robot that the detection leaves
+    by_error: Array  # (3, 2) slope of its place by the detection's whitened error; 0 for a bearing alone
     log_area: float  # log of the detection's evidence under an intensity of one
     log_stand_in: float  # log of its evidence under ``spread``
 
@@ -50,15 +51,24 @@ def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_vie
             gain=gain,
             spread=noise,
             noise=noise,
+            by_error=np.zeros((3, 2)),
             log_area=-float(np.log(field_of_view_rad)),
             log_stand_in=stand_in,
         )
     cos, sin, reach = np.cos(detection.bearing_rad), np.sin(detection.bearing_rad), detection.range_m
     polar = np.array([[cos, -reach * sin], [sin, reach * cos]])
     noise[:2, :2] = polar @ detection.covariance @ polar.T
+    by_error = np.zeros((3, 2))
+    by_error[:2] = polar @ np.linalg.cholesky(detection.covariance)
     spread = noise.copy()
     spread[:2, :2] *= WIDTH**2
     stand_in = float(detection.log_normaliser - np.log1p(WIDTH**2))  # the stand-in is WIDTH^2 times the noise
     return Birth(
-        prior=prior, gain=gain, spread=spread, noise=noise, log_area=float(np.log(reach)), log_stand_in=stand_in
+        prior=prior,
+        gain=gain,
+        spread=spread,
+        noise=noise,
+        by_error=by_error,
+        log_area=float(np.log(reach)),
+        log_stand_in=stand_in,
     )

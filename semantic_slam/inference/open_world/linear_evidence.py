@@ -12,6 +12,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.small_matrices import inverted
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -46,11 +47,21 @@ class LinearisedEvidence:
     """The predicted Gaussian of one parent with its linearised detections."""
 
     def __init__(
-        self, spaces: Spaces, mean: Array, covariance: Array, pairs: PairDensities, births: list[Birth], turns: Array
+        self,
+        spaces: Spaces,
+        mean: Array,
+        covariance: Array,
+        pairs: PairDensities,
+        births: list[Birth],
+        turns: Array,
+        errors: PredictedErrors | None = None,
     ):
-        """``mean`` (1 + M, s) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad]."""
+        """``mean`` (1 + M, s) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad].
+
+        ``errors`` of the detections where these repeat, the ``pairs`` being whitened accordingly.
+        """
         self.spaces, self.mean, self.covariance = spaces, mean, covariance
-        self.pairs, self.births, self.turns = pairs, births, turns
+        self.pairs, self.births, self.turns, self.errors = pairs, births, turns, errors
         self.layout, self.known = spaces.layout, len(mean) - 1
 
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
@@ -69,6 +80,11 @@ class LinearisedEvidence:
             residual, jacobian, log_normaliser = self._system(columns, seen)
             cross = jacobian @ prior
             innovation = cross @ jacobian.T
+            if self.errors is not None:
+                repeated = self._repeated(self.errors, seen, places)
+                cross += repeated.T
+                both = jacobian @ repeated
+                innovation += both + both.T + self._repeated_noise(self.errors, seen)
             innovation.flat[:: len(residual) + 1] += 1.0
             inverse, log_determinant = inverted(innovation)
             weighted = inverse @ residual
@@ -78,6 +94,17 @@ class LinearisedEvidence:
         self._fill(result, row, columns, seen, self.layout.blocks(shift), after)
         if seen:
             result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)
+
+    @staticmethod
+    def _repeated(errors: PredictedErrors, seen: list[int], places: Index) -> Array:
+        """(n, m) covariance of the states at ``places`` with the part of the residuals that repeats."""
+        return np.asarray(errors.cross[places[:, None], errors.rows(seen)] * errors.slopes[seen].ravel())
+
+    @staticmethod
+    def _repeated_noise(errors: PredictedErrors, seen: list[int]) -> Array:
+        """(m, m) covariance of that part."""
+        rows, slopes = errors.rows(seen), errors.slopes[seen].ravel()
+        return np.asarray(slopes[:, None] * errors.covariance[rows[:, None], rows] * slopes)
 
     def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, float]:
         """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser."""

@@ -34,7 +34,7 @@ class OpenAssociation:
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         self.problem, self.registry, self.settings = problem, registry, problem.open_world
-        self.predictor = Predictor(problem.model, problem.open_world)
+        self.predictor = Predictor(problem.model, problem.open_world, problem.detection_errors)
 
     @staticmethod
     def check(configuration: Configuration) -> None:
@@ -69,7 +69,7 @@ class OpenAssociation:
         spaces, model, detections = self.problem.spaces, self.problem.model, step.detections
         predictions = [self.predictor.predict(component, step.motion, detections) for component in parents.components]
         pairs = [
-            pair_densities(spaces, model, detections, own.predicted.mean[0], own.predicted.covariance[0])
+            pair_densities(spaces, model, detections, own.predicted.mean[0], own.predicted.covariance[0], own.errors)
             for own in predictions
         ]
         if path is not None:

@@ -134,6 +134,8 @@ class OpenKeyframe:
             new_objects={int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in existence.new_ids},
             existence=existence,
             local=local,
+            errors=None if prediction.errors is None else prediction.errors.transition,
+            carried_errors=prediction.carried_errors,
         )
 
     @cached_property
@@ -154,16 +156,27 @@ class OpenKeyframe:
             curved += numbers[(part.column("bend") > LARGEST_BEND) & likely].tolist()
             parts.append(part)
         found = Assignments.joined(parts)
-        if curved and len(self.used):
+        if curved and len(self.used) and not self._errors_repeat:
             found = found.with_rows(np.array(curved), self._searched(found.take(np.array(curved))))
         return replace(candidates, assignments=found)
+
+    @property
+    def _errors_repeat(self) -> bool:
+        """Whether the small problems of own searches, whose detections err each on its own, would not do."""
+        return any(own.errors is not None for own in self.predictions)
 
     @property
     def _linearised(self) -> list[LinearisedEvidence]:
         turns = np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in self.step.detections])
         return [
             LinearisedEvidence(
-                self.problem.spaces, own.predicted.mean[0], own.predicted.covariance[0], pairs, own.births, turns
+                self.problem.spaces,
+                own.predicted.mean[0],
+                own.predicted.covariance[0],
+                pairs,
+                own.births,
+                turns,
+                own.errors,
             )
             for own, pairs in zip(self.predictions, self.pairs, strict=True)
         ]

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.planar_observation import object_in_body
@@ -27,7 +28,9 @@ from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap
-from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
+from semantic_slam.inference.smoothing.tracking import carried_keys
+from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
@@ -45,6 +48,8 @@ class Prediction:
     near: Index  # (M,) rows of the population whose covariance with the robot is known
     predicted: PredictedBelief  # of one parent: robot and near objects
     local: LocalMap  # predicted, holds all near objects
+    errors: PredictedErrors | None  # of the detections, where they repeat
+    carried_errors: CarriedErrors | None  # of earlier detections, as the motion leaves them
     births: list[Birth]  # D
     log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, in the region
     birth_existence: Array  # (D,)
@@ -76,19 +81,37 @@ class Prediction:
         for number, object_id in enumerate(association):
             if object_id not in births:
                 part, column = pairs.parts[number], int(np.searchsorted(self.near_ids, object_id))
-                seen.append(LocalDetection(object_id, part.jacobian_robot[column], part.jacobian_object[column]))
+                slopes = part.jacobian_robot[column], part.jacobian_object[column], self._residual_by_errors(number)
+                seen.append(LocalDetection(object_id, *slopes))
         local = local.updated(seen)
         for number, object_id in enumerate(association):
             if object_id in births:
-                local = local.with_new(object_id, self.births[number].gain, self.births[number].noise)
+                own = self.births[number]
+                local = local.with_new(object_id, own.gain, *self._place_by_errors(number, own))
         return local
+
+    def _residual_by_errors(self, number: int) -> Array:
+        """(2, q) slope of a detection's whitened residual by the errors that repeat."""
+        slope = np.zeros((2, self.local.num_errors))
+        if self.errors is not None:
+            slope[:, 2 * number : 2 * number + 2] = np.diag(self.errors.slopes[number])
+        return slope
+
+    def _place_by_errors(self, number: int, born: Birth) -> tuple[Array, Array]:
+        """(3, 3) covariance of a new object's place that does not repeat, and (3, q) its slope by what does."""
+        slope = np.zeros((3, self.local.num_errors))
+        if self.errors is None:
+            return born.noise, slope
+        share = self.errors.transition.white.settings.correlated_share
+        slope[:, 2 * number : 2 * number + 2] = np.sqrt(share) * born.by_error
+        return born.noise - share * born.by_error @ born.by_error.T, slope
 
 
 class Predictor:
     """Predicts; a pure function of the component and the keyframe."""
 
-    def __init__(self, model: ObservationModel, settings: OpenWorldConfiguration):
-        self.model, self.settings = model, settings
+    def __init__(self, model: ObservationModel, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration):
+        self.model, self.settings, self.errors = model, settings, errors
         self.region = sensor_region(settings)
         self._clutter = settings.clutter_per_frame / self.region.area_m2
 
@@ -101,15 +124,18 @@ class Predictor:
         if motion.by_bias is not None:
             transition = np.concatenate([transition, motion.by_bias], axis=1)
         before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
+        before = before[: transition.shape[1], : transition.shape[1]]
         spread = transition @ before @ transition.T + motion.covariance
         births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
         sigma = float(position_sigmas(spread[None])[0])
-        errors = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
-        reach = np.flatnonzero(_distances(tracked.states, robot) < self.region.max_range_m + errors)
+        margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
+        reach = np.flatnonzero(_distances(tracked.states, robot) < self.region.max_range_m + margin)
         near, beyond = self._near(component, robot, spread, births, detections, reach)
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(wider, transition, motion.covariance)
+        carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
+        local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
         objects = _objects_in_reach(tracked, robot, reach, near, predicted)
         intensity, existence = self._births(tracked, births, detections)
@@ -120,6 +146,8 @@ class Predictor:
             near=near,
             predicted=predicted,
             local=local,
+            errors=errors,
+            carried_errors=carried,
             births=births,
             log_intensity=intensity,
             birth_existence=existence,
@@ -127,6 +155,23 @@ class Predictor:
             in_reach=reach,
             objects=objects,
             detected=detected,
+        )
+
+    def _with_errors(
+        self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]
+    ) -> tuple[LocalMap, PredictedErrors | None]:
+        """The local map with the errors of these detections in place of earlier ones; as it is without detections."""
+        if self.errors.correlated_share <= 0.0 or not detections:
+            return local, None
+        places = np.array([detection.place for detection in detections])
+        ranged = np.array([detection.has_range for detection in detections], dtype=bool)
+        transition = ErrorTransition.of(self.errors, carried, places)
+        local = local.with_errors(transition.matrix, transition.noise)
+        return local, PredictedErrors(
+            transition=transition,
+            slopes=transition.white.slopes(ranged),
+            covariance=local.covariance[local.errors, local.errors],
+            cross=local.covariance[local.rows(near_ids), local.errors],
         )
 
     def _near(
@@ -187,10 +232,17 @@ def _local(component: Component, robot: Array, near: Index) -> LocalMap:
     if component.single_steps:
         around = np.argsort(_distances(tracked.states, robot), kind="stable")[:LOCAL_OBJECTS]
         ids = component.objects.ids[np.union1d(near, around)]
-    biases = len(tracked.bias)
-    keys = [robot_key(component.keyframe), *[bias_key(component.keyframe)][:biases], *(object_key(int(n)) for n in ids)]
-    together = component.joint_covariance(keys) if len(ids) else tracked.motion_covariance.copy()
-    return LocalMap(layout=component.spaces.layout, ids=ids, covariance=together, num_biases=biases)
+    keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
+    together = tracked.motion_covariance.copy()
+    if len(ids):
+        together = component.joint_covariance([*keys, *(object_key(int(n)) for n in ids)])
+    return LocalMap(
+        layout=component.spaces.layout,
+        ids=ids,
+        covariance=together,
+        num_biases=len(tracked.bias),
+        num_errors=tracked.num_errors,
+    )
 
 
 def _predicted(component: Component, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:

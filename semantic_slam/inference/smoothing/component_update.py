@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.evidence.window import Window
+from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.smoothing.local_map import LocalMap
+from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.object_views import ObjectViews
@@ -29,6 +31,8 @@ class ComponentUpdate:
     smoothed: dict[int, Array] = field(default_factory=dict)  # GTSAM key -> (s,) mode, where the window was looked at
     corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of the Gaussian at that mode
     local: LocalMap | None = None  # after the detections, where updates are not iterated
+    errors: ErrorTransition | None = None  # to those of this frame's detections, where they repeat
+    carried_errors: CarriedErrors | None = None  # as the motion leaves them, where this frame has no detections
 
     @property
     def assigned_classes(self) -> dict[int, int]:

@@ -7,13 +7,14 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.odometry_bias import bias_change
 from semantic_slam.inference.smoothing.batch_update import Extension
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactor
-from semantic_slam.inference.states.keys import begins_stretch, descriptor_key, object_key, robot_key
+from semantic_slam.inference.states.keys import begins_stretch, descriptor_key, error_keys, object_key, robot_key
 from semantic_slam.inference.states.object_views import ObjectViews
 
 JUMP = 0.5
@@ -62,11 +63,26 @@ def new_factors(
     for number, prior in update.new_objects.items():
         graph.add(component.spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
         component.spaces.landmark.insert(values, object_key(number), prior.mean)
-    for item in update.observed:
-        graph.add(shared.geometry(item))
+    for number, item in enumerate(update.observed):
+        graph.add(shared.geometry(item, number, update.errors))
+    if update.errors is not None:
+        _add_errors(component.keyframe + 1, update.errors, shared, graph, values)
     if shared.motion.by_bias is not None and begins_stretch(component.keyframe + 1) and component.tracked is not None:
         bias_change(component.keyframe + 1, component.tracked.bias, graph, values)
     return graph, values
+
+
+def _add_errors(
+    keyframe: int,
+    errors: ErrorTransition,
+    shared: KeyframeFactors,
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+) -> None:
+    """Add the errors of a keyframe's detections that repeat, one variable each."""
+    graph.add(shared.errors(errors))
+    for key, mean in zip(error_keys(keyframe, len(errors.places)), errors.mean.reshape(-1, 2), strict=True):
+        values.insert(key, mean)
 
 
 def classed_measurements(component: Component, update: ComponentUpdate) -> list[SemanticFactor]:

@@ -5,7 +5,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.errors import ConsumedSmootherError
-from semantic_slam.inference.states.keys import BIAS_LETTER, DESCRIPTOR
+from semantic_slam.inference.states.keys import BIAS_LETTER, DESCRIPTOR, ERROR_LETTER, VECTOR_SIZE
 from semantic_slam.inference.states.spaces import Spaces
 
 WILDFIRE_THRESHOLD = 1e-9
@@ -55,14 +55,15 @@ def new_isam(spaces: Spaces, descriptor_threshold: Array, factorization: str = "
     return gtsam.ISAM2(parameters)
 
 
-def single_step_isam(spaces: Spaces, num_biases: int) -> gtsam.ISAM2:
+def single_step_isam(spaces: Spaces) -> gtsam.ISAM2:
     """An empty one for one update per keyframe: relinearised seldom, back-substituted to millimetres."""
     parameters = gtsam.ISAM2Params()
     parameters.relinearizeSkip = STEPPED_SKIP
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
         thresholds.insert((symbol, space.far))
-    thresholds.insert((BIAS_LETTER, np.full(num_biases, np.inf)))
+    for letter in (BIAS_LETTER, ERROR_LETTER):  # all is linear in these
+        thresholds.insert((letter, np.full(VECTOR_SIZE, np.inf)))
     parameters.setRelinearizeThreshold(thresholds)
     parameters.enablePartialRelinearizationCheck = True
     solver = gtsam.ISAM2GaussNewtonParams()

@@ -3,10 +3,11 @@
 from functools import cached_property
 from typing import Any
 
+from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import biased_factor
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
-from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
+from semantic_slam.inference.states.keys import bias_key, error_key, error_keys, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
 
@@ -17,6 +18,7 @@ class KeyframeFactors:
         self.motion = motion
         self._spaces, self._model, self._keyframe = spaces, model, keyframe
         self._geometry: dict[tuple[int, int], Any] = {}
+        self._errors: Any = None
 
     @cached_property
     def odometry(self) -> Any:
@@ -26,10 +28,23 @@ class KeyframeFactors:
             return self._spaces.robot.between_factor(*keys, motion.control, motion.covariance)
         return biased_factor((*keys, bias_key(self._keyframe)), motion.control, motion.covariance, motion.by_bias)
 
-    def geometry(self, item: AssociatedDetection) -> Any:
-        """Factor of a detection that is associated with an object."""
+    def geometry(self, item: AssociatedDetection, number: int, errors: ErrorTransition | None) -> Any:
+        """Factor of a detection that is associated with an object, and of its error where errors repeat.
+
+        ``number``: of that error among the frame's.
+        """
         name = id(item.detection), item.object_id
         if name not in self._geometry:
             keys = robot_key(self._keyframe), object_key(item.object_id)
-            self._geometry[name] = self._model.geometry_factor(item.detection, keys)
+            factor = self._model.geometry_factor(item.detection, keys)
+            if errors is not None:
+                factor = errors.white.factor(factor, error_key(self._keyframe, number))
+            self._geometry[name] = factor
         return self._geometry[name]
+
+    def errors(self, transition: ErrorTransition) -> Any:
+        """Factor of the errors that repeat, from those of the newest frame before; all hypotheses have one."""
+        if self._errors is None:
+            before = error_keys(transition.before, transition.matrix.shape[1] // 2)
+            self._errors = transition.factor(before, error_keys(self._keyframe, len(transition.places)))
+        return self._errors

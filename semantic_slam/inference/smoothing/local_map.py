@@ -8,6 +8,7 @@ it is taken from the smoother again when another object comes near, when the est
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.states.layout import Layout
@@ -18,22 +19,37 @@ LARGEST_AGE = 25
 
 @dataclass(frozen=True)
 class LocalDetection:
-    """One detection of a known object: whitened Jacobians (m, r) and (m, l) at the prediction."""
+    """One detection of a known object: whitened Jacobians (m, r), (m, l) and (m, q) at the prediction."""
 
     object_id: int
     by_robot: Array
     by_object: Array
+    by_errors: Array  # by the frame's errors that repeat
 
 
 @dataclass(frozen=True, kw_only=True)
 class LocalMap:
-    """M objects; r and l dimensions of the tangent spaces of robot and objects, p biases of odometry."""
+    """M objects; r and l dimensions of the tangent spaces of robot and objects.
+
+    p biases of odometry, and q errors that repeat, of the newest frame's detections.
+    """
 
     layout: Layout
     ids: Index  # (M,)
-    covariance: Array  # (r + p + M l) square: robot, biases, objects, in the tangent spaces at the estimates
+    covariance: Array  # (r + p + q + M l) square: robot, biases, errors, objects, in tangent spaces at the estimates
     age: int = 0
     num_biases: int = 0  # p
+    num_errors: int = 0  # q
+
+    @property
+    def carried(self) -> slice:
+        """Rows of robot, biases and errors."""
+        return slice(0, self.layout.robot + self.num_biases + self.num_errors)
+
+    @property
+    def errors(self) -> slice:
+        """Rows of the errors."""
+        return slice(self.layout.robot + self.num_biases, self.carried.stop)
 
     def holds(self, object_ids: Index) -> bool:
         """Whether all of (n,) objects are here."""
@@ -43,7 +59,7 @@ class LocalMap:
         """Rows of the covariance for the robot and (n,) objects."""
         place = {n: row for row, n in enumerate(self.ids.tolist())}
         rows = self.layout.rows([0, *(1 + place[n] for n in object_ids.tolist())])
-        rows[self.layout.robot :] += self.num_biases
+        rows[self.layout.robot :] += self.num_biases + self.num_errors
         return rows
 
     def of(self, object_ids: Index) -> Array:
@@ -65,6 +81,15 @@ class LocalMap:
         covariance[:size, :size] += noise
         return replace(self, covariance=covariance, age=self.age + 1)
 
+    def with_errors(self, matrix: Array, noise: Array) -> "LocalMap":
+        """The map with other errors f' = A f + v, ``matrix`` A and ``noise`` the covariance of v."""
+        start, end, size = self.errors.start, self.errors.stop, len(self.covariance)
+        transition = block_diag(np.eye(start), matrix, np.eye(size - end))
+        covariance = transition @ self.covariance @ transition.T
+        rows = slice(start, start + len(matrix))
+        covariance[rows, rows] += noise
+        return replace(self, covariance=covariance, num_errors=len(matrix))
+
     def updated(self, seen: list[LocalDetection]) -> "LocalMap":
         """The map after detections of objects that are in it."""
         if not seen:
@@ -75,6 +100,7 @@ class LocalMap:
         for item in seen:
             rows = slice(at, at + len(item.by_robot))
             jacobian[rows, :size] = item.by_robot
+            jacobian[rows, self.errors] = item.by_errors
             own = self.rows(np.array([item.object_id]))[size:]
             jacobian[rows, own] = item.by_object
             at = rows.stop
@@ -82,10 +108,11 @@ class LocalMap:
         innovation = cross @ jacobian.T + np.eye(at)
         return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
-    def with_new(self, object_id: int, gain: Array, noise: Array) -> "LocalMap":
-        """The map with an object that follows from the robot: o = G x + e."""
-        size = self.layout.robot
-        cross = gain @ self.covariance[:size]
-        own = cross[:, :size] @ gain.T + noise
+    def with_new(self, object_id: int, gain: Array, noise: Array, by_errors: Array) -> "LocalMap":
+        """The map with an object that follows from the robot and the errors: o = G x + H f + e, H (l, q)."""
+        slopes = np.zeros((len(gain), len(self.covariance)))
+        slopes[:, : self.layout.robot], slopes[:, self.errors] = gain, by_errors
+        cross = slopes @ self.covariance
+        own = cross @ slopes.T + noise
         covariance = np.block([[self.covariance, cross.T], [cross, own]])
         return replace(self, ids=np.append(self.ids, object_id), covariance=covariance)

@@ -28,7 +28,7 @@ from semantic_slam.inference.smoothing.factor_table import (
 )
 from semantic_slam.inference.smoothing.isam import OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.states.keys import is_descriptor, letter_of
+from semantic_slam.inference.states.keys import VECTOR_SIZE, is_descriptor, is_vector, letter_of
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
@@ -138,6 +138,8 @@ class Smoother:
         return np.asarray(0.5 * (covariance + covariance.T))
 
     def _size(self, key: int) -> int:
+        if is_vector(key):
+            return VECTOR_SIZE
         return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.spaces.of(key).tangent_size
 
     def covariances(self, keys: Sequence[int]) -> Array:
@@ -190,7 +192,7 @@ class Smoother:
 
         With biases of odometry as a variable of its own, in which all is linear.
         """
-        isam = single_step_isam(self.spaces, num_biases)
+        isam = single_step_isam(self.spaces)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         if num_biases:
             isam.update(*bias_prior(num_biases))

@@ -7,8 +7,9 @@ from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
+from semantic_slam.inference.states.keys import bias_key, error_keys, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
@@ -27,7 +28,7 @@ def tracked_before(
         robot_covariance=robot.covariance,
         trail=np.zeros((0, storage.robot)),
         bias=np.zeros(num_biases),
-        bias_covariance=_with_unit_bias(robot.covariance, num_biases),
+        carried_covariance=_with_unit_bias(robot.covariance, num_biases),
     )
 
 
@@ -47,7 +48,8 @@ def tracked_after(
     fresh = np.arange(len(ids))
     if len(ids) > max_fresh:
         fresh = np.unique(np.searchsorted(ids, update.object_ids)).astype(int)
-    together, covariances[fresh] = _joint(smoother, keyframe, before, update.local, ids[fresh])
+    errors = _errors_after(smoother, keyframe, before, update)
+    together, covariances[fresh] = _joint(smoother, keyframe, len(before.bias), errors, update.local, ids[fresh])
     sigmas[fresh] = position_sigmas(covariances[fresh])
     return TrackedStates(
         states=states[:-1, : storage.landmark],
@@ -57,19 +59,41 @@ def tracked_after(
         robot_covariance=together[: layout.robot, : layout.robot],
         trail=np.concatenate([before.trail, states[-1:, : storage.robot]]),
         bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
-        bias_covariance=together if len(before.bias) else None,
+        errors=errors,
+        carried_covariance=together if len(before.bias) or errors is not None else None,
     )
 
 
+def _errors_after(
+    smoother: Smoother, keyframe: int, before: TrackedStates, update: ComponentUpdate
+) -> CarriedErrors | None:
+    """The errors of the newest frame with detections."""
+    if update.errors is None:
+        return before.errors if update.carried_errors is None else update.carried_errors
+    keys = error_keys(keyframe, len(update.errors.places))
+    mean = np.concatenate([smoother.vector(key) for key in keys])
+    return CarriedErrors(keyframe=keyframe, places=update.errors.places, mean=mean)
+
+
 def _joint(
-    smoother: Smoother, keyframe: int, before: TrackedStates, local: LocalMap | None, object_ids: Index
+    smoother: Smoother,
+    keyframe: int,
+    num_biases: int,
+    errors: CarriedErrors | None,
+    local: LocalMap | None,
+    object_ids: Index,
 ) -> tuple[Array, Array]:
-    """(r + p, r + p) of robot and biases, and (n, l, l) of objects: from the local map where that holds them."""
-    size, biases = smoother.spaces.layout.robot, len(before.bias)
+    """(r + p + q) square of robot, biases and errors, and (n, l, l) of objects: from a local map that holds them."""
     if local is not None and local.holds(object_ids):
-        return local.covariance[: size + biases, : size + biases], local.single(object_ids)
-    robot = [robot_key(keyframe), *[bias_key(keyframe)][:biases]]
-    return smoother.joint_covariance(robot), smoother.covariances([object_key(n) for n in object_ids.tolist()])
+        return local.covariance[local.carried, local.carried], local.single(object_ids)
+    together = smoother.joint_covariance(carried_keys(keyframe, num_biases, errors))
+    return together, smoother.covariances([object_key(n) for n in object_ids.tolist()])
+
+
+def carried_keys(keyframe: int, num_biases: int, errors: CarriedErrors | None) -> list[int]:
+    """The newest robot, the biases of its odometry, and the errors that repeat."""
+    repeated = [] if errors is None else error_keys(errors.keyframe, len(errors.places))
+    return [robot_key(keyframe), *[bias_key(keyframe)][:num_biases], *repeated]
 
 
 def _with_unit_bias(robot: Array, num_biases: int) -> Array | None:

@@ -1,4 +1,4 @@
-"""The GTSAM keys of poses, objects, descriptors and biases."""
+"""The GTSAM keys of poses, objects, descriptors, biases of odometry and errors of detections."""
 
 from functools import cache
 
@@ -62,3 +62,25 @@ def bias_key(keyframe: int) -> int:
 def begins_stretch(keyframe: int) -> bool:
     """Whether the bias of the motion to this keyframe is a new one."""
     return keyframe > 0 and keyframe % STRETCH == 0
+
+
+ERROR_LETTER = "d"
+VECTOR_SIZE = 2
+"""Components of a bias of odometry, and of an error of a detection."""
+_MOST_DETECTIONS = 1 << 16
+"""In one frame."""
+
+
+def error_key(keyframe: int, number: int) -> int:
+    """Error that repeats, of one detection of a keyframe."""
+    return int(gtsam.symbol(ERROR_LETTER, keyframe * _MOST_DETECTIONS + number))
+
+
+def error_keys(keyframe: int, count: int) -> list[int]:
+    """Errors that repeat, of the ``count`` detections of a keyframe."""
+    return [error_key(keyframe, number) for number in range(count)]
+
+
+def is_vector(key: int) -> bool:
+    """Whether a GTSAM key is a bias of odometry or an error of a detection."""
+    return letter_of(key) in (BIAS_LETTER, ERROR_LETTER)

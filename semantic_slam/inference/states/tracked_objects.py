@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.states.carried_errors import CarriedErrors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +49,18 @@ class TrackedStates:
     robot_covariance: Array  # (r, r)
     trail: Array  # (T, s) robot at each keyframe, as estimated then
     bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry
-    bias_covariance: Array | None = None  # (r + p, r + p) of robot and bias; None: p is 0
+    errors: CarriedErrors | None = None  # of detections, that repeat; q components; None: q is 0
+    carried_covariance: Array | None = None  # (r + p + q) square, of robot, bias and errors; None: p and q are 0
 
     @property
     def motion_covariance(self) -> Array:
-        """(r + p, r + p) of the newest robot and what odometry always gets wrong."""
-        return self.robot_covariance if self.bias_covariance is None else self.bias_covariance
+        """(r + p + q) square, of the newest robot, what odometry always gets wrong, and the errors that repeat."""
+        return self.robot_covariance if self.carried_covariance is None else self.carried_covariance
+
+    @property
+    def num_errors(self) -> int:
+        """q."""
+        return 0 if self.errors is None else len(self.errors.mean)
 
 
 @dataclass(frozen=True, kw_only=True)

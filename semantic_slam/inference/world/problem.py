@@ -5,7 +5,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from semantic_slam.configuration import OpenWorldConfiguration, PruningConfiguration, WeightsConfiguration
+from semantic_slam.configuration import (
+    DetectionErrorsConfiguration,
+    OpenWorldConfiguration,
+    PruningConfiguration,
+    WeightsConfiguration,
+)
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
@@ -42,6 +47,7 @@ class Problem:
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
+    detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     num_biases: int = 0  # of odometry, that are estimated with the poses
     noise_factors: tuple[float, ...] = (1.0,)  # on odometry's covariance, in an open world one for each hypothesis
 

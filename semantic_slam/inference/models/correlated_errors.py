@@ -1,0 +1,170 @@
+"""Errors of a detection's place that repeat: in neighbours in one frame, and in the next views of the same place.
+
+In whitened coordinates the error of a detection's [range, bearing] is sqrt(s) f + sqrt(1 - s) w: w is white, and f, a
+standard normal in each component, is a process over viewing geometry with
+
+    Cov(f_i, f_j) = rho (c + (1 - c) exp(-|p_i - p_j|^2 / (2 l^2))),
+
+p being places relative to the robot, c the part that a whole frame has in common (heading, clock, scale of ranges), and
+rho = exp(-metres / m - radians / a) for the motion between two frames: Gauss-Markov along the drive. A robot at rest
+learns of a place no more than the variance of f lets it. What depends on earlier frames does so through the newest one
+with detections: exact while the same places are in view, and forgetful of what was out of view for a frame.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import gtsam
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from semantic_slam.configuration import DetectionErrorsConfiguration
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.observation import Linearisation
+from semantic_slam.inference.states.carried_errors import CarriedErrors
+
+OWN_SHARE = 1e-4
+"""Share of f that no two detections have in common: it keeps covariances regular where two stand at one place."""
+
+
+def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array) -> Array:
+    """(2 n, 2 m) covariance of f between places (n, 2) and (m, 2) [m], range and bearing of each in turn."""
+    squared = ((one[:, None] - other[None]) ** 2).sum(axis=-1)
+    near = np.exp(-0.5 * squared / settings.neighbour_m**2)
+    found = np.zeros((len(one), 2, len(other), 2))
+    for component, common in enumerate((settings.common_range_share, settings.common_bearing_share)):
+        found[:, component, :, component] = common + (1.0 - common) * near
+    return (1.0 - OWN_SHARE) * found.reshape(2 * len(one), 2 * len(other))
+
+
+@dataclass(frozen=True)
+class WhiteResidual:
+    """From a residual that is whitened by all of its error to one whitened by what does not repeat."""
+
+    settings: DetectionErrorsConfiguration
+
+    @property
+    def scale(self) -> float:
+        """Factor on whitened residuals and their slopes."""
+        return float(1.0 / np.sqrt(1.0 - self.settings.correlated_share))
+
+    @property
+    def slope(self) -> float:
+        """Derivative of such a residual by f, in each component."""
+        return float(np.sqrt(self.settings.correlated_share)) * self.scale
+
+    def slopes(self, ranged: Flags) -> Array:
+        """(D, 2) derivatives by f of the residuals of range and bearing, the range's 0 where there is none."""
+        return self.slope * np.stack([ranged, np.ones_like(ranged)], axis=1)
+
+    def linearisation(self, plain: Linearisation, slopes: Array, mean: Array) -> Linearisation:
+        """B rows at f of ``mean`` (B, 2), from those of residuals whitened by all of their error."""
+        measured = (slopes > 0.0).sum(axis=1)
+        return Linearisation(
+            self.scale * plain.residual + slopes * mean,
+            self.scale * plain.jacobian_robot,
+            self.scale * plain.jacobian_object,
+            plain.log_normaliser + measured * float(np.log(self.scale)),
+        )
+
+    def factor(self, plain: Any, error_key: int) -> Any:
+        """GTSAM factor on planar robot, object and f of a detection, from the ``plain`` one on robot and object."""
+        scale, size = self.scale, plain.dim()
+        slope = np.asfortranarray(self.slope * np.eye(2)[::-1][:size])  # GTSAM's order: bearing, range
+
+        def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            repeated = slope @ values.atVector(error_key)
+            if jacobians is None:
+                return np.asarray(scale * plain.whitenedError(values) + repeated)
+            jacobian, negated = plain.linearize(values).jacobian()
+            jacobian *= scale
+            jacobians[0], jacobians[1], jacobians[2] = jacobian[:, :3], jacobian[:, 3:], slope
+            return np.asarray(repeated - scale * negated)
+
+        return gtsam.CustomFactor(unit_noise(size), [*plain.keys(), error_key], error)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorTransition:
+    """f of a frame's D detections given that of n before: f_k = A f + v, v ~ N(0, Q)."""
+
+    white: WhiteResidual
+    before: int  # keyframe of those
+    matrix: Array  # A (2 D, 2 n)
+    noise: Array  # Q (2 D, 2 D)
+    mean: Array  # (2 D,) predicted
+    places: Array  # (D, 2)
+
+    @classmethod
+    def of(cls, settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, places: Array) -> Self:
+        """To detections at ``places`` (D, 2) [m] in the body frame, of the newest keyframe as ``carried`` is."""
+        white, own = (
+            WhiteResidual(settings),
+            correlation(settings, places, places) + OWN_SHARE * np.eye(2 * len(places)),
+        )
+        if carried is None:
+            nothing = np.zeros((2 * len(places), 0))
+            return cls(white=white, before=-1, matrix=nothing, noise=own, mean=np.zeros(len(own)), places=places)
+        known = correlation(settings, carried.places, carried.places) + OWN_SHARE * np.eye(2 * len(carried.places))
+        cross = carried.left * correlation(settings, places, carried.places)
+        matrix = np.asarray(np.linalg.solve(known, cross.T).T, dtype=np.float64)
+        noise = own - matrix @ cross.T
+        return cls(
+            white=white,
+            before=carried.keyframe,
+            matrix=matrix,
+            noise=0.5 * (noise + noise.T),
+            mean=matrix @ carried.mean,
+            places=places,
+        )
+
+    def factor(self, before: Sequence[int], now: Sequence[int]) -> Any:
+        """GTSAM factor on the variables of n and D detections by their keys, of (2,) each."""
+        inverse = solve_triangular(np.linalg.cholesky(self.noise), np.eye(len(self.noise)), lower=True)
+        whole = np.concatenate([-inverse @ self.matrix, inverse], axis=1)
+        keys = [*before, *now]
+        blocks = [np.asfortranarray(whole[:, 2 * at : 2 * at + 2]) for at in range(len(keys))]
+
+        def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            if jacobians is not None:
+                for at, block in enumerate(blocks):
+                    jacobians[at] = block
+            return np.asarray(whole @ np.concatenate([values.atVector(key) for key in keys]))
+
+        return gtsam.CustomFactor(unit_noise(len(whole)), keys, error)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictedErrors:
+    """f of a frame's D detections before they are taken in, with a robot and M objects, r + M l coordinates."""
+
+    transition: ErrorTransition
+    slopes: Array  # (D, 2) derivatives of the residuals
+    covariance: Array  # (2 D, 2 D)
+    cross: Array  # (r + M l, 2 D) with robot and objects
+
+    @property
+    def mean(self) -> Array:
+        """(D, 2) expected."""
+        return self.transition.mean.reshape(-1, 2)
+
+    def rows(self, numbers: Sequence[int]) -> Index:
+        """Components of some detections."""
+        return (2 * np.asarray(numbers, dtype=int)[:, None] + np.arange(2)).ravel()
+
+    def with_pairs(self, pairs: Array, rows: Index) -> Array:
+        """(D, M, r + l + 2, r + l + 2) of robot, each object and each detection's f, ``pairs`` (M, r + l, r + l).
+
+        ``rows`` (M, r + l): of the robot and each object in ``cross``.
+        """
+        count, size = len(self.slopes), pairs.shape[-1]
+        blocks = self.covariance.reshape(count, 2, count, 2)[np.arange(count), :, np.arange(count)]
+        found = np.empty((count, len(pairs), size + 2, size + 2))
+        found[..., :size, :size] = pairs
+        found[..., size:, size:] = blocks[:, None]
+        cross = np.moveaxis(self.cross[rows].reshape(len(pairs), size, count, 2), 2, 0)
+        found[..., :size, size:] = cross
+        found[..., size:, :size] = np.swapaxes(cross, -1, -2)
+        return found
