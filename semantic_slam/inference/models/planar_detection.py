@@ -14,7 +14,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.rows import Selection, take
 
 ASSUMED_RANGE_M = 3.0
-"""Of a bearing alone, where nearness to other detections counts."""
+"""Range [m] that a bearing alone counts with where nearness to other detections matters."""
 LOG_2PI = float(np.log(2.0 * np.pi))
 
 

@@ -78,7 +78,7 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
     root = random.normal(size=(11, 11))
     before = root @ root.T
     transition, noise = random.normal(size=(3, 5)), np.diag([0.1, 0.2, 0.3])
-    seen = LocalDetection(7, random.normal(size=(2, 3)), random.normal(size=(2, 3)))
+    seen = LocalDetection(7, random.normal(size=(2, 3)), random.normal(size=(2, 3)), np.zeros((2, 0)))
     local = (
         LocalMap(layout=Layout(3, 3), ids=np.array([4, 7]), covariance=before, num_biases=2)
         .moved(before, transition, noise)
@@ -121,7 +121,7 @@ def test_the_bias_is_found(bias: tuple[float, float]) -> None:
     """Odometry alone, exact, would leave 0.01 / (0.25 sqrt(K)) rad/m and 0.02 / (0.25 sqrt(K)): no less is claimed."""
     for seed in range(3):
         found = population_after(room_with(np.array(bias), 60, seed))
-        sigmas = np.sqrt(np.diag(found.bias_covariance)[3:]) * PRIOR_SIGMAS
+        sigmas = np.sqrt(np.diag(found.carried_covariance)[3:]) * PRIOR_SIGMAS
         assert (np.abs(found.bias * PRIOR_SIGMAS - bias) < 3.0 * sigmas).all()
         floor = np.array([0.01, 0.02]) / (0.25 * np.sqrt(60))
         assert (sigmas > 0.8 * floor).all()

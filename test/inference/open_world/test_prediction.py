@@ -33,7 +33,9 @@ def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3) -> 
     room = make_room(1, map_prior=MapPrior(objects), open_world={"max_joint_objects": limit})
     problem = problem_of(room.run)
     component = problem.tracking_root(0)
-    return Predictor(problem.model, problem.open_world).predict(component, MOTION, [detection])
+    return Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
+        component, MOTION, [detection]
+    )
 
 
 def detection(range_m: float) -> PlanarDetection:
@@ -87,5 +89,7 @@ def test_an_uncertain_object_may_be_within_reach() -> None:
     )
     problem = problem_of(far.run)
     component = problem.tracking_root(0)
-    found = Predictor(problem.model, problem.open_world).predict(component, MOTION, [detection(3.0)])
+    found = Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
+        component, MOTION, [detection(3.0)]
+    )
     assert found.in_reach.tolist() == [0]

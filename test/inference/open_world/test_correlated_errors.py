@@ -1,0 +1,163 @@
+"""Errors of detections that repeat: against the joint Gaussian of a whole drive, and what they leave unknown."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from worlds.open_room import make_room
+from worlds.same_beliefs import assert_same
+
+from semantic_slam import Configuration, Detection, Engine, Keyframe
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.pose import planar_from_covariance
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.states.keys import object_key
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+
+TWINS = np.array([[3.0, 0.1], [3.0, -0.1]])
+SIGMA_OBJECT, SIGMA_RANGE, SIGMA_BEARING = 4e-4, 3e-4, 1e-4
+START, STEP_SIGMA = 2e-4, 1e-4
+MOTION = np.array([0.2, 0.05, 0.1])
+ERRORS = {
+    "correlated_share": 0.9,
+    "common_range_share": 0.3,
+    "common_bearing_share": 0.7,
+    "neighbour_m": 0.4,
+    "motion_m": 2.0,
+    "motion_rad": 4.0,
+}
+KEYFRAMES = 5
+
+
+def configuration(errors: dict[str, float], **open_world: float) -> Configuration:
+    region = {"min_range_m": 0.3, "max_range_m": 8.0, "field_of_view_rad": 2.0, "occluder_radius_m": 0.0}
+    return Configuration.of(
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world={"iterate_updates": False, **region, **open_world},
+        detection_errors=errors,
+    )
+
+
+def seen_from(robot: np.ndarray, point: np.ndarray) -> np.ndarray:
+    d = se2.between(robot, np.array([*point, 0.0]))[:2]
+    return np.array([np.hypot(*d), np.arctan2(d[1], d[0])])
+
+
+def robots() -> list[np.ndarray]:
+    found = [np.zeros(3)]
+    for _ in range(KEYFRAMES):
+        found.append(se2.compose(found[-1], MOTION))
+    return found[1:]
+
+
+class JointGaussian:
+    """Start, steps, objects and errors of the drive as one vector of independent causes, linearised at the truth."""
+
+    def __init__(self, share: float) -> None:
+        self.share, self.poses = share, robots()
+        self.prior = np.concatenate([np.full(3, START), np.full(3 * KEYFRAMES, STEP_SIGMA), np.full(4, SIGMA_OBJECT)])
+        self.slopes = np.array([self._slopes(k) for k in range(KEYFRAMES)]).reshape(4 * KEYFRAMES, -1)
+
+    def _measured(self, k: int, causes: np.ndarray) -> np.ndarray:
+        x = causes[:3]
+        for step in range(k + 1):
+            x = se2.compose(se2.compose(x, MOTION), se2.exp(causes[3 + 3 * step : 6 + 3 * step]))
+        points = TWINS + causes[-4:].reshape(2, 2)
+        return np.concatenate([seen_from(x, point) for point in points])
+
+    def _slopes(self, k: int) -> np.ndarray:
+        size, step = len(self.prior), 1e-6
+        moved = [self._measured(k, step * e) - self._measured(k, -step * e) for e in np.eye(size)]
+        return np.array(moved).T / (2.0 * step)
+
+    def noise(self) -> np.ndarray:
+        """Covariance of all errors, in the order keyframe, object, range and bearing."""
+        sigma = np.array([SIGMA_RANGE, SIGMA_BEARING])
+        driven, turned = np.hypot(*MOTION[:2]) / ERRORS["motion_m"], MOTION[2] / ERRORS["motion_rad"]
+        kernel = np.zeros((KEYFRAMES, 2, 2, KEYFRAMES, 2, 2))
+        near = np.exp(-0.5 * np.sum((TWINS[0] - TWINS[1]) ** 2) / ERRORS["neighbour_m"] ** 2)
+        for k in range(KEYFRAMES):
+            for other in range(KEYFRAMES):
+                left = np.exp(-(driven + turned) * abs(k - other))
+                for c, common in enumerate((ERRORS["common_range_share"], ERRORS["common_bearing_share"])):
+                    together = common + (1.0 - common) * np.array([[1.0, near], [near, 1.0]])
+                    kernel[k, :, c, other, :, c] = left * together * sigma[c] ** 2
+        whole = kernel.reshape(4 * KEYFRAMES, -1)
+        return self.share * whole + (1.0 - self.share) * np.diag(np.diag(whole))
+
+    def covariance(self) -> np.ndarray:
+        """Of all measurements."""
+        return self.slopes @ np.diag(self.prior**2) @ self.slopes.T + self.noise()
+
+    def deviations(self) -> np.ndarray:
+        """Measurements drawn from it, less their means."""
+        return np.random.default_rng(5).multivariate_normal(np.zeros(4 * KEYFRAMES), self.covariance())
+
+    def log_density(self, deviations: np.ndarray) -> float:
+        return float(multivariate_normal(np.zeros(len(deviations)), self.covariance()).logpdf(deviations))
+
+    def objects_after(self) -> np.ndarray:
+        """(4, 4) covariance of both objects given all measurements."""
+        prior = np.diag(self.prior**2)
+        cross = prior @ self.slopes.T
+        return (prior - cross @ np.linalg.solve(self.covariance(), cross.T))[-4:, -4:]
+
+
+def drive(share: float, deviations: np.ndarray) -> tuple[Engine, float]:
+    """The engine after the drive, and log P(Z) up to what does not depend on the share."""
+    start = np.diag([START, START, START]) ** 2
+    sigmas = {"sigma_m": SIGMA_OBJECT, "sigma_rad": 1.0}
+    prior = MapPrior(tuple(ObjectPrior.planar(n, *point, **sigmas) for n, point in enumerate(TWINS.tolist())))
+    settings = configuration({**ERRORS, "correlated_share": share})
+    engine = Engine(settings, prior, initial_pose=np.zeros(3), initial_covariance=start)
+    covariance = np.diag([SIGMA_RANGE, SIGMA_BEARING]) ** 2
+    for k, robot in enumerate(robots()):
+        measured = np.array([seen_from(robot, point) for point in TWINS]) + deviations.reshape(-1, 2, 2)[k]
+        detections = [Detection(range_m=r, bearing_rad=b, covariance=covariance) for r, b in measured]
+        engine.process(Keyframe.planar(k, motion=MOTION, detections=detections, motion_sigmas=(STEP_SIGMA,) * 3))
+    return engine, engine.log_evidence
+
+
+def test_the_evidence_is_that_of_the_joint_gaussian_of_two_objects_in_every_frame() -> None:
+    repeating, white = JointGaussian(0.9), JointGaussian(0.0)
+    deviations = repeating.deviations()
+    expected = repeating.log_density(deviations) - white.log_density(deviations)
+    assert expected > 3.0
+    found = drive(0.9, deviations)[1] - drive(0.0, deviations)[1]
+    assert found == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.0])
+def test_objects_are_known_as_well_as_the_joint_gaussian_has_them(share: float) -> None:
+    world = JointGaussian(share)
+    engine, _ = drive(share, world.deviations())
+    component = next(iter(engine.pool._backends[0].held.values())).component
+    found = component.joint_covariance([object_key(0), object_key(1)])
+    rows = [0, 1, 3, 4]
+    np.testing.assert_allclose(found[np.ix_(rows, rows)], world.objects_after(), rtol=0.02, atol=2e-10)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.0])
+def test_a_robot_at_rest_learns_of_a_place_no_more_than_what_repeats_lets_it(share: float) -> None:
+    engine = Engine(configuration({"correlated_share": share}), initial_covariance=np.diag([1e-8] * 3))
+    detection = Detection(range_m=2.0, bearing_rad=0.0, covariance=np.diag([0.1, 0.05]) ** 2)
+    for k in range(40):
+        belief = engine.process(Keyframe.planar(k, detections=[detection], motion_sigmas=(1e-5,) * 3))
+    assert len(belief.object_ids) == 1
+    along = planar_from_covariance(belief.object_covariances[0])[0, 0] / 0.1**2
+    assert along == pytest.approx(share + (1.0 - share) / 40, rel=0.02)
+
+
+def test_a_lineage_is_rebuilt_with_its_errors() -> None:
+    room = make_room(14, 0, clutter=0.05, detection_errors=ERRORS, open_world={"iterate_updates": False})
+    whole = Engine.of_run(room.run, InProcessPool(2))
+    divided = Engine.of_run(room.run, ForgetfulPool(2))
+    for keyframe in room.keyframes:
+        assert_same(divided.process(keyframe), whole.process(keyframe))
+
+
+def test_only_single_steps_know_of_them() -> None:
+    with pytest.raises(InputError, match="iterate_updates"):
+        make_room(1, detection_errors=ERRORS)
