@@ -115,6 +115,12 @@ class OpenWorldConfiguration:
     detection_probability: float = parameter(
         0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
     )
+    miss_persistence: float = parameter(
+        0.0,
+        "correlation from keyframe to keyframe of whether an object can be detected: misses come in runs; 0: each alone",
+        minimum=0.0,
+        maximum=0.999,
+    )
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
     birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
     field_of_view_rad: float = parameter(

@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 
 
@@ -68,7 +69,7 @@ def _relative_covariance(relative: Array, prediction: PredictedObjects, covarian
     return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + own)
 
 
-def undetected_share(region: SensorRegion, trail: Array, points: Array) -> Array:
+def undetected_share(region: SensorRegion, runs: MissRuns, trail: Array, points: Array) -> Array:
     """(D,) probabilities that objects at ``points`` (D, 2) in map were not detected from ``trail`` (T, 3) so far.
 
     Positions count as known: what is looked for lies where a detection is.
@@ -80,5 +81,5 @@ def undetected_share(region: SensorRegion, trail: Array, points: Array) -> Array
         near = np.flatnonzero((distance > region.min_range_m) & (distance < region.max_range_m))
         bearing = wrap_angle(np.arctan2(y[near], x[near]) - trail[near, 2])
         looks = int((np.abs(bearing) <= 0.5 * region.field_of_view_rad).sum())
-        share[row] = (1.0 - region.detection_probability) ** looks
+        share[row] = runs.never_detected(looks) if runs.persistence else (1.0 - region.detection_probability) ** looks
     return share

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.detection_probability import Occluders, detection_probabilities
@@ -59,6 +59,8 @@ class ExistenceAccounts:
         detected[:, prediction.in_reach] = detection_probabilities(
             self._region, prediction.objects, rows.column("robot"), rows.column("robot_covariance"), occluders
         )
+        if prediction.detectable is not None:
+            detected *= prediction.detectable / prediction.miss_runs.share
         return detected
 
     def _account(
@@ -80,6 +82,20 @@ class ExistenceAccounts:
         total += float(prediction.log_intensity[new].sum())
         kept = after >= self._settings.least_existence
         update = ExistenceUpdate(
-            existence=after, kept=kept, new_ids=association[new], new_existence=prediction.birth_existence[new]
+            existence=after,
+            kept=kept,
+            new_ids=association[new],
+            new_existence=prediction.birth_existence[new],
+            detectable=_detectable(prediction, detected, observed, kept, len(new)),
         )
         return total, update
+
+
+def _detectable(prediction: Prediction, detected: Array, observed: Index, kept: Flags, num_new: int) -> Array | None:
+    """Whether the objects kept and the new ones can be detected in the next keyframe, where misses come in runs."""
+    if prediction.detectable is None:
+        return None
+    seen = np.zeros(len(detected), dtype=bool)
+    seen[observed] = True
+    after = prediction.miss_runs.after(prediction.detectable, detected, seen)
+    return prediction.miss_runs.next(np.concatenate([after[kept], np.ones(num_new)]))

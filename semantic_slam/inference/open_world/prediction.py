@@ -14,6 +14,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
+from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.planar_observation import object_in_body
@@ -57,6 +58,8 @@ class Prediction:
     in_reach: Index  # (N,) rows of the population that may be in the region
     objects: PredictedObjects  # of those
     detected: Array  # (O,) detection probabilities at the prediction, nothing being hidden
+    detectable: Array | None  # (O,) probability that an object can be detected at all, where misses come in runs
+    miss_runs: MissRuns
 
     @property
     def existence(self) -> Array:
@@ -113,6 +116,7 @@ class Predictor:
     def __init__(self, model: ObservationModel, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration):
         self.model, self.settings, self.errors = model, settings, errors
         self.region = sensor_region(settings)
+        self.miss_runs = MissRuns(settings.detection_probability, settings.miss_persistence)
         self._clutter = settings.clutter_per_frame / self.region.area_m2
 
     def predict(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Prediction:
@@ -141,6 +145,9 @@ class Predictor:
         intensity, existence = self._births(tracked, births, detections)
         detected = np.zeros(len(component.objects.ids))
         detected[reach] = predicted_detection_probabilities(self.region, objects)
+        detectable = component.objects.detectable
+        if detectable is not None:
+            detected *= detectable / self.miss_runs.share
         return Prediction(
             component=component,
             near=near,
@@ -155,6 +162,8 @@ class Predictor:
             in_reach=reach,
             objects=objects,
             detected=detected,
+            detectable=detectable,
+            miss_runs=self.miss_runs,
         )
 
     def _with_errors(
@@ -205,7 +214,9 @@ class Predictor:
             return np.zeros(0), np.zeros(0)
         points = np.array([born.prior.mean[:2] for born in births])
         least = self.settings.least_undetected_share
-        share = undetected_share(self.region, tracked.trail, points) if least < 1.0 else np.ones(len(births))
+        share = np.ones(len(births))
+        if least < 1.0:
+            share = undetected_share(self.region, self.miss_runs, tracked.trail, points)
         density = self.settings.birth_density * np.maximum(share, least)
         intensity, existence = birth(density, self._clutter, self.region.detection_probability)
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)

@@ -15,6 +15,7 @@ class HypothesisObjects:
 
     ids: Index  # (O,)
     existence: Array  # (O,)
+    detectable: Array | None = None  # (O,) probability that it can be detected next, if it exists; None: always
 
     @cached_property
     def id_set(self) -> frozenset[int]:
@@ -32,6 +33,7 @@ class HypothesisObjects:
         return HypothesisObjects(
             ids=np.concatenate([self.ids[update.kept], update.new_ids]),
             existence=np.concatenate([update.existence[update.kept], update.new_existence]),
+            detectable=update.detectable,
         )
 
 
@@ -71,6 +73,7 @@ class ExistenceUpdate:
     kept: Flags  # (O,)
     new_ids: Index  # (n,) ascending, above all of the parent's
     new_existence: Array  # (n,)
+    detectable: Array | None = None  # of those kept, and then of the new ones, where misses come in runs
     changes_nothing: bool = False
 
     @classmethod

@@ -12,6 +12,7 @@ from semantic_slam.configuration import (
     WeightsConfiguration,
 )
 from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
@@ -68,8 +69,13 @@ class Problem:
         plain, single_steps = self.root(), not self.open_world.iterate_updates
         entries = sorted(self.objects, key=lambda entry: entry.object_id)
         tracked = tracked_before(self.spaces, self.robot, [entry.prior for entry in entries], self.num_biases)
+        objects, sensor = plain.objects, self.open_world
+        if sensor.miss_persistence > 0.0:
+            share = MissRuns(sensor.detection_probability, sensor.miss_persistence).share
+            objects = replace(objects, detectable=np.full(len(objects.ids), share))
         return replace(
             plain,
+            objects=objects,
             smoother=plain.smoother.with_single_steps(self.num_biases) if single_steps else plain.smoother,
             tracked=tracked,
             single_steps=single_steps,

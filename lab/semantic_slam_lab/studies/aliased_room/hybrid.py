@@ -16,6 +16,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE
@@ -198,7 +199,9 @@ class HybridDrive:
         angle = x[2] + polar[1]
         point = x[:2] + polar[0] * np.array([np.cos(angle), np.sin(angle)])
         trail = np.array([_pose(predicted, n) for n in range(k)]).reshape(-1, 3)
-        share = np.maximum(undetected_share(self._region, trail, point[None]), self._settings.least_undetected_share)
+        runs = MissRuns(self._settings.detection_probability, self._settings.miss_persistence)
+        never = undetected_share(self._region, runs, trail, point[None])
+        share = np.maximum(never, self._settings.least_undetected_share)
         density = self._settings.birth_density * share[0]
         intensity, existence = birth(density, clutter, self._region.detection_probability)
         return float(intensity), float(existence)
