@@ -16,6 +16,7 @@ FORMATS = {
     ),
     "bigbird": ("semantic_slam.datasets.bigbird_import", "turntable views of one object in BigBIRD's format"),
     "victoria_park": ("semantic_slam.datasets.victoria_park_import", "the outdoor drive that ships with gtsam"),
+    "mrclam": ("semantic_slam.datasets.drives.mrclam_import", "one robot of the UTIAS data set MRCLAM"),
     "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
 }
 """Name -> (module with ``add_arguments(parser)`` and ``run(arguments, bag)``, description).
