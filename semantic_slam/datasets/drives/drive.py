@@ -85,7 +85,8 @@ def write_drive(drive: Drive, out: Path, title: str, max_keyframes: int | None =
     frames = drive.frames[:max_keyframes]
     end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else int(drive.odometry.stamps_ns[-1])
     entries = heapq.merge(*_streams(drive, len(frames)), key=lambda entry: entry[0])
-    total = len(drive.odometry.stamps_ns) + len(frames) + (len(drive.truth.stamps_ns) if drive.truth else 0)
+    per_frame = 1 if drive.associations is None else 2
+    total = len(drive.odometry.stamps_ns) + per_frame * len(frames) + (len(drive.truth.stamps_ns) if drive.truth else 0)
     poses = 0
     with BagWriter(out) as bag:
         for stamp_ns, topic, value in tqdm(entries, total=total, desc=title, unit="message"):
