@@ -120,6 +120,12 @@ class OpenWorldConfiguration:
     field_of_view_rad: float = parameter(
         1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587
     )
+    direction_rad: float = parameter(
+        0.0,
+        "bearing of the region's centre in the body frame, counter-clockwise from straight ahead",
+        minimum=-3.141592653589793,
+        maximum=3.141592653589793,
+    )
     min_range_m: float = parameter(0.3, "least range of the region", minimum=0.0)
     max_range_m: float = parameter(5.0, "largest range of the region", minimum=1e-3)
     occluder_radius_m: float = parameter(

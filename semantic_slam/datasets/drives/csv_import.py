@@ -38,8 +38,10 @@ def read_drive(folder: Path) -> Drive:
     truth_file, objects_file = found_or_none(folder, "ground_truth.csv"), found_or_none(folder, "objects.csv")
     if objects_file is not None and truth_file is None:
         raise InputError(f"{objects_file}: in the frame of true poses, which are not there; add ground_truth.csv")
-    frames = [(int(stamp), np.flatnonzero(seen.stamps_ns == stamp)) for stamp in np.unique(seen.stamps_ns)]
-    kept = [(stamp, rows[np.isfinite(seen.places[rows, 0])]) for stamp, rows in frames]
+    stamps, starts = np.unique(seen.stamps_ns, return_index=True)
+    frames = np.split(np.arange(len(seen.stamps_ns)), starts[1:])
+    told = [rows[np.isfinite(seen.places[rows, 0])] for rows in frames]
+    kept = list(zip(stamps.tolist(), told, strict=True))
     ids = seen.object_ids
     return Drive(
         odometry=odometry,

@@ -7,6 +7,7 @@ from each to the next; other edges between poses (closures that somebody else fo
 
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -60,11 +61,11 @@ def read_graph(path: Path) -> LandmarkGraph:
         others = f", besides {', '.join(sorted(records.left_out))}" if records.left_out else ""
         seen = f"{len(order)} poses and {len(records.sightings)} sightings of landmarks{others}"
         raise InputError(f"{path}: {seen}; {REMEDY}")
-    broken = [pair for pair in zip(order, order[1:], strict=False) if pair not in records.steps]
+    broken = [pair for pair in pairwise(order) if pair not in records.steps]
     if broken:
         before, after = broken[0]
         raise InputError(f"{path}: no EDGE_SE2 from pose {before} to the next, {after}; add it, odometry is one chain")
-    increments = np.array([records.steps.pop(pair) for pair in zip(order, order[1:], strict=False)])
+    increments = np.array([records.steps.pop(pair) for pair in pairwise(order)])
     records.left_out["EDGE_SE2 between poses that do not follow each other"] += len(records.steps)
     return LandmarkGraph(increments, _by_pose(records, order), +records.left_out)
 

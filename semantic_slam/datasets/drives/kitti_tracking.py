@@ -72,7 +72,9 @@ def read_poses(folder: Path, drive: str) -> Array:
 
 def read_detected(folder: Path, drive: str, num_frames: int) -> DetectedBoxes:
     """The detector's boxes; its raw scores s become confidences 1 / (1 + exp(-s)). Raises InputError."""
-    path, rows, types = found(folder, f"det_{drive}.txt"), [], []
+    path = found(folder, f"det_{drive}.txt")
+    rows: list[list[float]] = []
+    types: list[str] = []
     for line in lines_of(path, REMEDY, ","):
         row = numbers(line, DETECTED, REMEDY)
         _check_frame(line, int(row[0]), int(rows[-1][0]) if rows else 0, num_frames)
@@ -90,7 +92,10 @@ def read_labelled(folder: Path, drive: str, num_frames: int) -> LabelledBoxes | 
     path = found_or_none(folder, f"label_{drive}.txt")
     if path is None:
         return None
-    frames, tracks, types, sizes = [], [], [], []
+    frames: list[int] = []
+    tracks: list[int] = []
+    types: list[str] = []
+    sizes: list[list[float]] = []
     for line in lines_of(path, REMEDY):
         if len(line.words) != len(LABELLED) + len(SIZED):
             raise line.fault(f"{len(line.words)} columns, expected {' '.join(LABELLED + SIZED)}", REMEDY)

@@ -1,4 +1,4 @@
-"""``import_dataset kitti_tracking``: detected boxes as places, true boxes and poses as ground truth, made-up odometry."""
+"""``import_dataset kitti_tracking``: detected boxes as places, odometry made of the poses, labels as ground truth."""
 
 import argparse
 from itertools import pairwise

@@ -66,7 +66,7 @@ def associations(
 
 
 def nearest_pairs(centres: Array, others: Array) -> list[int]:
-    """(N,) index among ``others`` (M, 3) of each of ``centres`` (N, 3), -1 for none: one to one, nearest pairs first."""
+    """(N,) index among ``others`` (M, 3) of ``centres`` (N, 3), -1 for none: one to one, nearest pairs first."""
     distances = np.linalg.norm(centres[:, None] - others[None], axis=2)
     found, taken = [-1] * len(centres), set()
     for pair in np.argsort(distances, axis=None, kind="stable"):
