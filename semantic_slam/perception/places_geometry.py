@@ -53,7 +53,7 @@ def places_of_ranges(detections: Detections) -> Places:
     to_plane = np.tile(np.eye(3), (len(detections), 1, 1))
     to_plane[:, 0, 0] = np.cos(elevations)
     sways = np.isfinite(detections.place_covariances[:, 2, 2]) & np.isfinite(distances)
-    to_plane[:, 0, 2] = np.where(sways, -distances * np.sin(elevations), 0.0)
+    to_plane[:, 0, 2] = -np.where(sways, distances, 0.0) * np.sin(elevations)
     return Places(
         distances * np.cos(elevations),
         detections.bearings_rad,
