@@ -25,7 +25,7 @@ class Places:
         return take(self, rows)
 
     def where(self, chosen: Flags, other: "Places") -> "Places":
-        """These where ``chosen`` (D,), else those of ``other``."""
+        """Places where ``chosen`` (D,) is true, else those of ``other``."""
         return Places(
             np.where(chosen, self.ranges_m, other.ranges_m),
             np.where(chosen, self.bearings_rad, other.bearings_rad),

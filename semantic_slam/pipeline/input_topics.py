@@ -27,8 +27,13 @@ class InputTopics:
 
     @property
     def has_images(self) -> bool:
-        """Whether there is something to classify; without, detections are taken by the places that they tell."""
+        """Whether there is something to classify."""
         return bool(self.image)
+
+    @property
+    def has_places_alone(self) -> bool:
+        """Whether detections are taken by the places that they tell, without pictures."""
+        return not self.image and not self.measurements
 
 
 def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:

@@ -66,6 +66,8 @@ def run_bag(
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
         reader.check_definitions()
+        if found.has_places_alone:
+            print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell")
         preamble = read_preamble(reader)
         prior = map_prior if map_prior is not None else find_map_prior(bag)
         inference = InferenceStage(configuration, prior, preamble, source_text(bag, reader.sha256()), num_backends)
@@ -142,7 +144,7 @@ class OfflineRun:
             }
             if found.depth:
                 handlers[found.depth] = self._frames.add_depth
-        elif found.measurements:
+        elif not found.has_places_alone:
             handlers[found.measurements] = lambda message: self._add_measurements(from_message(message))
         else:
             handlers[found.detections] = self._places.add_detections

@@ -5,7 +5,7 @@ from typing import Any
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import import_dataset
-from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.codec import BY_TYPE_NAME, from_message
 
 
 def import_bag(monkeypatch: Any, *words: object) -> dict[str, list[Any]]:
@@ -16,10 +16,11 @@ def import_bag(monkeypatch: Any, *words: object) -> dict[str, list[Any]]:
 
 
 def read_bag(path: Path) -> dict[str, list[Any]]:
-    """Topic -> messages as dataclasses, in the order of the bag."""
+    """Topic -> messages as dataclasses where they are ours, in the order of the bag."""
     values: dict[str, list[Any]] = {}
     with BagReader(path) as reader:
         for message in reader.messages():
-            value = from_message(reader.decode(message.cdr, message.type_name))
+            value = reader.decode(message.cdr, message.type_name)
+            value = from_message(value) if message.type_name in BY_TYPE_NAME else value
             values.setdefault(message.topic, []).append(value)
     return values
