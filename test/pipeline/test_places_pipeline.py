@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from worlds.bag_factory import (
     OBJECTS,
-    SPEED_M,
     T_BASE_CAMERA,
     frame_stamp,
     input_entries,
