@@ -95,10 +95,15 @@ def from_vision_msgs_3d(message: Any) -> Detections:
 
 def _position_covariance(results: Any) -> Array:
     """(3, 3) of the likeliest result, NaN where nothing is told."""
-    best: Any = max(results, key=lambda result: float(getattr(result, "hypothesis", result).score), default=None)
-    told = np.zeros((6, 6)) if best is None else np.asarray(best.pose.covariance, dtype=np.float64).reshape(6, 6)
-    block = told[:3, :3]
-    return np.array(block) if block.any() else np.full((3, 3), np.nan)
+    if not len(results):
+        return np.full((3, 3), np.nan)
+    best = max(results, key=_score)
+    block = np.array(best.pose.covariance, dtype=np.float64).reshape(6, 6)[:3, :3]
+    return block if block.any() else np.full((3, 3), np.nan)
+
+
+def _score(result: Any) -> float:
+    return float(getattr(result, "hypothesis", result).score)
 
 
 def in_body(detections: Detections, type_name: str, base_frame: str, sensor_pose: Callable[[str], Array]) -> Detections:
