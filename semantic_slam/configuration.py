@@ -117,7 +117,7 @@ class OpenWorldConfiguration:
     )
     miss_persistence: float = parameter(
         0.0,
-        "correlation from keyframe to keyframe of whether an object can be detected: misses come in runs; 0: each alone",
+        "correlation from keyframe to keyframe of whether an object can be detected; 0: misses are independent",
         minimum=0.0,
         maximum=0.999,
     )
@@ -125,6 +125,12 @@ class OpenWorldConfiguration:
     birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
     field_of_view_rad: float = parameter(
         1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587
+    )
+    direction_rad: float = parameter(
+        0.0,
+        "bearing of the region's centre in the body frame, counter-clockwise from straight ahead",
+        minimum=-3.141592653589793,
+        maximum=3.141592653589793,
     )
     min_range_m: float = parameter(0.3, "least range of the region", minimum=0.0)
     max_range_m: float = parameter(5.0, "largest range of the region", minimum=1e-3)

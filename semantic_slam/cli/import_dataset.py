@@ -1,4 +1,4 @@
-"""``import_dataset {avd,bigbird,victoria_park,bag} [SRC] --out BAG``: data sets and users' bags as input bags."""
+"""``import_dataset FORMAT [SRC] --out BAG``: data sets and users' bags as input bags."""
 
 import argparse
 import importlib
@@ -16,6 +16,10 @@ FORMATS = {
     ),
     "bigbird": ("semantic_slam.datasets.bigbird_import", "turntable views of one object in BigBIRD's format"),
     "victoria_park": ("semantic_slam.datasets.victoria_park_import", "the outdoor drive that ships with gtsam"),
+    "mrclam": ("semantic_slam.datasets.drives.mrclam_import", "one robot of the UTIAS data set MRCLAM"),
+    "g2o": ("semantic_slam.datasets.drives.g2o_import", "a landmark graph, such as that of the DLR data set"),
+    "kitti_tracking": ("semantic_slam.datasets.drives.kitti_tracking_import", "a drive of KITTI tracking"),
+    "csv": ("semantic_slam.datasets.drives.csv_import", "tables of odometry and of detections as range and bearing"),
     "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
 }
 """Name -> (module with ``add_arguments(parser)`` and ``run(arguments, bag)``, description).

@@ -5,13 +5,17 @@ message are met in the wild: a layout is recognised by its fields, not by a vers
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.sensor import plain_frame
 from semantic_slam.messages.standard import stamp_ns
 from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.places import in_body_frame
 
 SCORE_UNKNOWN = 1.0
 """Confidence of a box that comes without any: its detector reported it, and nothing speaks against it."""
@@ -67,6 +71,51 @@ def from_yolo_msgs(message: Any) -> Detections:
     )
 
 
+def from_vision_msgs_3d(message: Any) -> Detections:
+    """vision_msgs/Detection3DArray: centres of boxes, in the frame of the header (see :func:`in_body`).
+
+    The covariance is that of the likeliest result's pose, which counts as not told where it is zero.
+    """
+    rows = message.detections
+    best = [_best_result(row.results) for row in rows]
+    centres = [row.bbox.center.position for row in rows]
+    found = _detections(
+        message.header,
+        [[np.nan] * 4 for _ in rows],
+        [label for label, _ in best],
+        [score for _, score in best],
+        [_vision_track_id(row) for row in rows],
+    )
+    return replace(
+        found,
+        positions=np.array([[point.x, point.y, point.z] for point in centres], dtype=np.float64).reshape(-1, 3),
+        position_covariances=np.array([_position_covariance(row.results) for row in rows]).reshape(-1, 3, 3),
+    )
+
+
+def _position_covariance(results: Any) -> Array:
+    """(3, 3) of the likeliest result, NaN where nothing is told."""
+    if not len(results):
+        return np.full((3, 3), np.nan)
+    best = max(results, key=_score)
+    block = np.array(best.pose.covariance, dtype=np.float64).reshape(6, 6)[:3, :3]
+    return block if block.any() else np.full((3, 3), np.nan)
+
+
+def _score(result: Any) -> float:
+    return float(getattr(result, "hypothesis", result).score)
+
+
+def in_body(detections: Detections, type_name: str, base_frame: str, sensor_pose: Callable[[str], Array]) -> Detections:
+    """Detections of a message type whose positions are in the sensor's frame, moved to the body; others as they are.
+
+    ``sensor_pose`` gives the (7,) pose of a frame in the body, or raises InputError.
+    """
+    if type_name not in IN_THE_SENSOR or plain_frame(detections.frame_id) == plain_frame(base_frame):
+        return detections
+    return in_body_frame(detections, sensor_pose(detections.frame_id), base_frame)
+
+
 def _detections(
     header: Any, boxes: list[list[float]], labels: list[str], scores: list[float], track_ids: list[str]
 ) -> Detections:
@@ -83,7 +132,10 @@ def _detections(
 READERS: dict[str, Callable[[Any], Detections]] = {
     "semantic_slam_msgs/msg/DetectionArray": from_message,
     "vision_msgs/msg/Detection2DArray": from_vision_msgs,
+    "vision_msgs/msg/Detection3DArray": from_vision_msgs_3d,
     "yolo_msgs/msg/DetectionArray": from_yolo_msgs,
     "yolov8_msgs/msg/DetectionArray": from_yolo_msgs,
 }
 """Detection types that can be read, by type name."""
+IN_THE_SENSOR = frozenset({"vision_msgs/msg/Detection3DArray"})
+"""Types whose positions are in the frame of their header; our own are in the body frame."""

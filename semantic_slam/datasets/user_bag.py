@@ -9,7 +9,7 @@ from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
-from semantic_slam.datasets.detection_formats import READERS
+from semantic_slam.datasets.detection_formats import READERS, in_body
 from semantic_slam.datasets.image_formats import compress_colour, compress_depth
 from semantic_slam.datasets.label_map import LabelMap
 from semantic_slam.datasets.tf_odometry import TfOdometry
@@ -49,7 +49,8 @@ class Converter:
         self._writer = writer
         self._selection = selection
         self._labels = labels
-        self._tf = TfOdometry(odom_frame, base_frame, self._fixed_transforms())
+        self._fixed = self._fixed_transforms()
+        self._tf = TfOdometry(odom_frame, base_frame, self._fixed)
         self._handlers = self._choose_handlers(selection)
 
     def convert(self, message: RawMessage) -> bool:
@@ -74,7 +75,7 @@ class Converter:
             topics.ODOMETRY: selection.odometry,
         }
         for name, topic in needed.items():
-            if not self.written[absolute(name)]:
+            if topic is not None and not self.written[absolute(name)]:
                 raise InputError(f"{self._reader.path}: nothing on {topic} was usable; {self._remedy(topic)}")
 
     def _remedy(self, topic: Topic) -> str:
@@ -101,14 +102,20 @@ class Converter:
         }
         is_tf = selection.odometry.type_name == topics.TYPES[topics.TF]
         handlers[selection.odometry.name] = self._odometry_from_tf if is_tf else self._copy_to(topics.ODOMETRY)
-        handlers[selection.camera_info.name] = self._copy_to(topics.CAMERA_INFO)
         handlers[selection.detections.name] = self._detections
-        is_raw = selection.image.type_name == RAW_IMAGE
-        copy_or_compress = self._convert_to if is_raw else lambda name, _: self._copy_to(name)
-        handlers[selection.image.name] = copy_or_compress(topics.IMAGE_COMPRESSED, compress_colour)
+        if selection.camera_info is not None:
+            handlers[selection.camera_info.name] = self._copy_to(topics.CAMERA_INFO)
+        if selection.image is not None:
+            handlers[selection.image.name] = self._images(selection.image)
         if selection.depth is not None:
             handlers[selection.depth.name] = self._convert_to(topics.DEPTH_COMPRESSED, compress_depth)
         return handlers
+
+    def _images(self, topic: Topic) -> Handler:
+        """Raw colour images are compressed, others copied."""
+        if topic.type_name == RAW_IMAGE:
+            return self._convert_to(topics.IMAGE_COMPRESSED, compress_colour)
+        return self._copy_to(topics.IMAGE_COMPRESSED)
 
     def _copy_to(self, name: str) -> Handler:
         """A handler that copies a message's bytes unchanged to the topic ``name``."""
@@ -129,6 +136,10 @@ class Converter:
 
     def _detections(self, message: RawMessage) -> None:
         detections = READERS[message.type_name](self._decode(message))
+        base_frame = self._tf.base_frame
+        detections = in_body(
+            detections, message.type_name, base_frame, lambda frame_id: self._fixed.lookup(base_frame, frame_id)
+        )
         self._write(topics.DETECTIONS, self._labels.apply(detections), message.stamp_ns)
 
     def _odometry_from_tf(self, message: RawMessage) -> None:

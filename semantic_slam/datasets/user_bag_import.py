@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.image_formats import is_depth
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N detection messages")
     group = parser.add_argument_group("topics", "found by type when left out, as far as that is unique")
     group.add_argument("--detections", metavar="TOPIC", help="vision_msgs, yolo_msgs or our own")
-    group.add_argument("--image", metavar="TOPIC", help="colour images, raw or compressed")
+    group.add_argument("--image", metavar="TOPIC", help=f"colour images, raw or compressed; '{NONE}': places alone")
     group.add_argument("--depth", metavar="TOPIC", help=f"depth registered to the image; '{NONE}': bearing only")
     group.add_argument("--camera-info", metavar="TOPIC", help="intrinsics of the image")
     group.add_argument("--odom", metavar="TOPIC", help="nav_msgs/Odometry, or /tf for the transform odom -> base_link")
@@ -81,10 +82,9 @@ def convert(reader: BagReader, converter: Converter, max_keyframes: int | None) 
 def describe(selection: Selection) -> str:
     """One line: which topic is what."""
     depth = selection.depth or "none: bearing only"
-    return (
-        f"detections {selection.detections}, image {selection.image}, depth {depth},"
-        f" camera_info {selection.camera_info}, odometry {selection.odometry}"
-    )
+    pictures = f"image {selection.image}, depth {depth}" if selection.image else "no image: places alone"
+    camera_info = f", camera_info {selection.camera_info}" if selection.camera_info else ""
+    return f"detections {selection.detections}, {pictures}{camera_info}, odometry {selection.odometry}"
 
 
 def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
@@ -98,7 +98,7 @@ def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
     ):
         if counter:
             lines.append(f"{title}: {_counts(counter)}")
-    if not converter.written[topics.TF_STATIC]:
+    if not converter.written[topics.TF_STATIC] and converter.written[absolute(topics.CAMERA_INFO)]:
         lines.append("no /tf_static: give the camera's pose in base_link as perception.extrinsics in the configuration")
     return lines
 

@@ -3,11 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from semantic_slam.datasets.detection_formats import READERS
+from semantic_slam.datasets.detection_formats import IN_THE_SENSOR, READERS
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 
 IMAGE_TYPES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
+CAMERA_INFO_TYPES = ("sensor_msgs/msg/CameraInfo",)
+OURS = topics.TYPES[topics.DETECTIONS]
 NONE = "none"
 """Given as a topic's name: do without it."""
 
@@ -39,9 +41,9 @@ class Selection:
     """The topics to import."""
 
     detections: Topic
-    image: Topic
+    image: Topic | None  # None: no pictures, detections tell places
     depth: Topic | None  # None: bearing only
-    camera_info: Topic
+    camera_info: Topic | None  # None: detections are no boxes
     odometry: Topic  # nav_msgs/Odometry, or /tf
 
 
@@ -51,14 +53,22 @@ def select_topics(
     """The topics to import from the bag ``origin``; ``is_depth`` looks into an image topic. Raises InputError."""
     finder = _Finder(origin, tuple(topic for topic in available if not topic.name.startswith("/ground_truth/")))
     detections = finder.one("detections", wanted.detections, tuple(READERS))
-    colour, depths = finder.images(is_depth)
-    image = finder.one("image", wanted.image, IMAGE_TYPES, colour)
-    depth = finder.at_most_one("depth", wanted.depth, IMAGE_TYPES, depths)
-    infos = finder.of_type(("sensor_msgs/msg/CameraInfo",))
-    beside = [info for info in infos if _namespace(info.name) == _namespace(_plain(image.name))]
-    camera_info = finder.one("camera-info", wanted.camera_info, ("sensor_msgs/msg/CameraInfo",), beside or infos)
     odometry = _odometry(finder, wanted.odometry)
+    if detections.type_name in IN_THE_SENSOR:
+        return Selection(detections, None, None, None, odometry)
+    colour, depths = finder.images(is_depth)
+    image = finder.at_most_one("image", wanted.image, IMAGE_TYPES, colour)
+    depth = None if image is None else finder.at_most_one("depth", wanted.depth, IMAGE_TYPES, depths)
+    camera_info = _camera_info(finder, wanted.camera_info, image, is_needed=detections.type_name != OURS)
     return Selection(detections, image, depth, camera_info, odometry)
+
+
+def _camera_info(finder: "_Finder", wanted: str | None, image: Topic | None, *, is_needed: bool) -> Topic | None:
+    """The image's intrinsics, else the only ones; without an image and a need for them there may be none."""
+    infos = finder.of_type(CAMERA_INFO_TYPES)
+    beside = [info for info in infos if image and _namespace(info.name) == _namespace(_plain(image.name))]
+    find = finder.one if image is not None or is_needed else finder.at_most_one
+    return find("camera-info", wanted, CAMERA_INFO_TYPES, beside or infos)
 
 
 def _odometry(finder: "_Finder", wanted: str | None) -> Topic:

@@ -16,16 +16,23 @@ PROGRESS_TYPE = "semantic_slam_msgs/msg/ReplayProgress"
 
 OBJECTS_LAYOUT: Layout = {"object_ids": ("O",), "class_names": ("O",), "poses": ("O", 7)}
 ASSOCIATIONS_LAYOUT: Layout = {"object_id": ("D",)}
+MOVING = "moving/"
+"""How the ids of true objects begin that do not stand still during the drive."""
 
 
 @dataclass(frozen=True)
 class GroundTruthObjects:
-    """True objects of a scene, in map; O objects."""
+    """True objects of a scene, in map; O objects. Of those that move the pose is where they were first known."""
 
     stamp_ns: int
     object_ids: tuple[str, ...]  # (O,)
     class_names: tuple[str, ...]  # (O,)
     poses: NDArray[np.float64]  # (O, 7) x y z [m] qx qy qz qw
+
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """(O,) whether each moves during the drive."""
+        return np.array([name.startswith(MOVING) for name in self.object_ids], dtype=np.bool_)
 
 
 @dataclass(frozen=True)

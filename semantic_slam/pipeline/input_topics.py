@@ -18,7 +18,7 @@ class InputTopics:
     """Absolute names of the topics to read; "" where the bag has none and can do without."""
 
     odometry: str
-    measurements: str  # recorded measurements; "" when the classifier makes them
+    measurements: str  # recorded measurements; "" when they are made of detections
     detections: str
     image: str
     camera_info: str
@@ -28,7 +28,12 @@ class InputTopics:
     @property
     def has_images(self) -> bool:
         """Whether there is something to classify."""
-        return not self.measurements
+        return bool(self.image)
+
+    @property
+    def has_places_alone(self) -> bool:
+        """Whether detections are taken by the places that they tell, without pictures."""
+        return not self.image and not self.measurements
 
 
 def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:
@@ -38,11 +43,9 @@ def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:
     required = {topics.ODOMETRY: names[topics.ODOMETRY]}
     recorded = names[topics.MEASUREMENTS] if not image else ""
     if not recorded:
-        required |= {
-            topics.DETECTIONS: names[topics.DETECTIONS],
-            topics.IMAGE_COMPRESSED: image,
-            topics.CAMERA_INFO: names[topics.CAMERA_INFO],
-        }
+        required[topics.DETECTIONS] = names[topics.DETECTIONS]
+    if image:
+        required[topics.CAMERA_INFO] = names[topics.CAMERA_INFO]
     missing = [f"{topic} ({TYPES[topic]})" for topic, name in required.items() if not name]
     if missing:
         present = ", ".join(sorted(available)) or "nothing"

@@ -20,6 +20,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
+from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample
@@ -42,6 +43,7 @@ class KeyframeAssembler:
         self._configuration = configuration
         self._association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
         self._has_identities = has_identities
+        self._region = sensor_region(configuration.open_world)
         self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
@@ -174,13 +176,9 @@ class KeyframeAssembler:
 
     def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """In an open world without detections from outside its region, where births are not told from known objects."""
-        region = self._configuration.open_world
         if not self._association.counts_misses:
             return measurements
-        ranges, turns = measurements.ranges_m, np.abs(measurements.bearings_rad)
-        outside = (
-            (ranges < region.min_range_m) | (ranges > region.max_range_m) | (turns > region.field_of_view_rad / 2.0)
-        )
+        outside = ~self._region.holds(measurements.ranges_m, measurements.bearings_rad)
         if not outside.any():
             return measurements
         self.dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())

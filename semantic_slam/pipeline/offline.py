@@ -1,6 +1,7 @@
 """The whole pipeline in this process: from an input bag to a belief bag.
 
-bag -> FrameAssembler -> Classifier -> KeyframeAssembler -> Engine -> belief bag; the parts are the nodes'.
+bag -> FrameAssembler -> Classifier -> KeyframeAssembler -> Engine -> belief bag; the parts are the nodes'. Without
+pictures PlacesAssembler stands for the first two.
 """
 
 from collections import Counter
@@ -16,6 +17,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
@@ -29,6 +31,7 @@ from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.inference_stage import InferenceStage
 from semantic_slam.pipeline.input_topics import COPIED, InputTopics, find_topics
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
 from semantic_slam.pipeline.provenance import source_text
 from semantic_slam.registry import ASSOCIATIONS
@@ -63,6 +66,8 @@ def run_bag(
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
         reader.check_definitions()
+        if found.has_places_alone:
+            print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell")
         preamble = read_preamble(reader)
         prior = map_prior if map_prior is not None else find_map_prior(bag)
         inference = InferenceStage(configuration, prior, preamble, source_text(bag, reader.sha256()), num_backends)
@@ -123,6 +128,7 @@ class OfflineRun:
         self._frames = FrameAssembler(configuration, has_depth=bool(found.depth))
         self._keyframes = KeyframeAssembler(configuration, has_identities=bool(found.identities))
         self._classifier = build_classifier(configuration) if found.has_images else None
+        self._places = PlacesAssembler(configuration, self._camera_pose)
         self._undecodable: Counter[str] = Counter()
         self._handlers = self._make_handlers(configuration)
         self._last_stamp_ns = 0
@@ -138,8 +144,12 @@ class OfflineRun:
             }
             if found.depth:
                 handlers[found.depth] = self._frames.add_depth
-        else:
+        elif not found.has_places_alone:
             handlers[found.measurements] = lambda message: self._add_measurements(from_message(message))
+        else:
+            handlers[found.detections] = self._places.add_detections
+            if found.camera_info:
+                handlers[found.camera_info] = self._places.add_camera_info
         if found.identities and ASSOCIATIONS.load(configuration.association).wants_identities:
             handlers[found.identities] = lambda message: self._keyframes.add_identities(from_message(message))
         return handlers
@@ -163,6 +173,7 @@ class OfflineRun:
         return {
             "bag": self._undecodable,
             "frames": self._frames.dropped,
+            "places": self._places.dropped,
             "classifier": classifier,
             "keyframes": self._keyframes.dropped,
             "hypotheses": self._inference.lost,
@@ -182,11 +193,13 @@ class OfflineRun:
             return
         self._handlers[message.topic](content)
         self._measure(self._frames.take())
+        self._pass_on(self._places.take())
         self._infer(self._keyframes.take())
 
     def finish(self) -> None:
         """Use what still waits for later messages. Raises InputError."""
         self._measure(self._frames.flush())
+        self._pass_on(self._places.flush())
         self._infer(self._keyframes.flush())
 
     def record_dropped(self) -> None:
@@ -198,11 +211,19 @@ class OfflineRun:
         for frame in frames:
             if self._classifier is None or self.is_done:
                 return
-            extrinsics, base_frame = self._perception.extrinsics, self._perception.base_frame
-            T_base_camera = sensor_pose(extrinsics, base_frame, self._preamble.transforms, frame.camera.frame_id)
+            T_base_camera = self._camera_pose(frame.camera.frame_id)
             measured = self._classifier.measure(frame, self.num_frames, T_base_camera)
             dropped = self._frames.dropped.total() + self._classifier.dropped.total()
             self._add_measurements(replace(measured, dropped=dropped))
+
+    def _camera_pose(self, optical_frame: str) -> Array:
+        extrinsics, base_frame = self._perception.extrinsics, self._perception.base_frame
+        return sensor_pose(extrinsics, base_frame, self._preamble.transforms, optical_frame)
+
+    def _pass_on(self, measured: list[SemanticMeasurements]) -> None:
+        for measurements in measured:
+            if not self.is_done:
+                self._add_measurements(replace(measurements, dropped=self._places.dropped.total()))
 
     def _add_measurements(self, measurements: SemanticMeasurements) -> None:
         self.num_frames += 1

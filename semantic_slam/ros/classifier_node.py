@@ -1,9 +1,13 @@
 """Node ``classifier``: images and detections in, semantic measurements out.
 
+Without images it takes detections by the places that they tell, loads no network and waits for nothing.
+
 Parameters, besides those of config/default.yaml:
+  has_images       classify what is in the boxes (default true); false: detections tell places, or boxes of camera_info
   has_depth        wait for the depth of each image (default true); false: bearing only
   compressed       listen to image/compressed and depth/compressed (default true), else to image and depth
-  detections_type  type of topic detections; vision_msgs/msg/Detection2DArray where that package is installed
+  detections_type  type of topic detections; vision_msgs/msg/Detection2DArray or, without images, Detection3DArray
+                   where that package is installed
   lossless         true in a replay by bag_player at rate 0 (default false)
 """
 
@@ -14,16 +18,19 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from semantic_slam.datasets.detection_formats import READERS
+from semantic_slam.datasets.detection_formats import READERS, in_body
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, to_message
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.sensor import TransformTree, sensor_pose
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.perception.frame import Frame
+from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.places_assembler import PlacesAssembler
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
 from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
@@ -34,14 +41,17 @@ OURS = topics.TYPES[topics.DETECTIONS]
 
 
 class ClassifierNode(PipelineNode):
-    """Frame assembler and classifier behind topics."""
+    """Frame assembler and classifier behind topics, or without images the places of detections alone."""
 
     def __init__(self) -> None:
         super().__init__("classifier")
         configuration = declare_configuration(self)
         self._perception = configuration.perception
-        self._classifier = build_classifier(configuration)
-        self._assembler = FrameAssembler(configuration, bool(self.declare_parameter("has_depth", True).value))
+        has_images = bool(self.declare_parameter("has_images", True).value)
+        has_depth = bool(self.declare_parameter("has_depth", True).value)
+        self._classifier = build_classifier(configuration) if has_images else None
+        self._frames = FrameAssembler(configuration, has_depth)
+        self._places = PlacesAssembler(configuration, self._sensor_pose)
         self._transforms = TransformTree()
         self._dropped: Counter[str] = Counter()
         self._received = 0  # detection messages
@@ -52,12 +62,17 @@ class ClassifierNode(PipelineNode):
         self._progress = self._outlet(topics.CLASSIFIER_PROGRESS, qos.latched())
         self._listen(
             compressed=bool(self.declare_parameter("compressed", True).value),
-            has_depth=bool(self.get_parameter("has_depth").value),
+            has_depth=has_depth,
             detections_type=str(self.declare_parameter("detections_type", OURS).value),
         )
         refuse_undeclared(self)
         self._status = dropped_status(self._dropped)  # replaced by the worker, published by the executor
         self.health.add_source(lambda: [self._status])
+
+    @property
+    def _assembler(self) -> FrameAssembler | PlacesAssembler:
+        """What takes the detections."""
+        return self._places if self._classifier is None else self._frames
 
     def _outlet(self, topic: str, profile: Any) -> Outlet:
         return Outlet(self, private_name(topic), topics.TYPES[topic], profile)
@@ -65,12 +80,15 @@ class ClassifierNode(PipelineNode):
     def _listen(self, *, compressed: bool, has_depth: bool, detections_type: str) -> None:
         image = topics.IMAGE_COMPRESSED if compressed else topics.IMAGE
         depth = topics.DEPTH_COMPRESSED if compressed else topics.DEPTH
-        handlers = {topics.CAMERA_INFO: self._assembler.add_camera_info, image: self._assembler.add_image}
-        if has_depth:
-            handlers[depth] = self._assembler.add_depth
+        has_images = self._classifier is not None
+        handlers = {topics.CAMERA_INFO: self._assembler.add_camera_info}
+        if has_images:
+            handlers[image] = self._frames.add_image
+            if has_depth:
+                handlers[depth] = self._frames.add_depth
         for topic, handler in handlers.items():
             handle = self._decoded(topic, handler)
-            self.listen(topic, handle, qos.sensor_input(topic, self.lossless), required=True)
+            self.listen(topic, handle, qos.sensor_input(topic, self.lossless), required=has_images)
         self.listen(
             topics.DETECTIONS,
             self._detections_handler(detections_type),
@@ -86,7 +104,7 @@ class ClassifierNode(PipelineNode):
     def _decoded(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
         def handle(data: bytes) -> None:
             add(deserialize(data, topics.TYPES[topic]))
-            self._measure(self._assembler.take())
+            self._work()
 
         return handle
 
@@ -101,28 +119,45 @@ class ClassifierNode(PipelineNode):
             if foreign is None:
                 message = deserialize(data, OURS)
             else:
-                message = to_message(READERS[type_name](deserialize_message(data, foreign)))
+                detections = READERS[type_name](deserialize_message(data, foreign))
+                try:
+                    message = to_message(in_body(detections, type_name, self._perception.base_frame, self._sensor_pose))
+                except InputError as fault:  # the transform may still come
+                    self._dropped[str(fault)] += 1
+                    return
             self._assembler.add_detections(message)
-            self._measure(self._assembler.take())
+            self._work()
 
         return add
 
-    def _measure(self, frames: list[Frame]) -> None:
-        for frame in frames:
-            try:
-                T_base_camera = sensor_pose(
-                    self._perception.extrinsics, self._perception.base_frame, self._transforms, frame.camera.frame_id
-                )
-            except InputError as fault:  # the transform may still come
-                self._dropped[str(fault)] += 1
-                continue
-            measured = self._classifier.measure(frame, self._measured, T_base_camera)
-            self._measured += 1
-            self._stamp_ns = frame.stamp_ns
-            self._measurements.send(encode(replace(measured, dropped=self._all_dropped().total())))
+    def _sensor_pose(self, frame_id: str) -> Array:
+        """(7,) pose of a camera's optical frame, or of another sensor's, in the body frame; raises InputError."""
+        settings = self._perception
+        return sensor_pose(settings.extrinsics, settings.base_frame, self._transforms, frame_id)
+
+    def _work(self, *, at_end: bool = False) -> None:
+        """Measure and send what is complete by now; ``at_end``: all that is left."""
+        self._measure(self._frames.flush() if at_end else self._frames.take())
+        for measured in self._places.flush() if at_end else self._places.take():
+            self._send(measured)
         self._status = dropped_status(self._all_dropped())
         if self._num_lost() != self._announced:
             self._announce(finished=False)
+
+    def _measure(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            assert self._classifier is not None
+            try:
+                T_base_camera = self._sensor_pose(frame.camera.frame_id)
+            except InputError as fault:  # the transform may still come
+                self._dropped[str(fault)] += 1
+                continue
+            self._send(self._classifier.measure(frame, self._measured, T_base_camera))
+
+    def _send(self, measured: SemanticMeasurements) -> None:
+        self._measured += 1
+        self._stamp_ns = measured.stamp_ns
+        self._measurements.send(encode(replace(measured, dropped=self._all_dropped().total())))
 
     def _num_lost(self) -> int:
         """Detection messages that became no measurement."""
@@ -138,14 +173,15 @@ class ClassifierNode(PipelineNode):
             self.when_drained(self._end_of_replay, None)
 
     def _end_of_replay(self, _: None) -> None:
-        self._measure(self._assembler.flush())
+        self._work(at_end=True)
         self._measurements.wait_for_acknowledgement()
         self.health.finished = True
         self.health.publish()  # the last counts, before whoever records stops listening
         self._announce(finished=True)
 
     def _all_dropped(self) -> Counter[str]:
-        return self._assembler.dropped + self._classifier.dropped + self._dropped
+        classifier = Counter[str]() if self._classifier is None else self._classifier.dropped
+        return self._assembler.dropped + classifier + self._dropped
 
 
 main = main_of(ClassifierNode, __doc__ or "")

@@ -61,7 +61,7 @@ def node_set(
     }
     nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager)]
     nodes += [NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)]
-    if found.has_images:
+    if not found.measurements:
         nodes.append(NodeSpec("classifier_node", "classifier", configured | _classifier_parameters(found, extrinsics)))
     if record:
         nodes.append(NodeSpec("bag_recorder", "bag_recorder", common | {"bag": record, "overwrite": overwrite}))
@@ -70,6 +70,7 @@ def node_set(
 
 def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[str, Any]:
     parameters: dict[str, Any] = {
+        "has_images": found.has_images,
         "has_depth": bool(found.depth),
         "compressed": found.image == absolute(topics.IMAGE_COMPRESSED),
     }
@@ -77,12 +78,17 @@ def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[
 
 
 def _extrinsics(reader: BagReader, found: InputTopics, configuration: Configuration) -> list[float]:
-    """T_base_camera of the bag's camera; [] where the configuration gives it or nothing is to be classified."""
+    """T_base_camera of the bag's camera; [] where the configuration gives it or there is none."""
     perception = configuration.perception
-    camera_info = next(iter(reader.messages([found.camera_info])), None) if found.has_images else None
+    camera_info = next(iter(reader.messages([found.camera_info])), None) if found.camera_info else None
     if perception.extrinsics or camera_info is None:
         return []
     camera = reader.decode(camera_info.cdr, camera_info.type_name)
     tree = read_preamble(reader).transforms
-    pose = sensor_pose((), perception.base_frame, tree, camera.header.frame_id)
+    try:
+        pose = sensor_pose((), perception.base_frame, tree, camera.header.frame_id)
+    except InputError:
+        if found.has_images:
+            raise
+        return []  # detections that tell places need no camera
     return [float(value) for value in pose]

@@ -206,6 +206,32 @@ def test_a_topic_that_is_missing_is_answered_with_those_there_are(tmp_path, monk
     assert not (tmp_path / "bag").exists()
 
 
+@pytest.mark.parametrize(("sigma_m", "frame"), [(0.2, "camera_optical_frame"), (0.0, "base_link")])
+def test_boxes_in_space_need_neither_picture_nor_camera(tmp_path, monkeypatch, capsys, sigma_m, frame):
+    with UserBag(tmp_path / "source", "vision_3d") as bag:
+        bag.write("/tf_static", bag.camera_mount(), SECOND)
+        bag.write("/odom", bag.odometry(SECOND, 0.0), SECOND)
+        bag.write("/lidar/boxes", bag.vision_3d(SECOND, [("car", (1.0, 2.0, 3.0))], sigma_m, frame), SECOND)
+    run_command(monkeypatch, tmp_path / "source", "--out", tmp_path / "bag")
+    (found,) = read_bag(tmp_path / "bag")["/detections"]
+    # The camera is 0.1 m ahead and 0.3 m up; its z is the body's x, its x the body's -y, its y the body's -z.
+    in_camera = frame == "camera_optical_frame"
+    np.testing.assert_allclose(found.positions, [[3.1, -1.0, -1.7]] if in_camera else [[1.0, 2.0, 3.0]])
+    expected = 0.04 * np.eye(3) if sigma_m else np.full((3, 3), np.nan)
+    np.testing.assert_allclose(found.position_covariances[0], expected, atol=1e-12)
+    assert (found.labels, found.track_ids, found.frame_id) == (("car",), ("t",), "base_link")
+    assert "no image: places alone" in capsys.readouterr().out
+
+
+def test_boxes_in_a_frame_that_nothing_connects_are_counted(tmp_path, monkeypatch, capsys):
+    with UserBag(tmp_path / "source", "vision_3d") as bag:
+        bag.write("/odom", bag.odometry(SECOND, 0.0), SECOND)
+        bag.write("/lidar/boxes", bag.vision_3d(SECOND, [("car", (1.0, 2.0, 3.0))], 0.1, "lidar"), SECOND)
+    with pytest.raises(InputError, match="nothing on /lidar/boxes"):
+        run_command(monkeypatch, tmp_path / "source", "--out", tmp_path / "bag")
+    assert "no static transforms lead from base_link to lidar" in capsys.readouterr().out
+
+
 def test_two_detectors_need_a_choice(tmp_path, monkeypatch):
     source = write_drive(tmp_path / "source", frames=1)
     with UserBag(tmp_path / "other") as bag:

@@ -100,7 +100,6 @@ def test_a_damaged_belief_bag_is_reported_too(command, tmp_path):
     [
         (topics.ODOMETRY, "odom (nav_msgs/msg/Odometry)"),
         (topics.DETECTIONS, "detections (semantic_slam_msgs/msg/DetectionArray)"),
-        (topics.IMAGE_COMPRESSED, "image/compressed (sensor_msgs/msg/CompressedImage)"),
         (topics.CAMERA_INFO, "camera_info (sensor_msgs/msg/CameraInfo)"),
     ],
 )

@@ -30,6 +30,14 @@ VISION_2 = {
     "ObjectHypothesisWithPose": "string id\nfloat64 score\ngeometry_msgs/PoseWithCovariance pose",
     "BoundingBox2D": "geometry_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
 }
+VISION_3D = {
+    "Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
+    "Detection3D": "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+    "vision_msgs/BoundingBox3D bbox\nstring id",
+    "ObjectHypothesisWithPose": VISION_4["ObjectHypothesisWithPose"],
+    "ObjectHypothesis": VISION_4["ObjectHypothesis"],
+    "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+}
 YOLO = {
     "DetectionArray": "std_msgs/Header header\nyolo_msgs/Detection[] detections",
     "Detection": "int32 class_id\nstring class_name\nfloat64 score\nstring id\nyolo_msgs/BoundingBox2D bbox\n"
@@ -48,7 +56,12 @@ YOLO = {
 }
 
 
-DETECTORS = {"vision_4": ("vision_msgs", VISION_4), "vision_2": ("vision_msgs", VISION_2), "yolo": ("yolo_msgs", YOLO)}
+DETECTORS = {
+    "vision_4": ("vision_msgs", VISION_4),
+    "vision_2": ("vision_msgs", VISION_2),
+    "vision_3d": ("vision_msgs", VISION_3D),
+    "yolo": ("yolo_msgs", YOLO),
+}
 
 
 @cache
@@ -219,6 +232,20 @@ class UserBag:
             for item in seen
         ]  # fmt: skip
         return self.make("vision_msgs/msg/Detection2DArray", header=self.header(stamp_ns), detections=rows)
+
+    def vision_3d(self, stamp_ns: int, seen: list[tuple[str, tuple[float, ...]]], sigma_m: float, frame: str) -> Any:
+        """Labels with centres x y z in ``frame``, each with variance ``sigma_m`` squared along every axis."""
+        rows = []
+        for label, (x, y, z) in seen:
+            pose = self.covariance_pose(self.pose(x, y, z))
+            pose.covariance[[0, 7, 14]] = sigma_m**2
+            hypothesis = self.make("vision_msgs/msg/ObjectHypothesis", class_id=label, score=0.8)
+            result = self.make("vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=hypothesis, pose=pose)
+            size = self.make("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0)
+            box = self.make("vision_msgs/msg/BoundingBox3D", center=self.pose(x, y, z), size=size)
+            header = self.header(stamp_ns, frame)
+            rows.append(self.make("vision_msgs/msg/Detection3D", header=header, results=[result], bbox=box, id="t"))
+        return self.make("vision_msgs/msg/Detection3DArray", header=self.header(stamp_ns, frame), detections=rows)
 
     def yolo(self, stamp_ns: int, seen: list[Seen]) -> Any:
         zero = self.make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)

@@ -7,7 +7,6 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 
@@ -79,7 +78,7 @@ def undetected_share(region: SensorRegion, runs: MissRuns, trail: Array, points:
         x, y = point[0] - trail[:, 0], point[1] - trail[:, 1]
         distance = np.hypot(x, y)
         near = np.flatnonzero((distance > region.min_range_m) & (distance < region.max_range_m))
-        bearing = wrap_angle(np.arctan2(y[near], x[near]) - trail[near, 2])
+        bearing = region.off_centre(np.arctan2(y[near], x[near]) - trail[near, 2])
         looks = int((np.abs(bearing) <= 0.5 * region.field_of_view_rad).sum())
         share[row] = runs.never_detected(looks) if runs.persistence else (1.0 - region.detection_probability) ** looks
     return share

@@ -230,6 +230,7 @@ def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
         min_range_m=settings.min_range_m,
         max_range_m=settings.max_range_m,
         field_of_view_rad=settings.field_of_view_rad,
+        direction_rad=settings.direction_rad,
         occluder_radius_m=settings.occluder_radius_m,
     )
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import wrap_angle
 
 NO_SCAN = np.zeros((0, 2))
@@ -15,12 +15,13 @@ LEAST_SIGMA = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class SensorRegion:
-    """Where the sensor detects: an annular sector about the body's forward axis, seen from its origin."""
+    """Where the sensor detects: an annular sector about a direction of the body, seen from its origin."""
 
     detection_probability: float  # of an object inside, not hidden
     min_range_m: float
     max_range_m: float
     field_of_view_rad: float  # full angle
+    direction_rad: float = 0.0  # bearing of the sector's middle in the body frame
     occluder_radius_m: float = 0.0  # of what stands in front; 0: nothing hides anything
 
     @property
@@ -42,8 +43,17 @@ class SensorRegion:
         half = 0.5 * self.field_of_view_rad
         if half >= np.pi:
             return np.asarray(np.maximum(inside, 0.0))
-        bearing, sigma = np.arctan2(relative[..., 1], relative[..., 0]), sigma_across / distance
+        bearing, sigma = self.off_centre(np.arctan2(relative[..., 1], relative[..., 0])), sigma_across / distance
         return np.asarray(np.maximum(inside, 0.0) * (ndtr((half - bearing) / sigma) - ndtr((-half - bearing) / sigma)))
+
+    def off_centre(self, bearings_rad: Array) -> Array:
+        """Angles between bearings in the body frame and the sector's middle, in [-pi, pi)."""
+        return wrap_angle(bearings_rad - self.direction_rad)
+
+    def holds(self, ranges_m: Array, bearings_rad: Array) -> Flags:
+        """(...,) whether places known exactly lie inside; NaN ranges are taken to."""
+        outside = (ranges_m < self.min_range_m) | (ranges_m > self.max_range_m)
+        return np.asarray(~outside & (np.abs(self.off_centre(bearings_rad)) <= 0.5 * self.field_of_view_rad))
 
     def not_occluded(
         self, relative: Array, ranges_m: Array, bearings_rad: Array, free_range_scan: Array = NO_SCAN

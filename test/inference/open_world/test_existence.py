@@ -1,8 +1,11 @@
 """Existence of an object against closed forms, and the region in which a miss counts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 
@@ -51,6 +54,28 @@ def test_a_first_detection_shares_between_clutter_and_new_objects() -> None:
 )
 def test_the_region_is_a_sector(position: tuple[float, float], inside: float) -> None:
     assert REGION.contains(np.array(position), EXACT) == pytest.approx(inside, abs=1e-9)
+
+
+@pytest.mark.parametrize("direction", [np.pi / 2, np.pi, -3.0])
+def test_the_region_turns_with_its_direction(direction: float) -> None:
+    turned = replace(REGION, direction_rad=direction)
+    rng = np.random.default_rng(0)
+    ranges, bearings = rng.uniform(0.1, 6.0, 200), rng.uniform(-np.pi, np.pi, 200)
+    places, moved = (
+        np.stack([ranges * np.cos(b), ranges * np.sin(b)], axis=1) for b in (bearings, bearings + direction)
+    )
+    spread = np.broadcast_to(np.diag([0.01, 0.01]), (200, 2, 2))
+    np.testing.assert_allclose(turned.contains(moved, spread), REGION.contains(places, spread), atol=1e-12)
+    wrapped = np.arctan2(moved[:, 1], moved[:, 0])
+    assert turned.holds(ranges, wrapped).tolist() == REGION.holds(ranges, bearings).tolist()
+    assert 0 < REGION.holds(ranges, bearings).sum() < 200
+
+
+def test_where_the_sensor_has_looked_follows_its_direction() -> None:
+    behind = replace(REGION, direction_rad=np.pi)
+    points = np.array([[2.0, 0.0], [-2.0, 0.0]])
+    np.testing.assert_allclose(undetected_share(REGION, np.zeros((2, 3)), points), [0.01, 1.0])
+    np.testing.assert_allclose(undetected_share(behind, np.zeros((2, 3)), points), [1.0, 0.01])
 
 
 def test_its_edges_are_as_soft_as_the_pose_is_uncertain() -> None:

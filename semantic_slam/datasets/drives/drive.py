@@ -1,0 +1,146 @@
+"""A drive without pictures: planar odometry, what was detected and, where it is known, the truth; written as a bag."""
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from semantic_slam.bag.writer import BagWriter
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import pose_vector_from_planar
+from semantic_slam.messages import topics
+from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
+from semantic_slam.messages.standard import OdometryEstimate
+from semantic_slam.perception.frame import Detections
+
+BODY_FRAME = "base_link"
+UNKNOWN = np.zeros((6, 6))
+"""Covariance of a pose whose uncertainty the source does not state."""
+
+
+@dataclass(frozen=True)
+class Path2D:
+    """N planar poses in one frame, at stamps that grow."""
+
+    stamps_ns: NDArray[np.int64]  # (N,)
+    poses: Array  # (N, 3) x y [m] yaw [rad]
+
+    def moved(self, T_to_from: Array) -> "Path2D":
+        """The path in the frame in which the present one has the pose (3,)."""
+        return Path2D(self.stamps_ns, se2.compose(T_to_from, self.poses))
+
+    def since(self, stamp_ns: int) -> "Path2D":
+        """The path from the last pose at or before a stamp on; the whole one where it begins later."""
+        first = max(int(np.searchsorted(self.stamps_ns, stamp_ns, side="right")) - 1, 0)
+        return Path2D(self.stamps_ns[first:], self.poses[first:])
+
+
+@dataclass(frozen=True)
+class TrueObjects:
+    """O objects that the source knows for certain; ids of those that move begin with ``MOVING``."""
+
+    object_ids: tuple[str, ...]  # (O,)
+    class_names: tuple[str, ...]  # (O,)
+    positions: Array  # (O, 2) x y [m]; of a moving one where it was first known
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """What an importer has read; F frames. Truth and objects share a frame, odometry has its own."""
+
+    odometry: Path2D
+    frames: list[Detections]  # (F,) at stamps that grow
+    associations: list[tuple[str, ...]] | None = None  # (F,) of (D,) true ids, "" for none; None: not known
+    truth: Path2D | None = None
+    objects: TrueObjects | None = None
+
+
+@dataclass(frozen=True)
+class Written:
+    """What a bag holds."""
+
+    poses: int  # of odometry
+    seconds: float
+    frames: int
+    detections: int
+
+    def __str__(self) -> str:
+        drive = f"{self.poses} poses in {self.seconds:.1f} s"
+        return f"{drive}, {self.frames} frames with {self.detections} detections, no pictures"
+
+
+def write_drive(drive: Drive, out: Path, title: str, max_keyframes: int | None = None) -> Written:
+    """Write the bag ``out``, up to the ``max_keyframes``-th frame; truth in the frame of the first true pose.
+
+    ``title`` stands before the progress bar. The first true pose is the last one that is not after the odometry's
+    first.
+    """
+    drive = in_frame_of_start(drive)
+    frames = drive.frames[:max_keyframes]
+    end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else int(drive.odometry.stamps_ns[-1])
+    entries = heapq.merge(*_streams(drive, len(frames)), key=lambda entry: entry[0])
+    per_frame = 1 if drive.associations is None else 2
+    total = len(drive.odometry.stamps_ns) + per_frame * len(frames) + (len(drive.truth.stamps_ns) if drive.truth else 0)
+    poses = 0
+    with BagWriter(out) as bag:
+        for stamp_ns, topic, value in tqdm(entries, total=total, desc=title, unit="message"):
+            if max_keyframes is not None and stamp_ns > end_ns:
+                break
+            bag.write(topic, value, stamp_ns)
+            poses += topic == topics.ODOMETRY
+    seconds = float(end_ns - drive.odometry.stamps_ns[0]) / 1e9
+    return Written(poses, seconds, len(frames), sum(map(len, frames)))
+
+
+def in_frame_of_start(drive: Drive) -> Drive:
+    """The drive with its truth, from the start of odometry on, and objects in the frame of the first true pose."""
+    if drive.truth is None:
+        return drive
+    truth = drive.truth.since(int(drive.odometry.stamps_ns[0]))
+    T_start_source = se2.inverse(truth.poses[0])
+    objects = drive.objects
+    if objects is not None:
+        poses = np.column_stack([objects.positions, np.zeros(len(objects.positions))])
+        objects = TrueObjects(objects.object_ids, objects.class_names, se2.compose(T_start_source, poses)[:, :2])
+    return Drive(
+        odometry=drive.odometry,
+        frames=drive.frames,
+        associations=drive.associations,
+        truth=truth.moved(T_start_source),
+        objects=objects,
+    )
+
+
+def _streams(drive: Drive, num_frames: int) -> list[Iterator[tuple[int, str, Any]]]:
+    """Each topic's messages with their stamps, in order."""
+    streams = [_poses(drive.odometry, topics.ODOMETRY, "odom"), _frames(drive, num_frames)]
+    if drive.truth is not None:
+        streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, "map"))
+    if drive.objects is not None:
+        streams.append(iter([_objects(drive.objects, int(drive.odometry.stamps_ns[0]))]))
+    return streams
+
+
+def _poses(path: Path2D, topic: str, frame_id: str) -> Iterator[tuple[int, str, Any]]:
+    for stamp_ns, pose in zip(path.stamps_ns.tolist(), pose_vector_from_planar(path.poses), strict=True):
+        yield stamp_ns, topic, OdometryEstimate(stamp_ns, frame_id, BODY_FRAME, pose, UNKNOWN)
+
+
+def _frames(drive: Drive, count: int) -> Iterator[tuple[int, str, Any]]:
+    for index, detections in enumerate(drive.frames[:count]):
+        yield detections.stamp_ns, topics.DETECTIONS, detections
+        if drive.associations is not None:
+            truth = GroundTruthAssociations(detections.stamp_ns, drive.associations[index])
+            yield detections.stamp_ns, topics.GROUND_TRUTH_ASSOCIATIONS, truth
+
+
+def _objects(objects: TrueObjects, stamp_ns: int) -> tuple[int, str, Any]:
+    poses = pose_vector_from_planar(np.column_stack([objects.positions, np.zeros(len(objects.positions))]))
+    value = GroundTruthObjects(stamp_ns, objects.object_ids, objects.class_names, poses)
+    return stamp_ns, topics.GROUND_TRUTH_OBJECTS, value

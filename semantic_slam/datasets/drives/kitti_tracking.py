@@ -1,0 +1,123 @@
+"""One drive of KITTI tracking: detected boxes, true boxes with track ids, and camera poses.
+
+Geiger, Lenz, Urtasun: "Are we ready for autonomous driving? The KITTI vision benchmark suite", CVPR 2012. The camera's
+axes are x right, y down, z forward; boxes stand on their locations. The body is the camera, its axes those of REP-103:
+x is the camera's z, y its -x, z its -y.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from semantic_slam.datasets.drives.tables import Line, found, found_or_none, lines_of, numbers, table
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array, Index
+
+REMEDY = "name a folder with whole det_NNNN.txt, label_NNNN.txt and orb_NNNN.txt"
+DETECTED = (
+    "frame",
+    "type",
+    "x_min",
+    "y_min",
+    "x_max",
+    "y_max",
+    "score",
+    "h",
+    "w",
+    "l",
+    "x",
+    "y",
+    "z",
+    "heading",
+    "alpha",
+)
+TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
+LABELLED = ("frame", "track", "type", "truncated", "occluded", "alpha", "x_min", "y_min", "x_max", "y_max")
+SIZED = ("h", "w", "l", "x", "y", "z", "heading")
+NOT_AN_OBJECT = "DontCare"
+
+
+@dataclass(frozen=True)
+class DetectedBoxes:
+    """N boxes that a detector reported."""
+
+    frames: Index  # (N,)
+    types: tuple[str, ...]  # (N,)
+    boxes: Array  # (N, 4) pixels
+    scores: Array  # (N,) 0..1
+    centres: Array  # (N, 3) in the body frame, metres
+
+
+@dataclass(frozen=True)
+class LabelledBoxes:
+    """N true boxes, without those regions that nobody labelled."""
+
+    frames: Index  # (N,)
+    tracks: Index  # (N,)
+    types: tuple[str, ...]  # (N,)
+    centres: Array  # (N, 3) in the body frame, metres
+
+
+def read_poses(folder: Path, drive: str) -> Array:
+    """(K, 3) planar poses of the body in the frame of the file, one per picture. Raises InputError."""
+    columns = [f"{row}{column}" for row in "xyz" for column in ("x", "y", "z", "t")]
+    path = found(folder, f"orb_{drive}.txt")
+    matrices = table(path, columns, REMEDY, time=False).reshape(-1, 3, 4)
+    if len(matrices) < 2:
+        raise InputError(f"{path}: one pose, and no motion; {REMEDY}")
+    ahead = matrices[:, :, 2]
+    return np.column_stack([matrices[:, 2, 3], -matrices[:, 0, 3], np.arctan2(-ahead[:, 0], ahead[:, 2])])
+
+
+def read_detected(folder: Path, drive: str, num_frames: int) -> DetectedBoxes:
+    """The detector's boxes; its raw scores s become confidences 1 / (1 + exp(-s)). Raises InputError."""
+    path = found(folder, f"det_{drive}.txt")
+    rows: list[list[float]] = []
+    types: list[str] = []
+    for line in lines_of(path, REMEDY, ","):
+        row = numbers(line, DETECTED, REMEDY)
+        _check_frame(line, int(row[0]), int(rows[-1][0]) if rows else 0, num_frames)
+        if int(row[1]) not in TYPES:
+            raise line.fault(f"type {row[1]:g} is none of {', '.join(map(str, TYPES))}", REMEDY)
+        types.append(TYPES[int(row[1])])
+        rows.append(row)
+    values = np.array(rows).reshape(-1, len(DETECTED))
+    scores = 1.0 / (1.0 + np.exp(-values[:, 6]))
+    return DetectedBoxes(values[:, 0].astype(int), tuple(types), values[:, 2:6], scores, _centres(values[:, 7:13]))
+
+
+def read_labelled(folder: Path, drive: str, num_frames: int) -> LabelledBoxes | None:
+    """The true boxes; None where there is no file of them. Raises InputError."""
+    path = found_or_none(folder, f"label_{drive}.txt")
+    if path is None:
+        return None
+    frames: list[int] = []
+    tracks: list[int] = []
+    types: list[str] = []
+    sizes: list[list[float]] = []
+    for line in lines_of(path, REMEDY):
+        if len(line.words) != len(LABELLED) + len(SIZED):
+            raise line.fault(f"{len(line.words)} columns, expected {' '.join(LABELLED + SIZED)}", REMEDY)
+        kind = line.words.pop(2)
+        row = numbers(line, (*LABELLED[:2], *LABELLED[3:], *SIZED), REMEDY)
+        _check_frame(line, int(row[0]), frames[-1] if frames else 0, num_frames)
+        if kind != NOT_AN_OBJECT:
+            frames.append(int(row[0]))
+            tracks.append(int(row[1]))
+            types.append(kind)
+            sizes.append(row[9:15])
+    centres = _centres(np.array(sizes).reshape(-1, 6))
+    return LabelledBoxes(np.array(frames, dtype=int), np.array(tracks, dtype=int), tuple(types), centres)
+
+
+def _check_frame(line: Line, frame: int, before: int, num_frames: int) -> None:
+    if frame < before:
+        raise line.fault(f"time goes backwards, from frame {before} to {frame}", "sort its lines")
+    if frame >= num_frames:
+        raise line.fault(f"frame {frame}, but there are {num_frames} poses", REMEDY)
+
+
+def _centres(sizes: Array) -> Array:
+    """(N, 3) centres in the body frame of boxes h w l x y z (N, 6), whose y is that of the bottom."""
+    return np.column_stack([sizes[:, 5], -sizes[:, 3], 0.5 * sizes[:, 0] - sizes[:, 4]])

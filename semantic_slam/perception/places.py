@@ -1,0 +1,110 @@
+"""Detections that tell where things are, without a picture, as semantic measurements.
+
+A place is a range and a bearing, a position in the body frame, or the box of a detector whose camera is known: then the
+bearing of the box's centre. Where nothing is told of a place's noise, its covariance is NaN and the configuration
+decides.
+"""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.pose import rotation_matrix, transform_points
+from semantic_slam.perception.frame import CameraModel, Detections
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.places_geometry import Places, places_of_boxes, places_of_positions, places_of_ranges
+
+NO_PLACE = "detection without a place: neither range and bearing, nor position, nor a box that a known camera saw"
+BAD_RANGE = "range that is not above zero"
+BAD_COVARIANCE = "covariance of a place that is not positive definite"
+
+
+class PlaceReader:
+    """Measures detections by the places that they tell; ``dropped`` counts, by reason, those that could not be used."""
+
+    def __init__(self, settings: PerceptionConfiguration) -> None:
+        self._settings = settings
+        self.dropped: Counter[str] = Counter()
+
+    def measure(
+        self,
+        detections: Detections,
+        sequence: int,
+        camera: CameraModel | None = None,
+        T_base_camera: Array | None = None,
+    ) -> SemanticMeasurements:
+        """Measurements of the usable detections; boxes need the ``camera`` and its (7,) pose in the body frame.
+
+        Range and bearing are preferred to a position, and both to a box. In a frame that has either of the first two,
+        every bearing is seen from the body's origin, so that boxes alone are not used there.
+        """
+        places, sensor = _places(detections, camera, T_base_camera)
+        kept = np.flatnonzero(self._usable(detections, places))
+        places, rows = places.take(kept), detections.take(kept)
+        return SemanticMeasurements(
+            stamp_ns=detections.stamp_ns,
+            sequence=sequence,
+            frame_id=self._settings.base_frame,
+            class_names=detections.class_names,
+            detection_ids=kept.astype(np.uint32),
+            boxes=rows.boxes,
+            labels=rows.labels,
+            scores=rows.scores.astype(np.float64),
+            track_ids=rows.track_ids,
+            class_probability_samples=np.zeros((len(kept), 0, len(detections.class_names))),
+            features=np.zeros((len(kept), 0)),
+            feature_covariances=np.zeros((len(kept), 0, 0)),
+            predictive_entropy=np.full(len(kept), np.nan),
+            mutual_information=np.full(len(kept), np.nan),
+            ranges_m=places.ranges_m,
+            bearings_rad=places.bearings_rad,
+            geometric_covariances=places.covariances[:, :2, :2],
+            sensor_position=sensor,
+            in_coverage=np.ones(len(kept), dtype=np.bool_),
+            dropped=self.dropped.total(),
+            elevations_rad=np.nan_to_num(places.elevations_rad, nan=0.0),
+            place_covariances=places.covariances,
+            class_scores=rows.class_scores,
+            embeddings=rows.embeddings,
+        )
+
+    def _usable(self, detections: Detections, places: Places) -> Flags:
+        """(D,) whether each can be used; the others are counted, each by its first reason."""
+        known = self._settings.labels
+        faults = {
+            f"unknown label '{label}'": np.array([label == other for other in detections.labels])
+            for label in sorted(set(detections.labels))
+            if known and label not in known
+        }
+        faults[NO_PLACE] = ~np.isfinite(places.bearings_rad) | np.isinf(places.ranges_m)
+        faults[BAD_RANGE] = places.ranges_m <= 0.0
+        faults[BAD_COVARIANCE] = ~places.are_covariances_usable()
+        usable = np.ones(len(detections), dtype=np.bool_)
+        for reason, rows in faults.items():
+            self.dropped[reason] += int((usable & rows).sum())
+            usable &= ~rows
+        self.dropped += Counter()  # without a reason that counts none
+        return usable
+
+
+def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) -> Detections:
+    """Positions (D, 3) and their covariances (D, 3, 3) moved from a sensor's frame, whose (7,) pose is given."""
+    rotation = rotation_matrix(T_base_frame[3:])
+    return replace(
+        detections,
+        frame_id=base_frame,
+        positions=transform_points(T_base_frame, detections.positions),
+        position_covariances=np.asarray(rotation @ detections.position_covariances @ rotation.T),
+    )
+
+
+def _places(detections: Detections, camera: CameraModel | None, T_base_camera: Array | None) -> tuple[Places, Array]:
+    """The places of all detections, and the (3,) point in the body frame from which those without range are seen."""
+    ranged, positioned = places_of_ranges(detections), places_of_positions(detections)
+    places = ranged.where(np.isfinite(ranged.bearings_rad), positioned)
+    if np.isfinite(places.bearings_rad).any() or camera is None or T_base_camera is None:
+        return places, np.zeros(3)
+    return places_of_boxes(detections.boxes, camera, T_base_camera), np.asarray(T_base_camera[:3], dtype=np.float64)

@@ -1,0 +1,102 @@
+"""Range in the plane, bearing and elevation of what a detector places, with covariances, all in the body frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.pose import rotation_matrix
+from semantic_slam.geometry.rows import take
+from semantic_slam.perception.frame import CameraModel, Detections
+from semantic_slam.perception.range_bearing import viewing_ray
+
+
+@dataclass(frozen=True)
+class Places:
+    """D places; NaN where not told."""
+
+    ranges_m: Array  # (D,) in the x-y plane
+    bearings_rad: Array  # (D,) counter-clockwise from x
+    elevations_rad: Array  # (D,) how far the line of sight points down
+    covariances: Array  # (D, 3, 3) of range in the plane, bearing, elevation
+
+    def take(self, rows: Index) -> "Places":
+        """The chosen places."""
+        return take(self, rows)
+
+    def where(self, chosen: Flags, other: "Places") -> "Places":
+        """Places where ``chosen`` (D,) is true, else those of ``other``."""
+        return Places(
+            np.where(chosen, self.ranges_m, other.ranges_m),
+            np.where(chosen, self.bearings_rad, other.bearings_rad),
+            np.where(chosen, self.elevations_rad, other.elevations_rad),
+            np.where(chosen[:, None, None], self.covariances, other.covariances),
+        )
+
+    def are_covariances_usable(self) -> Flags:
+        """(D,) whether range and bearing have a positive definite covariance, or none is told."""
+        block = self.covariances[:, :2, :2]
+        variances = np.diagonal(block, axis1=1, axis2=2)
+        whole: Flags = np.asarray(np.isfinite(block).all(axis=(1, 2)))
+        definite = (variances > 0.0).all(axis=1) & (np.linalg.det(np.where(whole[:, None, None], block, 0.0)) > 0.0)
+        bearing_alone = np.isnan(self.ranges_m) & (variances[:, 1] > 0.0)
+        return np.asarray(np.isnan(block).all(axis=(1, 2)) | (whole & definite) | bearing_alone)
+
+
+def places_of_ranges(detections: Detections) -> Places:
+    """From distances, bearings and elevations; without an elevation a line of sight counts as level.
+
+    A distance r at elevation e is r cos(e) in the plane, whose covariance follows to first order.
+    """
+    elevations = np.nan_to_num(detections.elevations_rad, nan=0.0)
+    distances = detections.ranges_m
+    to_plane = np.tile(np.eye(3), (len(detections), 1, 1))
+    to_plane[:, 0, 0] = np.cos(elevations)
+    sways = np.isfinite(detections.place_covariances[:, 2, 2]) & np.isfinite(distances)
+    to_plane[:, 0, 2] = -np.where(sways, distances, 0.0) * np.sin(elevations)
+    return Places(
+        distances * np.cos(elevations),
+        detections.bearings_rad,
+        detections.elevations_rad,
+        _transformed(detections.place_covariances, to_plane),
+    )
+
+
+def places_of_positions(detections: Detections) -> Places:
+    """From positions x y z [m]; covariances follow to first order."""
+    x, y, z = detections.positions.T
+    ranges = np.hypot(x, y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squared = ranges**2 + z**2
+        zero = np.zeros(len(x))
+        polar = np.stack(
+            [
+                np.stack([x / ranges, y / ranges, zero], axis=-1),
+                np.stack([-y / ranges**2, x / ranges**2, zero], axis=-1),
+                np.stack([z * x / (ranges * squared), z * y / (ranges * squared), -ranges / squared], axis=-1),
+            ],
+            axis=1,
+        )
+        covariances = _transformed(detections.position_covariances, polar)
+    return Places(ranges, np.arctan2(y, x), np.arctan2(-z, ranges), covariances)
+
+
+def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array) -> Places:
+    """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where a box has no area."""
+    rotation = rotation_matrix(T_base_camera[3:])
+    count = len(boxes)
+    directions = np.full((count, 3), np.nan)
+    for row, box in enumerate(boxes):
+        if np.isfinite(box).all() and box[2] > box[0] and box[3] > box[1]:
+            directions[row] = rotation @ viewing_ray(box, camera)
+    x, y, z = directions.T
+    elevations = np.arcsin(np.clip(-z, -1.0, 1.0))
+    return Places(np.full(count, np.nan), np.arctan2(y, x), elevations, np.full((count, 3, 3), np.nan))
+
+
+def _transformed(covariances: Array, jacobians: Array) -> Array:
+    """(D, 3, 3) J C J^T; NaN where an entry depends on one that is not told."""
+    unknown, used = np.isnan(covariances), (jacobians != 0.0).astype(np.float64)
+    moved = jacobians @ np.where(unknown, 0.0, covariances) @ np.swapaxes(jacobians, 1, 2)
+    hidden = used @ unknown.astype(np.float64) @ np.swapaxes(used, 1, 2) > 0.0
+    return np.asarray(np.where(hidden, np.nan, moved))

@@ -1,0 +1,96 @@
+"""Detections without pictures, in whatever order they and the camera's intrinsics arrive, become measurements.
+
+What comes out depends on the messages' stamps alone. Detections that tell places leave at once; boxes wait for the
+camera.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.sensor import camera_model, plain_frame
+from semantic_slam.perception.frame import CameraModel, Detections
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.places import PlaceReader
+from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+
+
+class PlacesAssembler:
+    """Detections as measurements, in the order of their stamps; ``dropped`` counts, by reason, what was not used."""
+
+    def __init__(self, configuration: Configuration, camera_pose: Callable[[str], Array]) -> None:
+        """``camera_pose`` gives (7,) T_base_camera of an optical frame, or raises InputError."""
+        self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
+        self._reader = PlaceReader(configuration.perception)
+        self._camera_pose = camera_pose
+        self._num_measured = 0
+        self._lost: Counter[str] = Counter()
+        self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self._lost)
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._lost + self._reader.dropped
+
+    @property
+    def num_waiting(self) -> int:
+        """Detections that wait for the camera, one apart that a held stamp keeps back."""
+        return len(self._detections)
+
+    def add_camera_info(self, message: Any) -> None:
+        """sensor_msgs/CameraInfo; raises InputError when the camera is not calibrated."""
+        if self.camera is None:
+            self.camera = camera_model(message, topics.CAMERA_INFO)
+
+    def add_detections(self, message: Any) -> None:
+        """semantic_slam_msgs/DetectionArray."""
+        try:
+            detections = from_message(message)
+        except InputError:
+            self._lost[f"{topics.DETECTIONS}: arrays of different lengths"] += 1
+            return
+        self._detections.add(detections.stamp_ns, detections)
+
+    def take(self) -> list[SemanticMeasurements]:
+        """Measurements that can be made by now, in the order of their stamps."""
+        return self._measurements(at_end=False)
+
+    def flush(self) -> list[SemanticMeasurements]:
+        """All that is left, once no more messages will come."""
+        self._detections.release()
+        return self._measurements(at_end=True)
+
+    def _measurements(self, at_end: bool) -> list[SemanticMeasurements]:
+        made = []
+        while len(self._detections):
+            detections = self._detections.first()[1]
+            if _needs_camera(detections) and self.camera is None and not at_end:
+                break
+            made.append(self._measure(self._detections.pop()))
+            self._num_measured += 1
+        return made
+
+    def _measure(self, detections: Detections) -> SemanticMeasurements:
+        camera = self.camera if _needs_camera(detections) else None
+        if camera is None:
+            return self._reader.measure(detections, self._num_measured)
+        try:
+            T_base_camera = self._camera_pose(camera.frame_id)
+            if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):
+                raise InputError(f"frame id '{detections.frame_id}' is not the camera's '{camera.frame_id}'")
+        except InputError as fault:  # of a live system the transform may still come
+            self._lost[f"{topics.DETECTIONS}: boxes without their camera: {fault}"] += 1
+            return self._reader.measure(detections, self._num_measured)
+        return self._reader.measure(detections, self._num_measured, camera, T_base_camera)
+
+
+def _needs_camera(detections: Detections) -> bool:
+    """Whether detections have boxes and nothing else that tells where they are."""
+    places = (detections.positions, detections.bearings_rad)
+    return bool(np.isfinite(detections.boxes).any()) and not any(np.isfinite(values).any() for values in places)

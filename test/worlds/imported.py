@@ -1,0 +1,26 @@
+"""Bags that ``import_dataset`` writes, as what they hold."""
+
+from pathlib import Path
+from typing import Any
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.cli import import_dataset
+from semantic_slam.messages.codec import BY_TYPE_NAME, from_message
+
+
+def import_bag(monkeypatch: Any, *words: object) -> dict[str, list[Any]]:
+    """Run the command with ``--out BAG`` as the last two of ``words``, and read the bag: topic -> our dataclasses."""
+    monkeypatch.setattr("sys.argv", ["import_dataset", *map(str, words)])
+    import_dataset.command()
+    return read_bag(Path(str(words[-1])))
+
+
+def read_bag(path: Path) -> dict[str, list[Any]]:
+    """Topic -> messages as dataclasses where they are ours, in the order of the bag."""
+    values: dict[str, list[Any]] = {}
+    with BagReader(path) as reader:
+        for message in reader.messages():
+            value = reader.decode(message.cdr, message.type_name)
+            value = from_message(value) if message.type_name in BY_TYPE_NAME else value
+            values.setdefault(message.topic, []).append(value)
+    return values

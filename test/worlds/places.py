@@ -1,0 +1,44 @@
+"""The small input bag without its pictures: what stands in the boxes told as places."""
+
+import numpy as np
+from worlds.bag_factory import OBJECTS, SPEED_M, Entry, frame_stamp, input_entries, of_topic
+
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import to_message
+from semantic_slam.perception.frame import Detections
+
+NUM_FRAMES = 4
+
+
+def relative_positions(k: int) -> np.ndarray:
+    """(2, 3) positions of the two objects in the body frame at frame ``k``."""
+    return OBJECTS - [SPEED_M * k, 0.0, 0.0]
+
+
+def place_entries(told: str, num_frames: int = NUM_FRAMES, track_ids: tuple[str, ...] = ("", "")) -> list[Entry]:
+    """Odometry, truth and detections with ``told`` "ranges" or "positions", and no camera."""
+    entries = []
+    for topic in (topics.ODOMETRY, topics.GROUND_TRUTH_ODOMETRY, topics.GROUND_TRUTH_ASSOCIATIONS):
+        entries += of_topic(input_entries(num_frames), topic)
+    for k in range(num_frames):
+        found = _detections(frame_stamp(k), relative_positions(k), told, track_ids)
+        entries.append(Entry(topics.DETECTIONS, to_message(found), frame_stamp(k)))
+    return sorted(entries, key=lambda entry: entry.stamp_ns)
+
+
+def _detections(stamp_ns: int, positions: np.ndarray, told: str, track_ids: tuple[str, ...]) -> Detections:
+    x, y, z = positions.T
+    ranges = {
+        "ranges_m": np.linalg.norm(positions, axis=1),
+        "bearings_rad": np.arctan2(y, x),
+        "elevations_rad": np.arctan2(-z, np.hypot(x, y)),
+    }
+    return Detections(
+        stamp_ns=stamp_ns,
+        frame_id="base_link",
+        boxes=np.full((len(positions), 4), np.nan),
+        labels=("box",) * len(positions),
+        scores=np.full(len(positions), 0.9),
+        track_ids=track_ids,
+        **(ranges if told == "ranges" else {"positions": positions}),
+    )
