@@ -115,6 +115,9 @@ class OpenWorldConfiguration:
     detection_probability: float = parameter(
         0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
     )
+    detection_probabilities: tuple[float, ...] = parameter(
+        (), "of which every hypothesis has one, in place of detection_probability; evidence decides; empty: that alone"
+    )
     miss_persistence: float = parameter(
         0.0,
         "correlation from keyframe to keyframe of whether an object can be detected; 0: misses are independent",
@@ -262,6 +265,11 @@ class PerceptionConfiguration:
     base_frame: str = parameter("base_link", "the robot's body frame")
     sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
     sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
+    noise_factors: tuple[float, ...] = parameter(
+        (1.0,),
+        "association: open, iterate_updates: false, no classes: factors on the covariance of places, of which every"
+        " hypothesis has one; evidence decides",
+    )
     depth_to_width: float = parameter(
         0.5, "the centre lies this share of the apparent width behind the visible surface", minimum=0.0
     )

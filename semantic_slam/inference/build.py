@@ -13,6 +13,7 @@ from semantic_slam.geometry.pose import covariance_from_planar
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
+from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
@@ -54,6 +55,7 @@ def make_run_configuration(
     association.check(configuration)
     semantics_name(configuration)
     _check_odometry(configuration, association)
+    _check_detections(configuration, association)
     latent = load_latent_model(configuration.semantic_model)
     if latent is not None:  # so that backends, reports and queries know the space of the descriptors
         noted = replace(configuration.semantic_model, space=latent.space)
@@ -95,6 +97,24 @@ def _check_odometry(configuration: Configuration, association: type[AssociationS
         )
 
 
+def _check_detections(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    factors, probabilities = configuration.perception.noise_factors, configuration.open_world.detection_probabilities
+    plain = configuration.semantic_model.kind == "none" and not configuration.open_world.iterate_updates
+    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not (association.tracks_objects and plain)):
+        raise InputError(
+            "perception.noise_factors must be positive, and other than [1.0] only with association: open,"
+            " open_world.iterate_updates: false and semantic_model.kind: none"
+        )
+    if probabilities and not 0.0 < min(probabilities) <= max(probabilities) < 1.0:
+        raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
+
+
+def _noises(configuration: Configuration) -> tuple[NoiseSettings | None, ...]:
+    """What hypotheses may take the noises to be; where objects are not tracked, all is as told."""
+    association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
+    return NoiseSettings.grid(configuration) if association.tracks_objects else (None,)
+
+
 def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
     """Planar initial pose (7,) and covariance (6, 6) of the configuration."""
     mean, sigma = np.array(configuration.initial_pose.mean), np.array(configuration.initial_pose.sigma)
@@ -116,7 +136,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     semantics: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
     return Problem(
         num_biases=len(bias_sigmas(configuration.odometry)),
-        noise_factors=configuration.odometry.noise_factors,
+        noises=_noises(configuration),
         spaces=sensing.spaces,
         model=sensing.model,
         reader=sensing.reader,

@@ -1,7 +1,7 @@
 """Detections as the planar observation model takes them: one by one, and as arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log, sqrt
 from typing import Any
@@ -64,6 +64,16 @@ class PlanarDetection:
     def feature_variance(self) -> Array:
         """(F,) diagonal of the feature's covariance."""
         return np.array(self.feature_covariance.diagonal())
+
+    @cached_property
+    def _scaled(self) -> dict[float, "PlanarDetection"]:
+        return {}
+
+    def scaled(self, factor: float) -> "PlanarDetection":
+        """The detection with its covariance times a factor: one object for each, whoever asks."""
+        if factor not in self._scaled:
+            self._scaled[factor] = replace(self, covariance=factor * self.covariance)
+        return self._scaled[factor]
 
     @property
     def place(self) -> Array:

@@ -28,7 +28,7 @@ class RecentAssociations:
     classes: Index  # (R,) -1 where classes are not enumerated
     confirms: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
     sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of the objects that are likely to exist
-    noise: int = 0  # of odometry, under which the hypothesis began
+    noise: int = 0  # under which the hypothesis began
     tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
 
 
@@ -121,9 +121,7 @@ class Copies:
         nothing = RecentAssociations(
             objects=np.zeros((0, 3)), classes=np.zeros(0, dtype=int), confirms=np.zeros(0, dtype=bool)
         )
-        self._recent = {
-            ROOT_ID + number: replace(nothing, noise=number) for number in range(len(problem.noise_factors))
-        }
+        self._recent = {ROOT_ID + number: replace(nothing, noise=number) for number in range(len(problem.noises))}
 
     def merged(self, candidates: C) -> C:
         """Candidates without near copies among those that pruning might keep."""

@@ -10,7 +10,8 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.detection_probability import Occluders, detection_probabilities
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, missed
-from semantic_slam.inference.open_world.prediction import Prediction, sensor_region
+from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 LEAST_DETECTION_SHARE = 0.02
@@ -29,16 +30,14 @@ class ExistenceAccounts:
         self, settings: OpenWorldConfiguration, step: Step, predictions: Sequence[Prediction], born: Index
     ) -> None:
         self._settings, self._step, self._predictions, self._born = settings, step, predictions, born
-        self._region = sensor_region(settings)
 
     def of(self, assignments: Assignments, object_ids: Index) -> tuple[Array, list[ExistenceUpdate]]:
         """(K,) log factors of births, detections and misses, and the updates; ``object_ids`` (K, D) as associated."""
-        expected = self._settings.clutter_per_frame
-        expected += self._region.detection_probability * self._settings.birth_density * self._region.area_m2
-        factors = np.full(len(assignments), -expected)
+        factors = np.zeros(len(assignments))
         updates: dict[int, ExistenceUpdate] = {}
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
+            factors[rows] = -self._expected(prediction.region)
             detected = self._detected(prediction, assignments.take(rows))
             log_missed, after = missed(prediction.existence, detected)
             for at, row in enumerate(rows.tolist()):
@@ -48,16 +47,21 @@ class ExistenceAccounts:
                 factors[row] += added
         return factors, [updates[row] for row in range(len(assignments))]
 
+    def _expected(self, region: SensorRegion) -> float:
+        """False alarms and first detections that a frame is expected to have."""
+        births = region.detection_probability * self._settings.birth_density * region.area_m2
+        return self._settings.clutter_per_frame + births
+
     def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
         """(K, O) detection probabilities at the modes; (1, O) at the prediction where that tells as much."""
-        if not prediction.is_lost and self._region.occluder_radius_m <= 0.0:
+        if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
             return prediction.detected[None]
         ranges = np.array([detection.range_m for detection in self._step.detections], dtype=np.float64)
         bearings = np.array([detection.bearing_rad for detection in self._step.detections], dtype=np.float64)
         occluders = Occluders(ranges, bearings, self._step.free_range_scan)
         detected = np.zeros((len(rows), len(prediction.detected)))
         detected[:, prediction.in_reach] = detection_probabilities(
-            self._region, prediction.objects, rows.column("robot"), rows.column("robot_covariance"), occluders
+            prediction.region, prediction.objects, rows.column("robot"), rows.column("robot_covariance"), occluders
         )
         if prediction.detectable is not None:
             detected *= prediction.detectable / prediction.miss_runs.share

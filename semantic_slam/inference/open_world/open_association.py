@@ -66,10 +66,16 @@ class OpenAssociation:
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """Each parent on its own."""
-        spaces, model, detections = self.problem.spaces, self.problem.model, step.detections
-        predictions = [self.predictor.predict(component, step.motion, detections) for component in parents.components]
+        spaces, model = self.problem.spaces, self.problem.model
+        seen = [component.sensed(step.detections) for component in parents.components]
+        predictions = [
+            self.predictor.predict(component, step.motion, detections)
+            for component, detections in zip(parents.components, seen, strict=True)
+        ]
         pairs = [
-            pair_densities(spaces, model, detections, own.predicted.mean[0], own.predicted.covariance[0], own.errors)
+            pair_densities(
+                spaces, model, own.detections, own.predicted.mean[0], own.predicted.covariance[0], own.errors
+            )
             for own in predictions
         ]
         if path is not None:

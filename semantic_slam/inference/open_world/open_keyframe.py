@@ -121,7 +121,7 @@ class OpenKeyframe:
         states = own.column("object_states")[row]
         parent = int(own.parents[row])
         prediction, births = self.predictions[parent], self._births[parent]
-        triples = zip(self.step.detections, taken.association, taken.class_assignment, strict=True)
+        triples = zip(prediction.detections, taken.association, taken.class_assignment, strict=True)
         modes = dict(zip(taken.association, states, strict=True))
         local = None
         if self.parents.components[parent].single_steps:
@@ -167,7 +167,6 @@ class OpenKeyframe:
 
     @property
     def _linearised(self) -> list[LinearisedEvidence]:
-        turns = np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in self.step.detections])
         return [
             LinearisedEvidence(
                 self.problem.spaces,
@@ -175,7 +174,7 @@ class OpenKeyframe:
                 own.predicted.covariance[0],
                 pairs,
                 own.births,
-                turns,
+                np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in own.detections]),
                 own.errors,
             )
             for own, pairs in zip(self.predictions, self.pairs, strict=True)

@@ -1,7 +1,7 @@
 """What one hypothesis expects of a keyframe: the robot, the objects that detections may be of, and births."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,8 @@ class Prediction:
     log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
     in_reach: Index  # (N,) rows of the population that may be in the region
     objects: PredictedObjects  # of those
+    detections: Sequence[Any]  # D, with the covariances that the hypothesis takes them to have
+    region: SensorRegion  # with the detection probability that it takes the sensor to have
     detected: Array  # (O,) detection probabilities at the prediction, nothing being hidden
     detectable: Array | None  # (O,) probability that an object can be detected at all, where misses come in runs
     miss_runs: MissRuns
@@ -115,13 +117,14 @@ class Predictor:
 
     def __init__(self, model: ObservationModel, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration):
         self.model, self.settings, self.errors = model, settings, errors
-        self.region = sensor_region(settings)
-        self.miss_runs = MissRuns(settings.detection_probability, settings.miss_persistence)
-        self._clutter = settings.clutter_per_frame / self.region.area_m2
+        self._region = sensor_region(settings)
+        self._clutter = settings.clutter_per_frame / self._region.area_m2
 
     def predict(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Prediction:
-        """Raises LostComponentError."""
+        """Under the noises that the component takes robot and sensor to have. Raises LostComponentError."""
         motion, space, tracked = component.scaled(motion), component.spaces.robot, _tracked(component)
+        region = self._region_of(component)
+        runs = MissRuns(region.detection_probability, self.settings.miss_persistence)
         control = _control(component, motion)
         robot = space.compose(tracked.robot, control)
         transition = space.propagation(control)
@@ -130,10 +133,10 @@ class Predictor:
         before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
         before = before[: transition.shape[1], : transition.shape[1]]
         spread = transition @ before @ transition.T + motion.covariance
-        births = [birth_of(self.model, detection, robot, self.region.field_of_view_rad) for detection in detections]
+        births = [birth_of(self.model, detection, robot, region.field_of_view_rad) for detection in detections]
         sigma = float(position_sigmas(spread[None])[0])
         margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
-        reach = np.flatnonzero(_distances(tracked.states, robot) < self.region.max_range_m + margin)
+        reach = np.flatnonzero(_distances(tracked.states, robot) < region.max_range_m + margin)
         near, beyond = self._near(component, robot, spread, births, detections, reach)
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
@@ -142,12 +145,12 @@ class Predictor:
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
         objects = _objects_in_reach(tracked, robot, reach, near, predicted)
-        intensity, existence = self._births(tracked, births, detections)
+        intensity, existence = self._births(tracked, region, runs, births, detections)
         detected = np.zeros(len(component.objects.ids))
-        detected[reach] = predicted_detection_probabilities(self.region, objects)
+        detected[reach] = predicted_detection_probabilities(region, objects)
         detectable = component.objects.detectable
         if detectable is not None:
-            detected *= detectable / self.miss_runs.share
+            detected *= detectable / runs.share
         return Prediction(
             component=component,
             near=near,
@@ -163,8 +166,15 @@ class Predictor:
             objects=objects,
             detected=detected,
             detectable=detectable,
-            miss_runs=self.miss_runs,
+            miss_runs=runs,
+            detections=detections,
+            region=region,
         )
+
+    def _region_of(self, component: Component) -> SensorRegion:
+        if component.settings is None:
+            return self._region
+        return replace(self._region, detection_probability=component.settings.detection_probability)
 
     def _with_errors(
         self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]
@@ -203,12 +213,19 @@ class Predictor:
         order = np.argsort(excess, kind="stable")
         order = order[excess[order] < gate]
         peaks = np.array([detection.log_normaliser for detection in detections])
-        detected = objects.existence[order[limit:]] * self.region.detection_probability
+        detected = objects.existence[order[limit:]] * self._region_of(component).detection_probability
         weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
 
-    def _births(self, tracked: TrackedStates, births: list[Birth], detections: Sequence[Any]) -> tuple[Array, Array]:
+    def _births(
+        self,
+        tracked: TrackedStates,
+        region: SensorRegion,
+        runs: MissRuns,
+        births: list[Birth],
+        detections: Sequence[Any],
+    ) -> tuple[Array, Array]:
         """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
         if not births:
             return np.zeros(0), np.zeros(0)
@@ -216,11 +233,11 @@ class Predictor:
         least = self.settings.least_undetected_share
         share = np.ones(len(births))
         if least < 1.0:
-            share = undetected_share(self.region, self.miss_runs, tracked.trail, points)
+            share = undetected_share(region, runs, tracked.trail, points)
         density = self.settings.birth_density * np.maximum(share, least)
-        intensity, existence = birth(density, self._clutter, self.region.detection_probability)
+        intensity, existence = birth(density, self._clutter, region.detection_probability)
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
-        return np.log(np.where(ranged, intensity, intensity * self.region.area_m2)), existence
+        return np.log(np.where(ranged, intensity, intensity * region.area_m2)), existence
 
 
 def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:

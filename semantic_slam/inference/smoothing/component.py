@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
@@ -41,8 +43,8 @@ class Component:
     tracked: TrackedStates | None = None  # None: marginals are read from the smoother when they are asked for
     single_steps: bool = False  # one update per keyframe instead of updates until they converge
     local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
-    noise: int = 0  # which of the noises that odometry may have
-    noise_factor: float = 1.0  # of that one, on the covariance
+    noise: int = 0  # which of the noises that robot and sensor may have
+    settings: NoiseSettings | None = None  # that number's; None: all as told
 
     @classmethod
     def root(
@@ -118,11 +120,17 @@ class Component:
         row = int(self.objects.rows(np.array(object_id)))
         return float(self.tracked.states[row, 2]), float(self.tracked.covariances[row, 2, 2])
 
+    def sensed(self, detections: Sequence[Any]) -> Sequence[Any]:
+        """Detections with the noise that this hypothesis takes them to have."""
+        if self.settings is None or self.settings.detection_factor == 1.0:
+            return detections
+        return [detection.scaled(self.settings.detection_factor) for detection in detections]
+
     def scaled(self, motion: Motion) -> Motion:
         """Odometry with the noise that this hypothesis takes it to have."""
-        if self.noise_factor == 1.0:
+        if self.settings is None or self.settings.odometry_factor == 1.0:
             return motion
-        return Motion(motion.control, self.noise_factor * motion.covariance, motion.by_bias)
+        return Motion(motion.control, self.settings.odometry_factor * motion.covariance, motion.by_bias)
 
     def child(self, update: ComponentUpdate, smoother: Smoother, local: LocalMap | None, max_fresh: int) -> "Component":
         """The component of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.

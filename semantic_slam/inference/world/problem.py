@@ -13,6 +13,7 @@ from semantic_slam.configuration import (
 )
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
@@ -50,12 +51,12 @@ class Problem:
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     num_biases: int = 0  # of odometry, that are estimated with the poses
-    noise_factors: tuple[float, ...] = (1.0,)  # on odometry's covariance, in an open world one for each hypothesis
+    noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
 
     @property
     def log_root_weights(self) -> list[float]:
-        """Log weights of the hypotheses before any measurement: one for each noise that odometry may have."""
-        count = len(self.noise_factors)
+        """Log weights of the hypotheses before any measurement: one for each noise that robot and sensor may have."""
+        count = len(self.noises)
         return [-float(np.log(count))] * count
 
     def root(self) -> Component:
@@ -65,13 +66,15 @@ class Problem:
         return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence)
 
     def tracking_root(self, number: int) -> Component:
-        """One that tracks its states, under one of the noises of odometry, as the configuration wants it updated."""
+        """One that tracks its states, under one of the noises, as the configuration wants it updated."""
         plain, single_steps = self.root(), not self.open_world.iterate_updates
         entries = sorted(self.objects, key=lambda entry: entry.object_id)
         tracked = tracked_before(self.spaces, self.robot, [entry.prior for entry in entries], self.num_biases)
         objects, sensor = plain.objects, self.open_world
         if sensor.miss_persistence > 0.0:
-            share = MissRuns(sensor.detection_probability, sensor.miss_persistence).share
+            noise = self.noises[number]
+            probability = sensor.detection_probability if noise is None else noise.detection_probability
+            share = MissRuns(probability, sensor.miss_persistence).share
             objects = replace(objects, detectable=np.full(len(objects.ids), share))
         return replace(
             plain,
@@ -80,5 +83,5 @@ class Problem:
             tracked=tracked,
             single_steps=single_steps,
             noise=number,
-            noise_factor=self.noise_factors[number],
+            settings=self.noises[number],
         )

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
@@ -74,8 +75,9 @@ def test_the_region_turns_with_its_direction(direction: float) -> None:
 def test_where_the_sensor_has_looked_follows_its_direction() -> None:
     behind = replace(REGION, direction_rad=np.pi)
     points = np.array([[2.0, 0.0], [-2.0, 0.0]])
-    np.testing.assert_allclose(undetected_share(REGION, np.zeros((2, 3)), points), [0.01, 1.0])
-    np.testing.assert_allclose(undetected_share(behind, np.zeros((2, 3)), points), [1.0, 0.01])
+    for region, expected in ((REGION, [0.01, 1.0]), (behind, [1.0, 0.01])):
+        runs = MissRuns(region.detection_probability, 0.0)
+        np.testing.assert_allclose(undetected_share(region, runs, np.zeros((2, 3)), points), expected)
 
 
 def test_its_edges_are_as_soft_as_the_pose_is_uncertain() -> None:

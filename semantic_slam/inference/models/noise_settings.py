@@ -1,0 +1,28 @@
+"""What one hypothesis takes a robot's noises to be; evidence decides between hypotheses that differ in it."""
+
+from dataclasses import dataclass
+from itertools import product
+
+from semantic_slam.configuration import Configuration
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSettings:
+    """Factors on covariances as they are told or configured, and how often an object in view is detected."""
+
+    odometry_factor: float = 1.0
+    detection_factor: float = 1.0
+    detection_probability: float
+
+    @classmethod
+    def grid(cls, configuration: Configuration) -> "tuple[NoiseSettings, ...]":
+        """Every combination that the configuration asks for."""
+        probabilities = configuration.open_world.detection_probabilities
+        return tuple(
+            cls(odometry_factor=odometry, detection_factor=detection, detection_probability=probability)
+            for odometry, detection, probability in product(
+                configuration.odometry.noise_factors,
+                configuration.perception.noise_factors,
+                probabilities or (configuration.open_world.detection_probability,),
+            )
+        )
