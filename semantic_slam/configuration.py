@@ -203,6 +203,17 @@ class DetectionErrorsConfiguration:
 
 
 @dataclass(frozen=True)
+class RevisionConfiguration:
+    every_keyframes: int = parameter(
+        0, "association: open: keyframes from one look for objects that are one to the next; 0: never", minimum=0
+    )
+    proposals: int = parameter(4, "revised histories that are weighed in one look", minimum=1)
+    horizon: int = parameter(
+        600, "keyframes up to which histories are revised: each revised one is replayed from the start", minimum=1
+    )
+
+
+@dataclass(frozen=True)
 class InitialPoseConfiguration:
     mean: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else"
@@ -302,6 +313,7 @@ class Configuration:
     visibility: VisibilityConfiguration = field(default_factory=VisibilityConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
+    revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
     initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)

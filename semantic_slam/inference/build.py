@@ -56,6 +56,7 @@ def make_run_configuration(
     semantics_name(configuration)
     _check_odometry(configuration, association)
     _check_detections(configuration, association)
+    _check_revision(configuration, association)
     latent = load_latent_model(configuration.semantic_model)
     if latent is not None:  # so that backends, reports and queries know the space of the descriptors
         noted = replace(configuration.semantic_model, space=latent.space)
@@ -109,6 +110,11 @@ def _check_detections(configuration: Configuration, association: type[Associatio
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
 
 
+def _check_revision(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    if configuration.revision.every_keyframes > 0 and not association.tracks_objects:
+        raise InputError("revision.every_keyframes is for worlds without a map; set association: open, or set it to 0")
+
+
 def _noises(configuration: Configuration) -> tuple[NoiseSettings | None, ...]:
     """What hypotheses may take the noises to be; where objects are not tracked, all is as told."""
     association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
@@ -154,6 +160,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         pruning=configuration.pruning,
         open_world=configuration.open_world,
         detection_errors=configuration.detection_errors,
+        revision=configuration.revision,
     )
 
 

@@ -25,8 +25,9 @@ from semantic_slam.inference.object_table import stack_rows
 from semantic_slam.inference.open_world.copies import Copies, Distinct
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.protocol import BackendPool, RunConfiguration
+from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
 from semantic_slam.inference.pruning import Pruned, prune
+from semantic_slam.inference.revision import Replay, Revision, log_mass, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
@@ -71,6 +72,9 @@ class Engine:
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         self.copies = Copies(self.problem) if self.association.merges_copies else Distinct()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
+        self.revision = Revision(
+            self.problem.revision, Replay(self.problem, self.association(self.problem, self.registry))
+        )
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
     @property
@@ -90,6 +94,7 @@ class Engine:
         candidates = self.propagate_weights(keyframe, step)  # for every component with w > 0
         kept = self.prune_and_normalise(candidates)
         components, reported = self.add_observation_factors(step, candidates, kept)  # those with w > 0 alone
+        components, reported = self.revise(step, components, reported)
         self.budget.end(len(self.hypotheses))
         belief = self.weighted_components(step, components, reported, len(candidates.ids))
         return replace(belief, log_evidence=kept.log_mass)
@@ -129,12 +134,37 @@ class Engine:
         """
         children = self.hypotheses.children(candidates, kept, self.pool.backend_ids)
         children, answers = self.rounds.commit(step.index, children)
-        alive = {n for answer in answers for n in answer.object_ids.tolist()}
-        reported = self.association.reported(self.registry, alive)
+        reported = self._reported(answers)
         components = held_components(answers, reported)
         self.hypotheses.accept(children, components, kept.discarded)
         self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
         return components, reported
+
+    def revise(
+        self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects
+    ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
+        """Histories in which objects of the best one are the same enter, with what they weigh: see ``revision``."""
+        self.revision.note(step)
+        if not self.revision.is_due():
+            return components, reported
+        best = components[next(iter(self.live))].objects
+        ratio = self.problem.pruning.ratio
+        found = self.revision.revised(self.live, reported.ids, best, self.log_evidence, ratio)
+        if not found:
+            return components, reported
+        together = with_revised(self.live, found, self.problem.pruning.max_hypotheses)
+        children, answers = self.rounds.commit(step.index, together)
+        reported = self._reported(answers)
+        components = held_components(answers, reported)
+        log_found = log_mass(together)
+        self.hypotheses.enter(children, components, log_found)
+        self.log_evidence += log_found
+        self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
+        return components, reported
+
+    def _reported(self, answers: list[Components]) -> ReportedObjects:
+        """The objects of the components that backends hold."""
+        return self.association.reported(self.registry, {n for answer in answers for n in answer.object_ids.tolist()})
 
     def weighted_components(
         self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects, num_candidates: int

@@ -39,6 +39,12 @@ class DiscardedMass:
         self.log_kept += log_kept
         self.lately.append(log_kept)
 
+    def find(self, log_found: float) -> None:
+        """Count mass that was discarded and has been found again, relative to what was kept: no more than there was."""
+        self.log_kept = min(0.0, self.log_kept + log_found)
+        if self.lately:
+            self.lately[-1] = min(0.0, self.lately[-1] + log_found)
+
     @property
     def total(self) -> float:
         """1 - prod_k (1 - d_k), since the start."""
@@ -90,6 +96,13 @@ class Hypotheses:
         kept = {n: child for n, child in children.items() if n in held}
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
         self.discarded.add(float(np.log1p(-discarded)) + min(log_total, 0.0))
+        self.live = {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}
+
+    def enter(self, children: dict[int, Hypothesis], held: Collection[int], log_found: float) -> None:
+        """Keep ``children`` whose components are ``held``, and take off what was discarded the mass that was found."""
+        kept = {n: child for n, child in children.items() if n in held}
+        log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
+        self.discarded.find(log_found)
         self.live = {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}
 
     def commit(

@@ -9,6 +9,7 @@ from semantic_slam.configuration import (
     DetectionErrorsConfiguration,
     OpenWorldConfiguration,
     PruningConfiguration,
+    RevisionConfiguration,
     WeightsConfiguration,
 )
 from semantic_slam.inference.models.latent_observation import LatentObservation
@@ -50,6 +51,7 @@ class Problem:
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
+    revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
     num_biases: int = 0  # of odometry, that are estimated with the poses
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
 

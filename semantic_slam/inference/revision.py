@@ -1,0 +1,198 @@
+"""Association revised afterwards: histories in which two objects of a live one are the same.
+
+A revised history is replayed from the prior, so that it enters with the very log P(history, Z_1:k) that it would have
+had if it had been followed all along, among live ones whose normalisers are kept. Nothing is optimised under it before.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from semantic_slam.configuration import RevisionConfiguration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.strategy import AssociationStrategy
+from semantic_slam.inference.expander import Expander
+from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.object_table import ObjectTable
+from semantic_slam.inference.smoothing.component import Component, WeightedComponent
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.growth import certain
+from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.problem import Problem
+
+LARGEST_DISTANCE = 4.0
+"""Mahalanobis distance between two objects up to which they may be one."""
+LARGEST_DISTANCE_M = 3.0
+"""Metres between them."""
+LEAST_EXISTENCE = 0.1
+AGAIN = 3
+"""Rounds of revision after which a pair that was tried may be tried again."""
+
+Lineage = tuple[LineageStep, ...]
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Revised:
+    """A history that was not followed before."""
+
+    number: int  # its hypothesis id
+    parent_id: int
+    lineage: Lineage
+    log_joint: float  # log P(history, Z_1:k)
+
+
+@dataclass
+class Replay:
+    """Replays histories; what several have in common from the start is replayed once in each round."""
+
+    problem: Problem
+    association: AssociationStrategy
+    steps: list[Step] = field(default_factory=list)  # so far
+
+    def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
+        """What each weighs; None for one that is impossible."""
+        known: dict[int, tuple[Component, float]] = {}
+        return [self._replayed(lineage, known) for lineage in lineages]
+
+    def _replayed(self, lineage: Lineage, known: dict[int, tuple[Component, float]]) -> Revised | None:
+        try:
+            return self._along(lineage, known)
+        except LostComponentError:
+            return None
+
+    def _along(self, lineage: Lineage, known: dict[int, tuple[Component, float]]) -> Revised:
+        expander = Expander(self.problem, self.association)
+        kind = lineage[0].mode if len(self.problem.noises) > 1 else 0
+        number = parent = ROOT_ID + kind
+        component, total = self.association.root(kind), self.problem.log_root_weights[kind]
+        for step, taken in zip(self.steps, lineage, strict=True):
+            child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
+            if child not in known:
+                expansion = expander.expand(step, [number], [WeightedComponent(component, 0.0)], taken)
+                if child not in expansion.ids:
+                    raise LostComponentError("a lineage names an impossible continuation")
+                row = expansion.ids.index(child)
+                grown = certain(expander.grow(step, expansion, [component], [row], in_place=False)[0])
+                known[child] = grown, total + float(expansion.log_psi[row])
+            parent, number, (component, total) = number, child, known[child]
+        return Revised(number, parent, lineage, total)
+
+
+class Revision:
+    """Proposes and weighs histories in which objects of the best one are the same."""
+
+    def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
+        self.settings, self._replay = settings, replay
+        self._tried: dict[Pair, int] = {}
+
+    def note(self, step: Step) -> None:
+        """Keep a keyframe for later replays, where anything is revised."""
+        if self.settings.every_keyframes > 0:
+            self._replay.steps.append(step)
+
+    def is_due(self) -> bool:
+        """Whether the newest keyframe is one after which to revise."""
+        every, count = self.settings.every_keyframes, len(self._replay.steps)
+        return every > 0 and count % every == 0 and count <= self.settings.horizon
+
+    def revised(
+        self,
+        live: Mapping[int, Hypothesis],
+        ids: Sequence[int],
+        objects: ObjectTable,
+        log_evidence: float,
+        ratio: float,
+    ) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+
+        ``objects`` (O, ...) of the best live hypothesis, over the ``ids``; ``log_evidence`` is log P(Z_1:k) under those
+        kept, the unit of their weights.
+        """
+        best = next(iter(live.values()))
+        lineages = self._proposals(best.lineage, ids, objects)
+        if not lineages:
+            return {}
+        limit = best.log_weight - float(np.log(ratio))
+        found: dict[int, Hypothesis] = {}
+        for own in self._replay.log_joints(lineages):
+            if own is not None and own.number not in live and own.log_joint - log_evidence >= limit:
+                found[own.number] = Hypothesis(
+                    owner=best.owner,
+                    log_weight=own.log_joint - log_evidence,
+                    parent_id=own.parent_id,
+                    lineage=own.lineage,
+                )
+        return found
+
+    def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
+        """All pairs at once first, where there are several, and then one by one, the nearest first."""
+        now = len(self._replay.steps)
+        pairs = [
+            pair
+            for pair in near_pairs(ids, objects, lineage)
+            if now - self._tried.get(pair, -now) >= AGAIN * self.settings.every_keyframes
+        ][: self.settings.proposals]
+        self._tried |= dict.fromkeys(pairs, now)
+        together = _apart(pairs, lineage)
+        chosen = [[pair] for pair in pairs]
+        if len(together) > 1:
+            chosen.insert(0, together)
+        return [merged(lineage, own) for own in chosen]
+
+
+def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> list[Pair]:
+    """Pairs (older, younger) of objects that may be one by where they are, never seen in one frame; nearest first."""
+    places, spreads = objects.object_poses[:, :2], objects.object_covariances[:, :2, :2]
+    alive = [row for row in range(len(ids)) if objects.existence[row] > LEAST_EXISTENCE]
+    apart = seen_together(lineage)
+    found: list[tuple[float, Pair]] = []
+    for one, other in combinations(alive, 2):
+        pair = min(ids[one], ids[other]), max(ids[one], ids[other])
+        offset = places[one] - places[other]
+        if pair in apart or not np.hypot(*offset) <= LARGEST_DISTANCE_M:
+            continue
+        distance = float(np.sqrt(offset @ np.linalg.solve(spreads[one] + spreads[other], offset)))
+        if distance <= LARGEST_DISTANCE:
+            found.append((distance, pair))
+    return [pair for _, pair in sorted(found)]
+
+
+def seen_together(lineage: Lineage) -> set[Pair]:
+    """Pairs of objects that some frame shows both of."""
+    return {pair for step in lineage for pair in combinations(sorted(n for n in step.association if n >= 0), 2)}
+
+
+def merged(lineage: Lineage, pairs: Sequence[Pair]) -> Lineage:
+    """The history in which the younger object of each pair is the older one."""
+    names = {younger: older for older, younger in pairs}
+    return tuple(
+        replace(step, association=tuple(names.get(number, number) for number in step.association)) for step in lineage
+    )
+
+
+def _apart(pairs: Sequence[Pair], lineage: Lineage) -> list[Pair]:
+    """Pairs without an object in common, of which no frame would show one object twice."""
+    chosen: list[Pair] = []
+    taken: set[int] = set()
+    for pair in pairs:
+        if not taken & set(pair):
+            chosen.append(pair)
+            taken |= set(pair)
+    return chosen
+
+
+def with_revised(live: Mapping[int, Hypothesis], found: Mapping[int, Hypothesis], limit: int) -> dict[int, Hypothesis]:
+    """Live and revised hypotheses, heaviest first, at most ``limit``; weights in the live ones' unit."""
+    every = sorted({**live, **found}.items(), key=lambda item: (-item[1].log_weight, item[0]))
+    return dict(every[:limit])
+
+
+def log_mass(hypotheses: Mapping[int, Hypothesis]) -> float:
+    """Log of the sum of their weights."""
+    weights: Array = np.array([own.log_weight for own in hypotheses.values()])
+    return float(np.logaddexp.reduce(weights))
