@@ -18,6 +18,8 @@ from semantic_slam.geometry.arrays import Array
 
 WINDOW_KEYFRAMES = 10
 """Keyframes of the window: a misfit longer ago than that is over, or goes on."""
+UNEXPLAINED = 0.5
+"""Probability from which on the belief is said not to explain its data."""
 PRIOR = 1e-3
 """Prior probability of a window that the belief does not explain."""
 
