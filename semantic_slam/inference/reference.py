@@ -5,7 +5,9 @@ radian, as false alarms'; class scores by one Gaussian with the moments of all c
 theirs are. What a belief counts besides densities, the reference counts alike:
 
 - objects that come and go: the number of detections is geometric, with the mean that the configuration expects where
-  nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture.
+  nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture. The weights of that
+  mixture have a factor that no candidate differs in, exp(-expected first detections), for ground not seen yet alone;
+  the reference gives back what it takes too much elsewhere.
 - a known map: Eq. 4.18 weighs each assignment of the detections to visible objects with P(beta | x, O) = 1, so that the
   reference counts once for each of them.
 - given identities: an object named for the first time has the broad prior that the belief gives it, which says nothing.
@@ -28,6 +30,7 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import unseen_share
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
@@ -89,6 +92,7 @@ class Reference:
         self._configuration, self._scores = configuration, scores
         self._association = ASSOCIATIONS.load(configuration.association)
         self._region = _region(configuration, is_open=self._association.tracks_objects)
+        self._trail: list[Array] = []  # of the heaviest hypothesis, as estimated then
         self._named = {name for entry in objects for name in (entry.name, str(entry.object_id))}
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
@@ -102,7 +106,7 @@ class Reference:
             return self._given(step)
         if self._association.needs_map:
             return self._mapped(step, belief)
-        return self._evenly(step.detections) + self._log_count(len(step.detections))
+        return self._evenly(step.detections) + self._log_count(len(step.detections)) - self._expected_too_many(belief)
 
     def _given(self, step: Step) -> float:
         """Detections of known objects lie anywhere; what is named for the first time is where its prior has it."""
@@ -155,11 +159,23 @@ class Reference:
         spread = np.diag([1.0, detection.range_m**-2]) * new.sigma_position_m**2 + detection.covariance
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
 
+    def _expected_too_many(self, belief: HybridBelief) -> float:
+        """First detections that the weights expect where the heaviest hypothesis has looked already."""
+        robot = planar_from_pose_vector(belief.poses[0])
+        least = self._configuration.open_world.least_undetected_share
+        share = unseen_share(self._region, np.array(self._trail).reshape(-1, 3), robot, least)
+        self._trail.append(robot)
+        return (1.0 - share) * self._expected_births
+
+    @property
+    def _expected_births(self) -> float:
+        """First detections expected in a frame where nothing was seen yet."""
+        settings = self._configuration.open_world
+        return settings.detection_probability * settings.birth_density * self._region.area_m2
+
     def _log_count(self, count: int) -> float:
         """Log of n! P(n), which a density of sets counts besides that of each detection."""
-        settings = self._configuration.open_world
-        born = settings.detection_probability * settings.birth_density * self._region.area_m2
-        mean = settings.clutter_per_frame + born
+        mean = self._configuration.open_world.clutter_per_frame + self._expected_births
         return float(gammaln(count + 1.0) + count * np.log(mean) - (count + 1.0) * np.log1p(mean))
 
 

@@ -1,4 +1,4 @@
-"""Whether the belief explains its data, keyframe by keyframe: evidence, innovations, and the model that explains none."""
+"""Whether the belief explains its data, keyframe by keyframe: evidence, innovations, and what explains none."""
 
 import numpy as np
 from scipy.stats import chi2
