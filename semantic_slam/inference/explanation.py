@@ -30,6 +30,8 @@ def probability_unexplained(log_ratios: Array) -> float:
     ``log_ratios`` (n,) in nats, newest last: log density of each keyframe's detections under the reference, less that
     under the belief. NaN where one of them is unknown.
     """
+    if np.isnan(log_ratios).any():
+        return np.nan
     hazard = PRIOR / WINDOW_KEYFRAMES
     since = np.cumsum(np.asarray(log_ratios)[::-1])
     log_odds = np.log(hazard) + np.logaddexp.reduce(since) - np.log1p(-hazard * len(since))
