@@ -40,7 +40,7 @@ KEYFRAMES = 24
 REPORT_FIELDS = {"schema_version", "bag", "config", "seed", "revision", "keyframes", "objects", "dropped"}
 KEYFRAME_FIELDS = {
     *("k", "stamp_ns", "n_detections", "n_candidates", "n_hypotheses", "association_entropy", "component_entropy"),
-    *("discarded_mass", "discarded_mass_window", "log_evidence", "innovation_nees", "unexplained", "best"),
+    *("discarded_mass", "best"),
 }
 METRICS = {
     *("association_f1", "association_precision", "association_recall", "keyframe_disambiguated"),
