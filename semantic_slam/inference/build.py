@@ -138,10 +138,13 @@ def problem_of(run: RunConfiguration) -> Problem:
     )
 
 
-def reference_of(run: RunConfiguration) -> Reference:
-    """The model that explains nothing, by which it is told whether the belief of a run explains its data."""
+def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
+    """The model that explains nothing, by which it is told whether the belief of a run explains its data.
+
+    ``problem`` is the one that the run announces.
+    """
     configuration = from_dict(json.loads(run.configuration), "run configuration")
-    settings, problem = configuration.semantic_model, problem_of(run)
+    settings = configuration.semantic_model
     model = load_model(settings)
     scores = NO_SCORES
     if model is not None:

@@ -28,7 +28,6 @@ from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration
 from semantic_slam.inference.pruning import Pruned, prune
-from semantic_slam.inference.reference import Reference
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
@@ -55,7 +54,7 @@ class Engine:
         """
         pose, covariance = start_of_run(configuration, initial_pose, initial_covariance)
         run = make_run_configuration(configuration, map_prior, pose, covariance, stamp_ns=0)
-        self._start(run, InProcessPool(backends), problem_of(run), reference_of(run))
+        self._start(run, InProcessPool(backends), None)
 
     @classmethod
     def of_run(cls, run: RunConfiguration, pool: BackendPool, problem: Problem | None = None) -> Self:
@@ -64,11 +63,12 @@ class Engine:
         Where detections of such a problem may lie nobody has said: ``unexplained`` is then NaN.
         """
         engine = cls.__new__(cls)
-        engine._start(run, pool, problem or problem_of(run), reference_of(run) if problem is None else None)
+        engine._start(run, pool, problem)
         return engine
 
-    def _start(self, run: RunConfiguration, pool: BackendPool, problem: Problem, reference: Reference | None) -> None:
-        self.problem, self.pool, self.reference = problem, pool, reference
+    def _start(self, run: RunConfiguration, pool: BackendPool, problem: Problem | None) -> None:
+        self.problem, self.pool = problem or problem_of(run), pool
+        self.reference = reference_of(run, self.problem) if problem is None else None
         pool.start(run)
         self.association: type[AssociationStrategy] = ASSOCIATIONS.load(self.problem.association)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))

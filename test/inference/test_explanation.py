@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 from worlds.open_room import make_room
 from worlds.planar_world import World, make_world
 
@@ -21,6 +22,9 @@ from semantic_slam.inference.explanation import (
     probability_unexplained,
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.open_world.detection_probability import undetected_share
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import unseen_share
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import ScoreDensity
@@ -152,4 +156,23 @@ def test_the_reference_of_no_detections_in_a_closed_world_is_certain() -> None:
     belief = engine.process(world.keyframes[0])
     empty = replace(world.keyframes[0], measurements=world.keyframes[0].measurements.take(np.zeros(0, dtype=int)))
     step = engine.problem.reader.step(empty)
-    assert reference_of(world.run).log_density(step, belief) == 0.0
+    assert reference_of(world.run, engine.problem).log_density(step, belief) == 0.0
+
+
+def test_the_ground_not_seen_yet_is_the_mean_over_the_region() -> None:
+    region = SensorRegion(detection_probability=0.9, min_range_m=0.3, max_range_m=5.0, field_of_view_rad=1.6)
+    random = np.random.default_rng(2)
+    trail, robot = random.normal(size=(12, 3)) * [1.0, 1.0, 0.5], np.array([0.5, 0.2, 0.3])
+    draws = qmc.Sobol(2, seed=0).random_base2(11)
+    ranges, turns = np.sqrt(0.3**2 + draws[:, 0] * (25.0 - 0.3**2)), 1.6 * (draws[:, 1] - 0.5) + robot[2]
+    points = robot[:2] + ranges[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    expected = np.maximum(undetected_share(region, trail, points), 0.02).mean()
+    assert unseen_share(region, trail, robot, 0.02) == pytest.approx(expected, abs=0.05) and expected < 0.9
+    assert unseen_share(region, trail[:0], robot, 0.02) == unseen_share(region, trail, robot, 1.0) == 1.0
+
+
+def test_a_problem_of_unknown_detections_has_no_reference() -> None:
+    world = make_world(2)
+    problem = Engine.of_run(world.run, InProcessPool(1)).problem
+    engine = Engine.of_run(world.run, InProcessPool(1, problem), problem)
+    assert np.isnan(engine.process(world.keyframes[0]).unexplained)

@@ -4,7 +4,6 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, broadcast_copy
-from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 
 NUM_RINGS, NUM_BEARINGS = 4, 8
@@ -18,11 +17,14 @@ def unseen_share(region: SensorRegion, trail: Array, robot: Array, least: float)
     """
     if least >= 1.0 or not len(trail):
         return 1.0
-    near = np.hypot(*(trail[:, :2] - robot[:2]).T) < 2.0 * region.max_range_m
+    near = trail[np.hypot(*(trail[:, :2] - robot[:2]).T) < 2.0 * region.max_range_m]
     centres = (np.arange(NUM_RINGS) + 0.5) / NUM_RINGS
     ranges = np.sqrt(region.min_range_m**2 + centres * (region.max_range_m**2 - region.min_range_m**2))
     bearings = region.field_of_view_rad * ((np.arange(NUM_BEARINGS) + 0.5) / NUM_BEARINGS - 0.5)
     turn, reach = (grid.ravel() for grid in np.meshgrid(bearings, ranges))
     body = np.stack([reach * np.cos(turn), reach * np.sin(turn), np.zeros(len(turn))], axis=1)
-    points = se2.compose(broadcast_copy(robot, body.shape), body)[:, :2]
-    return float(np.maximum(undetected_share(region, trail[near], points), least).mean())
+    points = se2.compose(broadcast_copy(robot, body.shape), body)
+    shape = (len(near), len(points), 3)
+    relative = se2.between(np.broadcast_to(near[:, None], shape), np.broadcast_to(points, shape))[..., :2]
+    looks = region.contains(relative, np.zeros((*shape[:2], 2, 2))).sum(axis=0)
+    return float(np.maximum((1.0 - region.detection_probability) ** looks, least).mean())
