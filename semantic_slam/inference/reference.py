@@ -26,6 +26,7 @@ from semantic_slam.geometry.arrays import Array, broadcast_copy
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.prediction import sensor_region
@@ -162,8 +163,9 @@ class Reference:
     def _expected_too_many(self, belief: HybridBelief) -> float:
         """First detections that the weights expect where the heaviest hypothesis has looked already."""
         robot = planar_from_pose_vector(belief.poses[0])
-        least = self._configuration.open_world.least_undetected_share
-        share = unseen_share(self._region, np.array(self._trail).reshape(-1, 3), robot, least)
+        settings, trail = self._configuration.open_world, np.array(self._trail).reshape(-1, 3)
+        runs = MissRuns(settings.detection_probability, settings.miss_persistence)
+        share = unseen_share(self._region, runs, trail, robot, settings.least_undetected_share)
         self._trail.append(robot)
         return (1.0 - share) * self._expected_births
 

@@ -22,6 +22,7 @@ from semantic_slam.inference.explanation import (
     probability_unexplained,
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.unseen_ground import unseen_share
@@ -159,16 +160,20 @@ def test_the_reference_of_no_detections_in_a_closed_world_is_certain() -> None:
     assert reference_of(world.run, engine.problem).log_density(step, belief) == 0.0
 
 
-def test_the_ground_not_seen_yet_is_the_mean_over_the_region() -> None:
-    region = SensorRegion(detection_probability=0.9, min_range_m=0.3, max_range_m=5.0, field_of_view_rad=1.6)
+@pytest.mark.parametrize("persistence", [0.0, 0.8])
+def test_the_ground_not_seen_yet_is_the_mean_over_the_region(persistence: float) -> None:
+    runs = MissRuns(0.9, persistence)
+    region = SensorRegion(
+        detection_probability=0.9, min_range_m=0.3, max_range_m=5.0, field_of_view_rad=1.6, direction_rad=0.7
+    )
     random = np.random.default_rng(2)
     trail, robot = random.normal(size=(12, 3)) * [1.0, 1.0, 0.5], np.array([0.5, 0.2, 0.3])
     draws = qmc.Sobol(2, seed=0).random_base2(11)
-    ranges, turns = np.sqrt(0.3**2 + draws[:, 0] * (25.0 - 0.3**2)), 1.6 * (draws[:, 1] - 0.5) + robot[2]
+    ranges, turns = np.sqrt(0.3**2 + draws[:, 0] * (25.0 - 0.3**2)), 1.6 * (draws[:, 1] - 0.5) + 0.7 + robot[2]
     points = robot[:2] + ranges[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    expected = np.maximum(undetected_share(region, trail, points), 0.02).mean()
-    assert unseen_share(region, trail, robot, 0.02) == pytest.approx(expected, abs=0.05) and expected < 0.9
-    assert unseen_share(region, trail[:0], robot, 0.02) == unseen_share(region, trail, robot, 1.0) == 1.0
+    expected = np.maximum(undetected_share(region, runs, trail, points), 0.02).mean()
+    assert unseen_share(region, runs, trail, robot, 0.02) == pytest.approx(expected, abs=0.05) and expected < 0.9
+    assert unseen_share(region, runs, trail[:0], robot, 0.02) == unseen_share(region, runs, trail, robot, 1.0) == 1.0
 
 
 def test_a_problem_of_unknown_detections_has_no_reference() -> None:
