@@ -27,6 +27,7 @@ def unseen_share(region: SensorRegion, runs: MissRuns, trail: Array, robot: Arra
     points = se2.compose(broadcast_copy(robot, body.shape), body)
     shape = (len(near), len(points), 3)
     relative = se2.between(np.broadcast_to(near[:, None], shape), np.broadcast_to(points, shape))[..., :2]
-    looks = np.rint(region.contains(relative, np.zeros((*shape[:2], 2, 2)))).astype(int).sum(axis=0)
+    x, y = relative[..., 0], relative[..., 1]
+    looks = region.holds(np.hypot(x, y), np.arctan2(y, x)).sum(axis=0)
     shares = np.array([runs.never_detected(times) for times in range(looks.max() + 1)])
     return float(np.maximum(shares[looks], least).mean())
