@@ -129,6 +129,8 @@ def same(some: Sequence[HybridBelief], others: Sequence[HybridBelief], tolerance
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
         for name in ("log_weights", "poses", "pose_covariances", "object_poses", "object_covariances", "existence"):
             np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=0.0, atol=tolerance, err_msg=name)
+        told, again = [(own.log_evidence, own.innovation_nees, own.unexplained) for own in (one, other)]
+        np.testing.assert_allclose(told, again, rtol=0.0 if tolerance == 0.0 else 1e-3, atol=tolerance)
 
 
 def _seen(x: Array, random: np.random.Generator) -> list[Detection]:

@@ -154,6 +154,7 @@ class Backend:
             modes=np.array([s.mode for s in found.steps], dtype=np.uint16),
             log_weights=weights[rows.parents] + found.log_psi,
             effective_sample_sizes=found.effective_sample_sizes,
+            innovation_nees=_or_nan(rows.innovation_nees, len(rows)),
             poses=robot.poses(rows.column("robot")),
             pose_covariances=robot.covariances(rows.column("robot"), rows.column("robot_covariance")),
             object_poses=landmark.poses(states),
@@ -185,6 +186,7 @@ class Backend:
             modes=np.zeros(0, dtype=np.uint16),
             log_weights=none,
             effective_sample_sizes=none,
+            innovation_nees=none,
             poses=np.zeros((0, 7)),
             pose_covariances=np.zeros((0, 6, 6)),
             object_poses=np.zeros((0, detections, 7)),
@@ -246,6 +248,11 @@ class Backend:
 def _stacked(rows: list[Array], num_objects: int) -> Array:
     """(S, O, L) from (O, L); L is 0 without rows."""
     return np.array(rows) if rows else np.zeros((0, num_objects, 0))
+
+
+def _or_nan(column: Array | None, count: int) -> Array:
+    """(count,) a column, NaN where the association strategy has none."""
+    return np.full(count, np.nan) if column is None else column
 
 
 def _rows(rows: list[tuple[int, ...]], width: int) -> NDArray[np.int32]:

@@ -16,6 +16,7 @@ from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.reference import NO_SCORES, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
@@ -162,6 +163,22 @@ def problem_of(run: RunConfiguration) -> Problem:
         detection_errors=configuration.detection_errors,
         revision=configuration.revision,
     )
+
+
+def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
+    """The model that explains nothing, by which it is told whether the belief of a run explains its data.
+
+    ``problem`` is the one that the run announces.
+    """
+    configuration = from_dict(json.loads(run.configuration), "run configuration")
+    settings = configuration.semantic_model
+    model = load_model(settings)
+    scores = NO_SCORES
+    if model is not None:
+        scores = ScoreDensity.of_classes(model, _tempering(settings))
+    elif problem.latent is not None:
+        scores = ScoreDensity.of_descriptors(problem.latent)
+    return Reference(configuration, problem.objects, scores)
 
 
 def _sensing(

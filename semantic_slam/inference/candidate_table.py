@@ -21,6 +21,7 @@ class CandidateTable:
     classes: NDArray[np.int32]  # (K, D)
     modes: NDArray[np.uint16]  # (K,)
     log_weights: Array  # (K,) w psi over all parents, not normalised
+    innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object
     poses: Array  # (K, 7)
     object_poses: Array  # (K, D, 7)
     log_missing: Array  # (P,) mass that was not enumerated, in the same units
@@ -39,6 +40,7 @@ class CandidateTable:
             classes=np.concatenate([answer.class_assignments for answer in filled])[order],
             modes=np.concatenate([answer.modes for answer in filled])[order],
             log_weights=np.concatenate([answer.log_weights for answer in filled])[order],
+            innovation_nees=np.concatenate([answer.innovation_nees for answer in filled])[order],
             poses=np.concatenate([answer.poses for answer in filled])[order],
             object_poses=np.concatenate([answer.object_poses for answer in filled])[order],
             log_missing=missing[np.unique(parents, return_index=True)[1]],
@@ -46,8 +48,8 @@ class CandidateTable:
 
     def take(self, rows: Index, log_weights: Array) -> "CandidateTable":
         """The chosen candidates, with new log weights."""
-        names = ("ids", "parent_ids", "associations", "classes", "modes", "poses", "object_poses")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names}, log_weights=log_weights)
+        others = [name for name in vars(self) if name not in ("log_weights", "log_missing")]
+        return replace(self, **{name: getattr(self, name)[rows] for name in others}, log_weights=log_weights)
 
     def step(self, row: int) -> LineageStep:
         """What the keyframe adds to the lineage of one candidate."""

@@ -15,8 +15,9 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import make_run_configuration, problem_of
+from semantic_slam.inference.build import make_run_configuration, problem_of, reference_of
 from semantic_slam.inference.candidate_table import CandidateTable
+from semantic_slam.inference.explanation import Explanation, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.initial_pose import start_of_run
 from semantic_slam.inference.marginals import Mixture, state_belief
@@ -54,17 +55,21 @@ class Engine:
         """
         pose, covariance = start_of_run(configuration, initial_pose, initial_covariance)
         run = make_run_configuration(configuration, map_prior, pose, covariance, stamp_ns=0)
-        self._start(run, InProcessPool(backends), problem_of(run))
+        self._start(run, InProcessPool(backends), None)
 
     @classmethod
     def of_run(cls, run: RunConfiguration, pool: BackendPool, problem: Problem | None = None) -> Self:
-        """With the backends of ``pool``; ``problem`` replaces the problem that the run announces."""
+        """With the backends of ``pool``; ``problem`` replaces the problem that the run announces.
+
+        Where detections of such a problem may lie nobody has said: ``unexplained`` is then NaN.
+        """
         engine = cls.__new__(cls)
-        engine._start(run, pool, problem or problem_of(run))
+        engine._start(run, pool, problem)
         return engine
 
-    def _start(self, run: RunConfiguration, pool: BackendPool, problem: Problem) -> None:
-        self.problem, self.pool = problem, pool
+    def _start(self, run: RunConfiguration, pool: BackendPool, problem: Problem | None) -> None:
+        self.problem, self.pool = problem or problem_of(run), pool
+        self.reference = reference_of(run, self.problem) if problem is None else None
         pool.start(run)
         self.association: type[AssociationStrategy] = ASSOCIATIONS.load(self.problem.association)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
@@ -72,9 +77,9 @@ class Engine:
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         self.copies = Copies(self.problem) if self.association.merges_copies else Distinct()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
-        self.revision = Revision(
-            self.problem.revision, Replay(self.problem, self.association(self.problem, self.registry))
-        )
+        replay = Replay(self.problem, self.association(self.problem, self.registry))
+        self.revision = Revision(self.problem.revision, replay)
+        self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
     @property
@@ -97,7 +102,7 @@ class Engine:
         components, reported = self.revise(step, components, reported)
         self.budget.end(len(self.hypotheses))
         belief = self.weighted_components(step, components, reported, len(candidates.ids))
-        return replace(belief, log_evidence=kept.log_mass)
+        return self.judged(step, belief, candidates, kept)
 
     def introduce(self, keyframe: Any) -> Step:
         """Actions and measurements u_k-1, Z_k in the order of detections; objects that they may start get ids.
@@ -185,6 +190,16 @@ class Engine:
             num_merged=self.copies.num_merged,
             reproducible=not self.budget.is_on,
             discarded_mass_window=discarded.window,
+        )
+
+    def judged(self, step: Step, belief: HybridBelief, candidates: CandidateTable, kept: Pruned) -> HybridBelief:
+        """The belief with what tells whether it explains its data."""
+        log_reference = self.reference.log_density(step, belief) if self.reference is not None else np.nan
+        return replace(
+            belief,
+            log_evidence=kept.log_mass,
+            innovation_nees=mean_of_known(candidates.innovation_nees[kept.kept], np.exp(kept.log_weights)),
+            unexplained=self.explanation.add(kept.log_mass, log_reference),
         )
 
     def _mixture(self, components: dict[int, HeldComponent]) -> Mixture:

@@ -49,6 +49,7 @@ class Candidates:
     modes: NDArray[np.uint16]  # (K,)
     log_weights: Array  # (K,) parent's log weight + log psi
     effective_sample_sizes: Array  # (K,)
+    innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object
     poses: Array  # (K, 7)
     pose_covariances: Array  # (K, 6, 6)
     object_poses: Array  # (K, D, 7)

@@ -39,6 +39,7 @@ CANDIDATES_LAYOUT: Layout = {
     "modes": ("K",),
     "log_weights": ("K",),
     "effective_sample_sizes": ("K",),
+    "innovation_nees": ("K",),
     "poses": ("K", 7),
     "pose_covariances": ("K", 6, 6),
     "object_poses": ("K", "D", 7),

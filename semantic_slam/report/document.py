@@ -82,10 +82,19 @@ def _keyframe(belief: HybridBelief, final: int) -> dict[str, Any]:
         "association_entropy": belief.association_entropy,
         "component_entropy": belief.component_entropy,
         "discarded_mass": belief.discarded_mass,
+        **_explanation(belief),
         "best": best,
         "associations": best["associations"],
         "final": _hypothesis(belief, final) if final >= 0 else None,
     }
+
+
+def _explanation(belief: HybridBelief) -> dict[str, float]:
+    """What a belief says of its data; nothing where an older version recorded it, which did not say."""
+    if np.isnan(belief.log_evidence):
+        return {}
+    names = ("discarded_mass_window", "log_evidence", "innovation_nees", "unexplained")
+    return {name: getattr(belief, name) for name in names}
 
 
 def _hypothesis(belief: HybridBelief, index: int) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from semantic_slam.report.charts import time_charts, truth_charts
 from semantic_slam.report.comparison import Run
 from semantic_slam.report.comparison_view import comparison_view
 from semantic_slam.report.descriptors import descriptor_figures
+from semantic_slam.report.explanation_charts import explanation_charts
 from semantic_slam.report.frames import frame_views
 from semantic_slam.report.metrics_table import metric_rows
 from semantic_slam.report.objects import object_views
@@ -47,7 +48,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
             objects=objects,
             descriptors=descriptor_figures(analysis),
             comparison=comparison_view(runs, classes),
-            charts=time_charts(analysis),
+            charts=[*time_charts(analysis), *explanation_charts(record)],
             truth_charts=truth_charts(evaluation, record.beliefs) if evaluation else [],
             metrics=metric_rows(evaluation.metrics) if evaluation else [],
             frames=frames,

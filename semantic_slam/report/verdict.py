@@ -1,9 +1,12 @@
 """What a run found out, in plain words."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.explanation import UNEXPLAINED
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.objects import CERTAIN, ObjectView
 from semantic_slam.report.wording import known, listed, number, percent
@@ -13,8 +16,15 @@ NAMED = 4
 
 
 def verdict(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
-    """Sentences for the head of the report: objects, data association, agreement with the truth."""
-    sentences = [_objects(analysis, objects), *_ambiguous(analysis, objects), _association(analysis), *_truth(analysis)]
+    """Sentences for the head of the report: whether the data are explained, objects, data association, the truth."""
+    first = unexplained(analysis.record.beliefs)
+    sentences = [
+        first,
+        _objects(analysis, objects),
+        *_ambiguous(analysis, objects),
+        _association(analysis),
+        *_truth(analysis),
+    ]
     return [sentence for sentence in sentences if sentence]
 
 
@@ -37,6 +47,20 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
             " the stated probabilities are no better than that."
         )
     return found
+
+
+def unexplained(beliefs: Sequence[HybridBelief]) -> str:
+    """Since when, or for how many keyframes, the belief did not explain its data; nothing where it always did."""
+    lost = [belief.unexplained > UNEXPLAINED for belief in beliefs]
+    if not any(lost):
+        return ""
+    if not lost[-1]:
+        return f"The belief could not explain its data in {sum(lost)} of {len(lost)} keyframes; in the end it can."
+    since = max((place + 1 for place, own in enumerate(lost) if not own), default=0)
+    return (
+        f"The belief cannot explain its data since keyframe {beliefs[since].keyframe}:"
+        " places and probabilities below are not to be trusted."
+    )
 
 
 def _objects(analysis: Analysis, objects: list[ObjectView]) -> str:

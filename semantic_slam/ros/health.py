@@ -5,6 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.explanation import UNEXPLAINED
+
 SILENT_AFTER_S = 3.0
 
 
@@ -57,6 +60,22 @@ def dropped_status(dropped: Counter[str]) -> Status:
         return Status("dropped", Level.OK, "nothing dropped")
     text = "; ".join(f"{number} x {reason}" for reason, number in sorted(dropped.items()))
     return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
+
+
+def explanation_status(belief: HybridBelief | None) -> Status:
+    """Whether the newest belief explains its data."""
+    if belief is None:
+        return Status("explanation", Level.OK, "no keyframe so far")
+    names = ("log_evidence", "innovation_nees", "unexplained", "discarded_mass_window")
+    values = {name: f"{getattr(belief, name):.4g}" for name in names}
+    if not belief.unexplained > UNEXPLAINED:
+        return Status("explanation", Level.OK, "the belief explains its data", values)
+    return Status(
+        "explanation",
+        Level.WARN,
+        f"the belief cannot explain its data at keyframe {belief.keyframe}; do not trust its pose and its map",
+        values,
+    )
 
 
 def incompatible_status(topic: str, policy: str) -> Status:

@@ -32,7 +32,7 @@ from semantic_slam.pipeline.provenance import revision, source_text
 from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
-from semantic_slam.ros.health import Level, Status, dropped_status
+from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
 from semantic_slam.ros.lookalike_service import LookalikeService
 from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
@@ -61,13 +61,14 @@ class HypothesisManagerNode(PipelineNode):
         self._undecodable: Counter[str] = Counter()
         self._frames_measured = self._frames_lost = self._num_keyframes = self._announced = self._stamp_ns = 0
         self._status = dropped_status(self._undecodable)  # replaced by the worker, published by the executor
+        self._explanation = explanation_status(None)  # likewise
         self._publisher = BeliefPublisher(self, self.lossless)
         self._lookalikes = LookalikeService(self, self._configuration.semantic_model)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
         )
         self._listen()
-        self.health.add_source(lambda: [*self._pool.statuses(), self._status, self._keyframe_status()])
+        self.health.add_source(lambda: [*self._pool.statuses(), self._status, *self._statuses()])
 
     @property
     def _wants_identities(self) -> bool:
@@ -123,6 +124,7 @@ class HypothesisManagerNode(PipelineNode):
                 belief = self._manager.process(keyframe)
                 self._publisher.publish(belief, keyframe.odometry)
                 self._lookalikes.belief = belief
+                self._explanation = explanation_status(belief)
                 self._num_keyframes += 1
         finally:
             lost = self._manager.lost if self._manager is not None else Counter[str]()
@@ -166,9 +168,9 @@ class HypothesisManagerNode(PipelineNode):
         self._announced = frames
         self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=frames, finished=finished)))
 
-    def _keyframe_status(self) -> Status:
+    def _statuses(self) -> list[Status]:
         number = str(self._num_keyframes)
-        return Status("keyframes", Level.OK, f"{number} keyframes", {"keyframes": number})
+        return [Status("keyframes", Level.OK, f"{number} keyframes", {"keyframes": number}), self._explanation]
 
 
 def _map_prior(path: str) -> MapPrior | None:

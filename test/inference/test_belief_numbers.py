@@ -75,7 +75,6 @@ def test_association_probabilities_of_no_detections() -> None:
 def test_what_no_model_fills_yet_is_nan(closed: tuple[Engine, list[HybridBelief]]) -> None:
     belief = closed[1][-1]
     count = len(belief.object_ids)
-    assert np.isnan([belief.innovation_nees, belief.unexplained]).all()
     assert belief.object_velocities.shape == (count, 6) and belief.moving.shape == (count,)
     for values in (belief.object_velocities, belief.moving, belief.moved, belief.missing, belief.outlier_probability):
         assert np.isnan(values).all()

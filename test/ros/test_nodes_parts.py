@@ -19,6 +19,7 @@ from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros.flow_control import Credit
+from semantic_slam.ros.health import Level, explanation_status
 from semantic_slam.ros.playlist import Playlist, parse_remaps
 from semantic_slam.ros.views import map_to_odom_view, markers_view, pose_view
 from semantic_slam.ros.work_order import WorkOrder
@@ -156,3 +157,12 @@ def test_ellipsoid_spans_two_standard_deviations() -> None:
     covariance[0, 0, 0], covariance[0, 1, 1] = 0.09, 0.25
     marker = markers_view(replace(belief, object_covariances=covariance)).markers[0]
     assert sorted([marker.scale.x, marker.scale.y, marker.scale.z]) == pytest.approx([0.1, 1.2, 2.0])
+
+
+@pytest.mark.parametrize(("unexplained", "level"), [(np.nan, Level.OK), (0.2, Level.OK), (0.9, Level.WARN)])
+def test_a_belief_that_cannot_explain_its_data_is_a_warning(unexplained: float, level: Level) -> None:
+    belief = replace(small_belief(3, [1], [0], [1.0], [1], [[0]]), unexplained=unexplained, log_evidence=-31.25)
+    status = explanation_status(belief)
+    assert status.level == level and status.values["log_evidence"] == "-31.25"
+    assert ("keyframe 3" in status.message) == (level == Level.WARN)
+    assert explanation_status(None).level == Level.OK

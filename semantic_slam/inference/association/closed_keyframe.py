@@ -70,7 +70,7 @@ class ClosedKeyframe:
             assert candidates.problem is not None and candidates.start is not None
             mode = find_modes(candidates.problem, candidates.start, tolerance=WEIGHING_TOLERANCE)
             candidates = replace(candidates, mode=mode)
-        return self._with_evidence(candidates).at_modes()
+        return replace(self._with_evidence(candidates), num_new=len(self._new[0])).at_modes()
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
         """Semantic input of the candidates, with the priors over classes that the map states."""

@@ -143,6 +143,7 @@ def enumerate_classes(setting: EnumerationProblem, associated: Candidates) -> Ca
         log_left_out=left_out,
         problem=problem,
         start=_turned(problem, mode.y[index], chosen_turns),
+        num_new=associated.num_new,
     )
 
 

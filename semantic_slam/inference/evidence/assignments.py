@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
 
-AT_MODES = ("log_evidence", "robot", "robot_covariance", "object_states", "object_covariances", "bend")
+AT_MODES = (
+    "log_evidence",
+    "robot",
+    "robot_covariance",
+    "object_states",
+    "object_covariances",
+    "bend",
+    "innovation_nees",
+)
 """Columns that follow from the mode of a candidate."""
 
 
@@ -31,6 +39,9 @@ class Assignments:
     robot_covariance: Array | None = None  # (K, r, r)
     object_states: Array | None = None  # (K, n, s) of each detection's object
     object_covariances: Array | None = None  # (K, n, l, l)
+    innovation_nees: Array | None = (
+        None  # (K,) of the detections of known objects, per degree of freedom; NaN without any
+    )
     bend: Array | None = None  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most
     posterior_modes: NDArray[np.object_] | None = None  # (K,) what the whole window had to say, None where not asked
     windows: NDArray[np.object_] | None = None  # (K,) since the candidate was last Gaussian, None: it is

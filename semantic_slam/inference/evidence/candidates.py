@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.innovation import innovation_nees
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.states.lineage import LineageStep, lineage_steps
@@ -22,6 +23,7 @@ class Candidates:
     problem: KeyframeProblem | None = None  # K least-squares problems; None where a linearisation weighs them
     start: Array | None = None  # (K, m) whitened states from which their modes are searched
     mode: Mode | None = None  # K, where they have been searched
+    num_new: int = 0  # the last of the objects, which this keyframe introduces
 
     def gaining(self, **columns: Any) -> "Candidates":
         """The candidates with more columns of the table of assignments."""
@@ -38,7 +40,7 @@ class Candidates:
         return self.problem, self.mode
 
     def at_modes(self) -> "Candidates":
-        """The candidates with states and covariances of the robot and of each detection's object."""
+        """The candidates with states and covariances of the robot and of each detection's object, and innovations."""
         problem, mode = self.solved()
         states, covariances = problem.marginals(mode.y, mode.hessian)
         robot, own = slice(problem.layout.robot), slice(problem.layout.landmark)
@@ -47,6 +49,7 @@ class Candidates:
             robot_covariance=covariances[:, 0, robot, robot],
             object_states=_of_detections(problem, states)[..., : problem.spaces.storage.landmark],
             object_covariances=_of_detections(problem, covariances)[..., own, own],
+            innovation_nees=innovation_nees(problem, mode.y, len(self.object_ids) - self.num_new),
         )
 
 

@@ -181,6 +181,13 @@ class KeyframeProblem:
         hessian.reshape(len(y), -1)[:, :: self.size + 1] += 1.0
         return energy, gradient, hessian
 
+    def geometry_rows(self, y: Array) -> tuple[Array, Array]:
+        """Whitened residuals (B, n, m) of geometry alone and their derivatives (B, n, m, size) by y; 0 for clutter."""
+        moved, chart = self._joint.exp_and_jacobian(self.tangent(y))
+        part = self.model.geometry(self.seen, *self._pairs(self._joint.placed(self._frames, moved)))
+        residual = self._by_row(part.residual)
+        return residual, self._in_y(chart, [part]).reshape(*residual.shape, self.size)
+
     def _in_y(self, chart: Array, parts: list[Linearisation]) -> Array:
         """(B, n m, size) derivatives of all residuals, given those of the states (B, 1 + n, w, w)."""
         by_robot = self._by_row(np.concatenate([part.jacobian_robot for part in parts], axis=1))

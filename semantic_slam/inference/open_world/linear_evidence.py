@@ -27,6 +27,7 @@ class _Results:
     object_states: Array  # (K, D, s)
     object_covariances: Array  # (K, D, l, l)
     bend: Array  # (K,)
+    innovation_nees: Array  # (K,) NaN without a known object
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], spaces: Spaces) -> "_Results":
@@ -40,6 +41,7 @@ class _Results:
             object_states=np.empty((count, detections, storage.landmark)),
             object_covariances=np.empty((count, detections, own, own)),
             bend=np.zeros(count),
+            innovation_nees=np.full(count, np.nan),
         )
 
 
@@ -90,7 +92,9 @@ class LinearisedEvidence:
             weighted = inverse @ residual
             shift = -weighted @ cross
             after = prior - cross.T @ inverse @ cross
-            result.log_evidence[row] = log_normaliser - 0.5 * float(residual @ weighted) - 0.5 * log_determinant
+            squared, degrees = float(residual @ weighted), np.count_nonzero(jacobian.any(axis=1))
+            result.log_evidence[row] = log_normaliser - 0.5 * squared - 0.5 * log_determinant
+            result.innovation_nees[row] = squared / degrees
         self._fill(result, row, columns, seen, self.layout.blocks(shift), after)
         if seen:
             result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)

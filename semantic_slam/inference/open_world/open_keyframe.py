@@ -82,7 +82,8 @@ class OpenKeyframe:
             effective_sample_sizes=np.full(sum(counts), np.nan),
         )
         left_out = np.array([item.log_left_out for item in self.ranked])
-        return Candidates(assignments=rows, object_ids=self.object_ids, log_left_out=left_out)
+        new = len(self.born)
+        return Candidates(assignments=rows, object_ids=self.object_ids, log_left_out=left_out, num_new=new)
 
     def weigh(self, candidates: Candidates) -> Candidates:
         """Assignments times classes at their modes, or assignments alone by one linearisation where that is enough."""
@@ -185,7 +186,12 @@ class OpenKeyframe:
         problem = open_keyframe_problem(self.problem, self.step, self.predictions, self.object_ids, rows)
         mode = find_modes(problem, search_start(problem), tolerance=WEIGHING_TOLERANCE)
         found = Candidates(
-            assignments=rows, object_ids=self.object_ids, log_left_out=np.zeros(0), problem=problem, mode=mode
+            assignments=rows,
+            object_ids=self.object_ids,
+            log_left_out=np.zeros(0),
+            problem=problem,
+            mode=mode,
+            num_new=len(self.born),
         )
         return found.at_modes().assignments.gaining(log_evidence=mode.log_evidence, bend=np.zeros(len(rows)))
 

@@ -1,0 +1,183 @@
+"""Whether a belief explains its data: the posterior of the reference model, its false alarms and its delay."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+from worlds.open_room import make_room
+from worlds.planar_world import World, make_world
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.build import reference_of
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.explanation import (
+    PRIOR,
+    WINDOW_KEYFRAMES,
+    Explanation,
+    mean_of_known,
+    probability_unexplained,
+)
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.open_world.detection_probability import undetected_share
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import unseen_share
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.reference import ScoreDensity
+from semantic_slam.viewpoint.parametric import ParametricModel
+
+SEEDS = range(6)
+KEYFRAMES = 16
+
+
+def beliefs_of(run: RunConfiguration, keyframes: list[Keyframe]) -> list[HybridBelief]:
+    engine = Engine.of_run(run, InProcessPool(1))
+    return [engine.process(keyframe) for keyframe in keyframes]
+
+
+def unexplained(run: RunConfiguration, keyframes: list[Keyframe]) -> Array:
+    return np.array([belief.unexplained for belief in beliefs_of(run, keyframes)])
+
+
+def test_the_posterior_is_that_of_all_beginnings_written_out() -> None:
+    own, reference = np.random.default_rng(0).normal([[-4.0], [-6.0]], 3.0, size=(2, 25))
+    stream = Explanation()
+    for k in range(len(own)):
+        window = slice(max(k + 1 - WINDOW_KEYFRAMES, 0), k + 1)
+        p, q = np.exp(own[window]), np.exp(reference[window])
+        hazard = PRIOR / WINDOW_KEYFRAMES
+        lost = [hazard * np.prod(p[:at]) * np.prod(q[at:]) for at in range(len(p))]
+        expected = sum(lost) / (sum(lost) + (1.0 - hazard * len(p)) * np.prod(p))
+        assert stream.add(own[k], reference[k]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_evidence_that_is_not_known_says_nothing() -> None:
+    assert np.isnan(probability_unexplained(np.array([0.0, np.nan])))
+    assert probability_unexplained(np.array([1e6])) == 1.0 and probability_unexplained(np.array([-1e6])) == 0.0
+
+
+def test_the_mean_is_over_what_is_known() -> None:
+    assert mean_of_known(np.array([1.0, np.nan, 4.0]), np.array([0.5, 0.3, 0.2])) == pytest.approx(1.3 / 0.7)
+    assert np.isnan(mean_of_known(np.array([np.nan]), np.ones(1)))
+
+
+def test_scores_of_no_class_have_the_moments_of_all_classes() -> None:
+    model = ParametricModel(0.5, 15.0)
+    found = ScoreDensity.of_classes(model, 1.0)
+    samples = np.random.default_rng(1).multivariate_normal(found.mean, found.covariance, 10)
+    assert samples.shape == (10, model.num_features) and np.linalg.eigvalsh(found.covariance).min() > 0.0
+
+
+@pytest.mark.parametrize("kind", ["none", "parametric"])
+def test_a_right_model_raises_no_alarm_with_a_known_map(kind: str) -> None:
+    for seed in SEEDS:
+        world = make_world(KEYFRAMES, seed, semantic_model={"kind": kind})
+        assert unexplained(world.run, world.keyframes).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    "values", [{"association": "given"}, {"association": "given", "weights": {"method": "laplace"}}]
+)
+def test_objects_named_for_the_first_time_raise_no_alarm(values: dict[str, object]) -> None:
+    for seed in SEEDS:
+        world = make_world(KEYFRAMES, seed, **values)
+        assert unexplained(world.run, world.keyframes).max() < 0.01
+
+
+def test_a_right_model_raises_no_alarm_in_an_open_world() -> None:
+    for seed in SEEDS:
+        room = make_room(20, seed)
+        assert unexplained(room.run, room.keyframes).max() < 0.5
+
+
+def without_object(world: World) -> tuple[RunConfiguration, list[Keyframe]]:
+    """The third object is not on the map; the robot comes near it after five keyframes."""
+    prior = json.loads(world.run.map_prior)
+    prior["objects"] = [entry for entry in prior["objects"] if entry["id"] != 2]
+    return replace(world.run, map_prior=json.dumps(prior)), world.keyframes
+
+
+def carried(world: World) -> tuple[RunConfiguration, list[Keyframe]]:
+    """Two metres that odometry does not tell, after six keyframes."""
+    kept = world.keyframes[:6] + world.keyframes[10:]
+    return world.run, [replace(keyframe, index=k) for k, keyframe in enumerate(kept)]
+
+
+def noisier(world: World) -> tuple[RunConfiguration, list[Keyframe]]:
+    """Errors of range and bearing of four times the stated size."""
+    random = np.random.default_rng(7)
+    found = []
+    for keyframe in world.keyframes:
+        seen = keyframe.measurements
+        errors = random.normal(size=(len(seen), 2)) * [0.1, 0.05] * np.sqrt(15.0)
+        noisy = replace(
+            seen,
+            ranges_m=np.maximum(seen.ranges_m + errors[:, 0], 0.1),
+            bearings_rad=seen.bearings_rad + errors[:, 1],
+        )
+        found.append(replace(keyframe, measurements=noisy))
+    return world.run, found
+
+
+@pytest.mark.parametrize(
+    ("misspecified", "begins", "delay"), [(without_object, 5, 3), (carried, 6, 1), (noisier, 0, 8)]
+)
+def test_a_wrong_model_is_found_out(
+    misspecified: Callable[[World], tuple[RunConfiguration, list[Keyframe]]], begins: int, delay: int
+) -> None:
+    for seed in SEEDS:
+        found = unexplained(*misspecified(make_world(KEYFRAMES + 2, seed)))
+        alarms = np.flatnonzero(found > 0.5)
+        assert len(alarms) and begins <= alarms[0] <= begins + delay
+
+
+def test_innovations_of_a_right_model_have_their_size() -> None:
+    """One on average, within four standard deviations of a mean of chi-square variables with two degrees each."""
+    found = []
+    for seed in SEEDS:
+        world = make_world(KEYFRAMES, seed, semantic_model={"kind": "none"})
+        found += [belief.innovation_nees for belief in beliefs_of(world.run, world.keyframes)[2:]]
+    assert np.mean(found) == pytest.approx(1.0, abs=4.0 * np.sqrt(0.5 / len(found)))
+
+
+def test_innovations_are_of_known_objects_alone() -> None:
+    room = make_room(6, 0)
+    first = beliefs_of(room.run, room.keyframes)[0]
+    assert len(first.detection_ids) and np.isnan(first.innovation_nees)
+
+
+def test_the_reference_of_no_detections_in_a_closed_world_is_certain() -> None:
+    world = make_world(2)
+    engine = Engine.of_run(world.run, InProcessPool(1))
+    belief = engine.process(world.keyframes[0])
+    empty = replace(world.keyframes[0], measurements=world.keyframes[0].measurements.take(np.zeros(0, dtype=int)))
+    step = engine.problem.reader.step(empty)
+    assert reference_of(world.run, engine.problem).log_density(step, belief) == 0.0
+
+
+@pytest.mark.parametrize("persistence", [0.0, 0.8])
+def test_the_ground_not_seen_yet_is_the_mean_over_the_region(persistence: float) -> None:
+    runs = MissRuns(0.9, persistence)
+    region = SensorRegion(
+        detection_probability=0.9, min_range_m=0.3, max_range_m=5.0, field_of_view_rad=1.6, direction_rad=0.7
+    )
+    random = np.random.default_rng(2)
+    trail, robot = random.normal(size=(12, 3)) * [1.0, 1.0, 0.5], np.array([0.5, 0.2, 0.3])
+    draws = qmc.Sobol(2, seed=0).random_base2(11)
+    ranges, turns = np.sqrt(0.3**2 + draws[:, 0] * (25.0 - 0.3**2)), 1.6 * (draws[:, 1] - 0.5) + 0.7 + robot[2]
+    points = robot[:2] + ranges[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    expected = np.maximum(undetected_share(region, runs, trail, points), 0.02).mean()
+    assert unseen_share(region, runs, trail, robot, 0.02) == pytest.approx(expected, abs=0.05) and expected < 0.9
+    assert unseen_share(region, runs, trail[:0], robot, 0.02) == unseen_share(region, runs, trail, robot, 1.0) == 1.0
+
+
+def test_a_problem_of_unknown_detections_has_no_reference() -> None:
+    world = make_world(2)
+    problem = Engine.of_run(world.run, InProcessPool(1)).problem
+    engine = Engine.of_run(world.run, InProcessPool(1, problem), problem)
+    assert np.isnan(engine.process(world.keyframes[0]).unexplained)
