@@ -275,6 +275,9 @@ class PerceptionConfiguration:
     )
     base_frame: str = parameter("base_link", "the robot's body frame")
     sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
+    sigma_range_per_m: float = parameter(
+        0.0, "standard deviation of the range to an object's centre per metre of it, besides sigma_range_m", minimum=0.0
+    )
     sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
     noise_factors: tuple[float, ...] = parameter(
         (1.0,),

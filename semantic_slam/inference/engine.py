@@ -154,7 +154,7 @@ class Engine:
             return components, reported
         best = components[next(iter(self.live))].objects
         ratio = self.problem.pruning.ratio
-        found = self.revision.revised(self.live, reported.ids, best, self.log_evidence, ratio)
+        found = self.revision.revised(self.live, reported.ids, best, ratio)
         if not found:
             return components, reported
         together = with_revised(self.live, found, self.problem.pruning.max_hypotheses)

@@ -1,7 +1,7 @@
 """Association revised afterwards: histories in which two objects of a live one are the same.
 
-A revised history is replayed from the prior, so that it enters with the very log P(history, Z_1:k) that it would have
-had if it had been followed all along, among live ones whose normalisers are kept. Nothing is optimised under it before.
+A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
+P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
 """
 
 from collections.abc import Mapping, Sequence
@@ -101,33 +101,28 @@ class Revision:
         return every > 0 and count % every == 0 and count <= self.settings.horizon
 
     def revised(
-        self,
-        live: Mapping[int, Hypothesis],
-        ids: Sequence[int],
-        objects: ObjectTable,
-        log_evidence: float,
-        ratio: float,
+        self, live: Mapping[int, Hypothesis], ids: Sequence[int], objects: ObjectTable, ratio: float
     ) -> dict[int, Hypothesis]:
         """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
 
-        ``objects`` (O, ...) of the best live hypothesis, over the ``ids``; ``log_evidence`` is log P(Z_1:k) under those
-        kept, the unit of their weights.
+        ``objects`` (O, ...) of the best live hypothesis, over the ``ids``. Its weight may stand for near copies that
+        were merged into it; a revised one stands for as many, so that it weighs by its ratio to the best one's own.
         """
         best = next(iter(live.values()))
         lineages = self._proposals(best.lineage, ids, objects)
         if not lineages:
             return {}
-        limit = best.log_weight - float(np.log(ratio))
-        found: dict[int, Hypothesis] = {}
-        for own in self._replay.log_joints(lineages):
-            if own is not None and own.number not in live and own.log_joint - log_evidence >= limit:
-                found[own.number] = Hypothesis(
-                    owner=best.owner,
-                    log_weight=own.log_joint - log_evidence,
-                    parent_id=own.parent_id,
-                    lineage=own.lineage,
-                )
-        return found
+        followed, *others = self._replay.log_joints([best.lineage, *lineages])
+        if followed is None:
+            return {}
+        gains = {own: own.log_joint - followed.log_joint for own in others if own is not None}
+        return {
+            own.number: Hypothesis(
+                owner=best.owner, log_weight=best.log_weight + gain, parent_id=own.parent_id, lineage=own.lineage
+            )
+            for own, gain in gains.items()
+            if own.number not in live and gain >= -float(np.log(ratio))
+        }
 
     def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""

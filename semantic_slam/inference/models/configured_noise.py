@@ -29,6 +29,8 @@ class ConfiguredNoise:
         if not untold.any():
             return covariances
         filled = covariances.copy()
-        filled[untold] = np.diag([self.perception.sigma_range_m**2, self.perception.sigma_bearing_rad**2])
+        filled[untold] = np.diag([0.0, self.perception.sigma_bearing_rad**2])
+        by_distance = (self.perception.sigma_range_per_m * ranges_m[untold]) ** 2
+        filled[untold, 0, 0] = self.perception.sigma_range_m**2 + by_distance
         filled[untold & np.isnan(ranges_m), 0, 0] = np.nan
         return filled

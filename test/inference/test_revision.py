@@ -1,0 +1,90 @@
+"""Association revised afterwards: objects that are one become one, with the weight that they would have had."""
+
+import numpy as np
+import pytest
+from worlds.open_room import make_room
+from worlds.same_beliefs import assert_same
+
+from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se2
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.revision import Replay, merged, seen_together
+from semantic_slam.inference.states.lineage import LineageStep
+
+LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
+SIGMAS = np.array([0.05, 0.02])
+
+
+def open_world(revision: dict[str, int], **pruning: float) -> Configuration:
+    region = {"min_range_m": 0.3, "max_range_m": 8.0, "field_of_view_rad": 2.5, "occluder_radius_m": 0.0}
+    rates = {"detection_probability": 0.6, "clutter_per_frame": 0.01, "birth_density": 0.1}
+    return Configuration.of(
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world={**region, **rates, "iterate_updates": False},
+        pruning=pruning,
+        revision=revision,
+    )
+
+
+def seen_from(robot: np.ndarray, numbers: list[int]) -> list[Detection]:
+    points = [se2.between(robot, np.array([*LANDMARKS[n], 0.0]))[:2] for n in numbers]
+    polar = [(float(np.hypot(*p)), float(np.arctan2(p[1], p[0]))) for p in points]
+    return [Detection(range_m=r, bearing_rad=b, covariance=np.diag(SIGMAS**2)) for r, b in polar]
+
+
+def return_with_drift(revision: dict[str, int]) -> tuple[Engine, HybridBelief]:
+    """One hypothesis alone: back from a blind stretch with 1.9 m of drift, it takes what it sees first for new."""
+    engine = Engine(open_world(revision, max_hypotheses=1), initial_covariance=np.diag([1e-6] * 3))
+    for k in range(3):
+        engine.process(Keyframe.planar(k, detections=seen_from(np.zeros(3), [0, 1, 2]), motion_sigmas=(1e-3,) * 3))
+    drift = np.array([-1.2, 1.4, 0.0])
+    for k, numbers in enumerate([[0], [1], [2], [0], [1], [2]], start=3):
+        motion, sigmas = (drift, (1.0, 1.0, 0.05)) if k == 3 else (np.zeros(3), (1e-3,) * 3)
+        detections = seen_from(np.zeros(3), numbers)
+        belief = engine.process(Keyframe.planar(k, motion=motion, detections=detections, motion_sigmas=sigmas))
+    return engine, belief
+
+
+def test_objects_that_were_started_twice_become_one_when_more_of_them_is_seen() -> None:
+    engine, belief = return_with_drift({"every_keyframes": 1})
+    assert belief.object_ids.tolist() == [0, 1, 2]
+    assert np.hypot(*belief.poses[0, :2]) < 0.1
+    _, without = return_with_drift({"every_keyframes": 0})
+    assert len(without.object_ids) > len(LANDMARKS)
+    assert engine.hypotheses.discarded.total < 1.0
+
+
+def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:
+    room = make_room(12, 4, clutter=0.6, open_world={"merge_position_m": 0.0, "iterate_updates": False})
+    engine = Engine.of_run(room.run, InProcessPool(1))
+    steps = []
+    for keyframe in room.keyframes:
+        engine.process(keyframe)
+        steps.append(engine.problem.reader.step(keyframe))
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
+    live = list(engine.live.items())[:3]
+    assert len(live) == 3
+    found = replay.log_joints([own.lineage for _, own in live])
+    expected = [own.log_weight + engine.log_evidence for _, own in live]
+    assert [own.number for own in found if own is not None] == [number for number, _ in live]
+    np.testing.assert_allclose([own.log_joint for own in found if own is not None], expected, atol=1e-9)
+
+
+def test_a_revised_belief_is_that_of_any_number_of_backends() -> None:
+    room = make_room(16, 4, clutter=0.3, open_world={"iterate_updates": False}, revision={"every_keyframes": 2})
+    one, two = (Engine.of_run(room.run, InProcessPool(number)) for number in (1, 2))
+    for keyframe in room.keyframes:
+        assert_same(two.process(keyframe), one.process(keyframe))
+
+
+def test_objects_of_one_frame_are_two() -> None:
+    lineage = (LineageStep((4, 7), (-1, -1)), LineageStep((9,), (-1,)))
+    assert seen_together(lineage) == {(4, 7)}
+    assert [step.association for step in merged(lineage, [(4, 9)])] == [(4, 7), (4,)]
+
+
+def test_a_world_with_a_map_is_not_revised() -> None:
+    with pytest.raises(InputError, match="association: open"):
+        Engine(Configuration.of(association="given", revision={"every_keyframes": 5}))
