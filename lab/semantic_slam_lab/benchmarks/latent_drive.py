@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
@@ -23,7 +24,6 @@ from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.latent_update import DETECTIONS, OBJECTS, POSES, SIGMA_STEP, STEP, Circuit
 from semantic_slam_lab.benchmarks.row import Row

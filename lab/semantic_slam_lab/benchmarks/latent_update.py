@@ -3,6 +3,7 @@
 import gtsam
 import numpy as np
 
+from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
@@ -14,7 +15,6 @@ from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoin
 from semantic_slam.inference.states.keys import DESCRIPTOR, descriptor_key, object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.row import Row, alternated
 
