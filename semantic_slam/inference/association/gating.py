@@ -74,7 +74,10 @@ def pair_densities(
 
 def _rows(part: Linearisation, rows: slice) -> Linearisation:
     return Linearisation(
-        part.residual[rows], part.jacobian_robot[rows], part.jacobian_object[rows], part.log_normaliser[rows]
+        residual=part.residual[rows],
+        jacobian_robot=part.jacobian_robot[rows],
+        jacobian_object=part.jacobian_object[rows],
+        log_normaliser=part.log_normaliser[rows],
     )
 
 

@@ -15,7 +15,7 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 Classes = NDArray[np.int_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """log p = log_normaliser - |residual|^2 / 2 at B states, with Jacobians in the tangent spaces there."""
 

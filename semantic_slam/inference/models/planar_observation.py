@@ -69,10 +69,10 @@ class PlanarObservation:
         log_normaliser = broadcast_copy(seen.log_normaliser, distance.shape)
         turn = sine_cosine(rows.o[..., 2] - rows.x[..., 2])
         return Linearisation(
-            whitened.reshape(-1, 2),
-            by_pose(by_point, body).reshape(-1, 2, 3),
-            by_position(by_point, *turn).reshape(-1, 2, 3),
-            log_normaliser.reshape(-1),
+            residual=whitened.reshape(-1, 2),
+            jacobian_robot=by_pose(by_point, body).reshape(-1, 2, 3),
+            jacobian_object=by_position(by_point, *turn).reshape(-1, 2, 3),
+            log_normaliser=log_normaliser.reshape(-1),
         )
 
     def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
@@ -90,7 +90,12 @@ class PlanarObservation:
         by_view = whitened[..., 1:2] * turn[:, None]
         by_view += whitened[..., 2:] * radial[:, None]
         by_robot = by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
-        return Linearisation(whitened[..., 0], by_robot, by_pose(by_view, v), log_normaliser)
+        return Linearisation(
+            residual=whitened[..., 0],
+            jacobian_robot=by_robot,
+            jacobian_object=by_pose(by_view, v),
+            log_normaliser=log_normaliser,
+        )
 
     def log_likelihood(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""

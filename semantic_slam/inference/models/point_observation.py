@@ -49,7 +49,12 @@ class PointObservation:
         distance, _ = polar(d)
         by_point = seen.whiten @ np.stack(polar_jacobian(d, distance), axis=-2)
         by_robot, by_landmark = by_point @ relative.by_robot, by_point @ relative.by_landmark
-        return Linearisation(_residual(seen, d), by_robot, by_landmark, seen.log_normaliser.copy())
+        return Linearisation(
+            residual=_residual(seen, d),
+            jacobian_robot=by_robot,
+            jacobian_object=by_landmark,
+            log_normaliser=seen.log_normaliser.copy(),
+        )
 
     def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
         """Raises NotImplementedError: points have no classes."""

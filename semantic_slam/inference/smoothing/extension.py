@@ -89,14 +89,27 @@ def classed_measurements(component: Component, update: ComponentUpdate) -> list[
     """The semantic measurements of the next keyframe under an enumerated class."""
     key = robot_key(component.keyframe + 1)
     classed = [item for item in update.observed if item.assigned_class >= 0]
-    return [SemanticFactor(key, object_key(item.object_id), item.detection, item.assigned_class) for item in classed]
+    return [
+        SemanticFactor(
+            robot_key=key,
+            object_key=object_key(item.object_id),
+            detection=item.detection,
+            assigned_class=item.assigned_class,
+        )
+        for item in classed
+    ]
 
 
 def descriptor_measurements(views: Mapping[int, ObjectViews]) -> list[SemanticFactor]:
     """The semantic measurements that enter the graph with new records of objects."""
     return [
         SemanticFactor(
-            robot_key(keyframe), object_key(number), detection, -1, descriptor_key(number), record.descriptor.is_bent
+            robot_key=robot_key(keyframe),
+            object_key=object_key(number),
+            detection=detection,
+            assigned_class=-1,
+            descriptor_key=descriptor_key(number),
+            exact=record.descriptor.is_bent,
         )
         for number, record in views.items()
         if record.descriptor is not None

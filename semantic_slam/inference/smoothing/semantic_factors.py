@@ -29,7 +29,7 @@ RELINEARISED_DESCRIPTOR = 0.1
 """Change, in the same unit, from which on iSAM2 relinearises it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SemanticFactor:
     """A semantic measurement under a class, or with a descriptor."""
 

@@ -64,7 +64,14 @@ def tracks_of(correlated: CorrelatedModel, num_tracks: int, window: int = 20, av
 
 def detection(feature: np.ndarray, spread: float = 0.02, range_m: float = 2.0) -> PlanarDetection:
     covariance = np.diag([0.1, 0.05]) ** 2
-    return PlanarDetection(range_m, 0.0, covariance, np.zeros(2), feature, spread**2 * np.eye(len(feature)))
+    return PlanarDetection(
+        range_m=range_m,
+        bearing_rad=0.0,
+        covariance=covariance,
+        sensor=np.zeros(2),
+        feature=feature,
+        feature_covariance=spread**2 * np.eye(len(feature)),
+    )
 
 
 def step_of(index: int, item: PlanarDetection, control: np.ndarray, sigma: float) -> Step:

@@ -136,7 +136,14 @@ def _step(run: Run, k: int, frame: Frame, model: ParametricModel | None) -> Step
     semantic = features(frame, model) if model is not None else np.zeros((count, 2))
     geometric = np.diag(run.scenario.range_bearing_variance)
     detections = [
-        PlanarDetection(float(z[0]), float(z[1]), geometric, np.zeros(2), feature, np.zeros((2, 2)))
+        PlanarDetection(
+            range_m=float(z[0]),
+            bearing_rad=float(z[1]),
+            covariance=geometric,
+            sensor=np.zeros(2),
+            feature=feature,
+            feature_covariance=np.zeros((2, 2)),
+        )
         for z, feature in zip(frame.range_bearing, semantic, strict=True)
     ]
     return Step(
