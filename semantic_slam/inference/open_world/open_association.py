@@ -69,14 +69,21 @@ class OpenAssociation:
         spaces, model, detections = self.problem.spaces, self.problem.model, step.detections
         predictions = [self.predictor.predict(component, step.motion, detections) for component in parents.components]
         pairs = [
-            pair_densities(spaces, model, detections, own.predicted.mean[0], own.predicted.covariance[0], own.errors)
-            for own in predictions
+            pair_densities(
+                spaces,
+                model,
+                detections,
+                prediction.predicted.mean[0],
+                prediction.predicted.covariance[0],
+                prediction.errors,
+            )
+            for prediction in predictions
         ]
         if path is not None:
             columns = self._columns(step, predictions[0], path)
             ranked = [RankedAssignments(columns, np.zeros(1), -np.inf)]
         else:
-            ranked = [self.ranked(*own) for own in zip(predictions, pairs, strict=True)]
+            ranked = [self.ranked(prediction, pair) for prediction, pair in zip(predictions, pairs, strict=True)]
         return OpenKeyframe(
             problem=self.problem,
             registry=self.registry,

@@ -133,8 +133,8 @@ def _with_descriptors(
             continue
         states[key] = guess.mean
         if guess.heading_rad is not None:
-            own = object_key(number)
-            states[own] = np.append(start[own][:-1], guess.heading_rad)
+            pose_key = object_key(number)
+            states[pose_key] = np.append(start[pose_key][:-1], guess.heading_rad)
         if not component.smoother.has(key):
             prior = component.smoother.semantics.descriptor_prior(number)
             graph.add(gtsam.PriorFactorVector(key, prior.mean[0], gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])))
@@ -148,12 +148,12 @@ def _turned_only(component: Component, views: Mapping[int, ObjectViews]) -> dict
     """Where descriptors and the objects that their views turn begin, if all else stays as it was."""
     states: dict[int, Array] = {}
     for number, record in views.items():
-        guess, own = record.descriptor, object_key(number)
+        guess, pose_key = record.descriptor, object_key(number)
         if guess is None or not guess.entering:
             continue
         states[descriptor_key(number)] = guess.mean
-        if guess.heading_rad is not None and component.smoother.has(own):
-            states[own] = np.append(component.states([own])[0, :-1], guess.heading_rad)
+        if guess.heading_rad is not None and component.smoother.has(pose_key):
+            states[pose_key] = np.append(component.states([pose_key])[0, :-1], guess.heading_rad)
     return states
 
 
