@@ -83,8 +83,8 @@ OBSERVATIONS = Registry(
     "observation",
     "semantic_slam.observations",
     _table(
-        range_bearing="semantic_slam.inference.inputs.planar_sensing:range_bearing",
-        points="semantic_slam.inference.inputs.planar_sensing:points",
+        range_bearing="semantic_slam.inference.world.planar_sensing:range_bearing",
+        points="semantic_slam.inference.world.planar_sensing:points",
     ),
 )
 """Values of ``observation``: builders as inference/world/sensing.py describes them."""

@@ -1,7 +1,6 @@
 """A backend: holds components, weighs their continuations, forks and updates the survivors."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from semantic_slam.inference.class_marginals import add_class_marginals
 from semantic_slam.inference.component_marginals import ComponentMarginals, aligned_marginals, component_marginals
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.expander import Expander, Expansion
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
@@ -54,7 +54,7 @@ class Backend:
         self._asked: set[int] = set()  # what the newest commit gave to this backend
         self._answer: Components | None = None
 
-    def expand(self, keyframe: Any) -> Candidates:
+    def expand(self, keyframe: Keyframe) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
         step = self.problem.reader.step(keyframe)
         if step.index == len(self.steps):
