@@ -29,6 +29,16 @@ class Candidates:
         """The candidates with more columns of the table of assignments."""
         return replace(self, assignments=self.assignments.gaining(**columns))
 
+    def take(self, rows: Index) -> "Candidates":
+        """Some of the candidates, with their problems and modes where they have been searched."""
+        return replace(
+            self,
+            assignments=self.assignments.take(rows),
+            problem=None if self.problem is None else self.problem.select(rows),
+            start=None,
+            mode=None if self.mode is None else self.mode.take(rows),
+        )
+
     def steps(self, used: Index, num_detections: int) -> list[LineageStep]:
         """What the keyframe adds to the lineages; the candidates are about the ``used`` (n,) of its detections."""
         rows = self.assignments
