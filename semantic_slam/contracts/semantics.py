@@ -43,7 +43,7 @@ class WitnessSemantics:
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
-        """Of those that a registry's entry would be."""
+        """No registry names the witness."""
         raise NotImplementedError("the witness is made around semantics")
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:

@@ -1,5 +1,7 @@
 """Every shipped way in which views weigh keeps the contract."""
 
+import pytest
+
 from semantic_slam.configuration import Configuration
 from semantic_slam.contracts.semantics import SemanticsContract
 from semantic_slam.inference.build import semantics_name
@@ -10,10 +12,12 @@ class TestNoSemantics(SemanticsContract):
     others = {"semantic_model": {"kind": "none"}}  # noqa: RUF012
 
 
+@pytest.mark.slow
 class TestIndependentViews(SemanticsContract):
     others = {"semantic_model": {"kind": "gp_independent"}, "pruning": {"max_hypotheses": 5}}  # noqa: RUF012
 
 
+@pytest.mark.slow
 class TestCorrelatedViews(SemanticsContract):
     others = {"semantic_model": {"kind": "gp_correlated", "num_tracks": 40}}  # noqa: RUF012
 
