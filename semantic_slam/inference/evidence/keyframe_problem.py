@@ -188,7 +188,7 @@ class KeyframeProblem:
     def geometry_rows(self, y: Array) -> tuple[Array, Array]:
         """Whitened residuals (B, n, m) of geometry alone and their derivatives (B, n, m, size) by y; 0 for clutter."""
         moved, chart = self._joint.exp_and_jacobian(self.tangent(y))
-        part = self.model.geometry(self.seen, *self._pairs(self._joint.placed(self._frames, moved)))
+        part = self.model.geometry(self.detections, *self._pairs(self._joint.placed(self._frames, moved)))
         residual = self._by_row(part.residual)
         return residual, self._in_y(chart, [part]).reshape(*residual.shape, self.size)
 
