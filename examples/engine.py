@@ -1,4 +1,4 @@
-"""A robot lost among identical pillars drives until it knows where it is: python examples/engine.py [PICTURE.png]"""
+"""A robot lost among identical pillars drives until it knows where it is: python examples/engine.py [NEW.png]"""
 
 import sys
 
@@ -8,14 +8,14 @@ from matplotlib.patches import Ellipse
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe, MapPrior, ObjectPrior
 
+picture = open(sys.argv[1], "xb") if sys.argv[1:] else None  # noqa: SIM115  # never over another
 PILLARS = np.array([(x, y) for x in range(0, 24, 4) for y in (-1.5, 1.5)] + [(13.0, -1.5)])
 START, STEP, SHOWN = np.array([2.0, 0.0]), (1.0, 0.0, 0.0), (0, 4, 9)
-noise = np.random.default_rng(3)
+noise, paths = np.random.default_rng(3), dict[int, list[np.ndarray]]()
 known = MapPrior(tuple(ObjectPrior.planar(n, x, y, sigma_m=0.05, sigma_rad=0.1) for n, (x, y) in enumerate(PILLARS)))
 lost = {"initial_pose": (8.0, 0.5, 0.0), "initial_covariance": np.diag([8.0, 0.5, 0.1]) ** 2}
 engine = Engine(Configuration.of(semantic_model={"kind": "none"}), known, **lost)
 figure, axes = plt.subplots(len(SHOWN), figsize=(10, 7.5), sharex=True, sharey=True, layout="constrained")
-paths: dict[int, list[np.ndarray]] = {}
 for k in range(max(SHOWN) + 1):
     robot = START + np.array(STEP[:2]) * k
     seen = [Detection.at(x, y) for x, y in PILLARS - robot + noise.normal(0, 0.05, PILLARS.shape) if 0 < x < 3.5]
@@ -37,4 +37,4 @@ for k in range(max(SHOWN) + 1):
         ax.annotate(f"{h.weight:.0%}", (x, y + 0.45), ha="center", color=color, weight="bold")
     ax.set(title=f"hypotheses after keyframe {k}", xlabel="x [m]", ylabel="y [m]", aspect="equal", ylim=(-2.6, 2.6))
 axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
-plt.savefig(sys.argv[1] if len(sys.argv) > 1 else "engine.png", dpi=110)
+plt.savefig(picture, dpi=110) if picture else plt.show()

@@ -70,21 +70,21 @@ CLASS_MODELS = Registry(
     "class model",
     "semantic_slam.class_models",
     _table(
-        none="semantic_slam.class_models:NONE",
-        parametric="semantic_slam.viewpoint.load:PARAMETRIC",
-        gp_independent="semantic_slam.viewpoint.load:GP_INDEPENDENT",
-        gp_correlated="semantic_slam.viewpoint.load:GP_CORRELATED",
-        latent="semantic_slam.latent.load:LATENT",
+        none="semantic_slam.class_models.kind:NONE",
+        parametric="semantic_slam.class_models.viewpoint_models:PARAMETRIC",
+        gp_independent="semantic_slam.class_models.viewpoint_models:GP_INDEPENDENT",
+        gp_correlated="semantic_slam.class_models.viewpoint_models:GP_CORRELATED",
+        latent="semantic_slam.class_models.latent_space:LATENT",
     ),
 )
-"""Values of ``semantic_model.kind``: a ClassModelKind of semantic_slam/class_models.py each."""
+"""Values of ``semantic_model.kind``: a ClassModelKind of semantic_slam/class_models/kind.py each."""
 
 OBSERVATIONS = Registry(
     "observation",
     "semantic_slam.observations",
     _table(
-        range_bearing="semantic_slam.inference.inputs.planar_sensing:range_bearing",
-        points="semantic_slam.inference.inputs.planar_sensing:points",
+        range_bearing="semantic_slam.inference.world.planar_sensing:range_bearing",
+        points="semantic_slam.inference.world.planar_sensing:points",
     ),
 )
 """Values of ``observation``: builders as inference/world/sensing.py describes them."""

@@ -1,5 +1,6 @@
 """The face of the package: what a plain Python session imports from it, feeds it and reads from its beliefs."""
 
+import os
 import re
 import subprocess
 import sys
@@ -212,7 +213,17 @@ def test_the_lost_robot_of_the_example_finds_itself(tmp_path: Path) -> None:
     first, *_, last = [re.findall(r"[\d.]+", line.partition("weights")[2]) for line in told.stdout.splitlines()]
     assert len(first) == 5 and max(map(float, first)) < 0.5 and list(map(float, last)) == [1.0]
     assert picture.stat().st_size > 20_000
+    again = subprocess.run([sys.executable, example, picture], capture_output=True, text=True, timeout=120)
+    assert again.returncode and "File exists" in again.stderr and picture.stat().st_size > 20_000
     assert len(example.read_text(encoding="utf-8").splitlines()) <= 40
+
+
+def test_the_example_leaves_no_file_unasked(tmp_path: Path) -> None:
+    command = [sys.executable, ROOT / "examples" / "engine.py"]
+    headless = os.environ | {"MPLBACKEND": "agg"}
+    told = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path, env=headless)
+    assert told.returncode == 0, told.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_session_of_the_page_runs() -> None:

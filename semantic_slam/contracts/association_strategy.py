@@ -35,7 +35,7 @@ class WitnessPool(InProcessPool):
         super().__init__(number)
         self.seen: list[list[Candidates]] = []
 
-    def expand(self, keyframe: Any) -> list[Candidates]:
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one."""
         self.seen.append(super().expand(keyframe))
         return self.seen[-1]

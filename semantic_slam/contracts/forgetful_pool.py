@@ -1,7 +1,6 @@
 """Backends of which the first is lost, before a keyframe that is known."""
 
-from typing import Any
-
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates
 
@@ -13,7 +12,7 @@ class ForgetfulPool(InProcessPool):
         super().__init__(number)
         self._dies_at = dies_at
 
-    def expand(self, keyframe: Any) -> list[Candidates]:
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one, of the backends that are left."""
         if keyframe.index == self._dies_at and 0 in self.backend_ids:
             self.backend_ids = self.backend_ids[1:]

@@ -1,7 +1,6 @@
 """A backend: holds components, weighs their continuations, forks and updates the survivors."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from semantic_slam.inference.class_marginals import add_class_marginals
 from semantic_slam.inference.component_marginals import ComponentMarginals, aligned_marginals, component_marginals
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.expander import Expander, Expansion
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
@@ -54,7 +54,7 @@ class Backend:
         self._asked: set[int] = set()  # what the newest commit gave to this backend
         self._answer: Components | None = None
 
-    def expand(self, keyframe: Any) -> Candidates:
+    def expand(self, keyframe: Keyframe) -> Candidates:
         """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
         step = self.problem.reader.step(keyframe)
         if step.index == len(self.steps):
@@ -81,10 +81,10 @@ class Backend:
         rows = np.flatnonzero(commit.owners == self.backend_id)
         grown = self._survivors(commit, rows)
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
-        kept = {number: own for number, own in grown.items() if isinstance(own, Component)}
-        self.held = {number: WeightedComponent(own, weights[number]) for number, own in kept.items()}
+        kept = {number: outcome for number, outcome in grown.items() if isinstance(outcome, Component)}
+        self.held = {number: WeightedComponent(outcome, weights[number]) for number, outcome in kept.items()}
         self.committed, self._expanded = commit.keyframe, None
-        lost = {number: str(own) for number, own in grown.items() if number not in kept}
+        lost = {number: str(outcome) for number, outcome in grown.items() if number not in kept}
         self._asked, self._answer = mine, self._report(commit.keyframe, lost)
         return self._answer
 
@@ -116,11 +116,11 @@ class Backend:
             return {}
         return {number: at for at, number in enumerate(self._expanded[0].ids)}
 
-    def _grown(self, step: Step, found: Expansion, parent_ids: list[int], at: list[int]) -> list[Outcome]:
+    def _grown(self, step: Step, expansion: Expansion, parent_ids: list[int], at: list[int]) -> list[Outcome]:
         """The components of some continuations, which may use up their parents."""
-        rows = found.assignments.parents[at]
+        rows = expansion.assignments.parents[at]
         parents = [self.held[parent_ids[row]].component for row in rows]
-        return self.expander.grow(step, found, parents, at, in_place=True)
+        return self.expander.grow(step, expansion, parents, at, in_place=True)
 
     def _rebuild(self, lineage: Sequence[LineageStep], length: int, rebuilt: dict[int, Component]) -> Component:
         """A component from its lineage alone; trunks that lineages share are replayed once."""
@@ -139,37 +139,37 @@ class Backend:
             number, component = child, rebuilt[child]
         return component
 
-    def _candidates(self, step: Step, found: Expansion, parents: list[int]) -> Candidates:
-        rows, robot, landmark = found.assignments, self.problem.spaces.robot, self.problem.spaces.landmark
-        states, covariances = self._of_all_detections(step, found)
+    def _candidates(self, step: Step, expansion: Expansion, parents: list[int]) -> Candidates:
+        rows, robot, landmark = expansion.assignments, self.problem.spaces.robot, self.problem.spaces.landmark
+        states, covariances = self._of_all_detections(step, expansion)
         weights = np.array([self.held[n].log_weight for n in parents])
         return Candidates(
             run_id=self.run_id,
             keyframe=step.index,
             backend_id=self.backend_id,
-            ids=np.array(found.ids, dtype=np.uint64),
+            ids=np.array(expansion.ids, dtype=np.uint64),
             parent_ids=np.array(parents, dtype=np.uint64)[rows.parents],
-            associations=_rows([s.association for s in found.steps], len(step.names)),
-            class_assignments=_rows([s.class_assignment for s in found.steps], len(step.names)),
-            modes=np.array([s.mode for s in found.steps], dtype=np.uint16),
-            log_weights=weights[rows.parents] + found.log_psi,
-            effective_sample_sizes=found.effective_sample_sizes,
+            associations=_rows([s.association for s in expansion.steps], len(step.names)),
+            class_assignments=_rows([s.class_assignment for s in expansion.steps], len(step.names)),
+            modes=np.array([s.mode for s in expansion.steps], dtype=np.uint16),
+            log_weights=weights[rows.parents] + expansion.log_psi,
+            effective_sample_sizes=expansion.effective_sample_sizes,
             innovation_nees=_or_nan(rows.innovation_nees, len(rows)),
             poses=robot.poses(rows.column("robot")),
             pose_covariances=robot.covariances(rows.column("robot"), rows.column("robot_covariance")),
             object_poses=landmark.poses(states),
             object_covariances=landmark.covariances(states, covariances),
             expanded_parent_ids=np.array(parents, dtype=np.uint64),
-            log_mass_not_enumerated=weights + found.log_left_out,
+            log_mass_not_enumerated=weights + expansion.log_left_out,
         )
 
-    def _of_all_detections(self, step: Step, found: Expansion) -> tuple[Array, Array]:
+    def _of_all_detections(self, step: Step, expansion: Expansion) -> tuple[Array, Array]:
         """(K, D, s) states and (K, D, l, l) covariances of the detections' objects, NaN for detections not used."""
-        landmark, shape = self.problem.spaces.landmark, (len(found.ids), len(step.names))
+        landmark, shape = self.problem.spaces.landmark, (len(expansion.ids), len(step.names))
         states = np.full((*shape, landmark.storage_size), np.nan)
         covariances = np.full((*shape, landmark.tangent_size, landmark.tangent_size), np.nan)
-        states[:, found.used] = found.assignments.column("object_states")
-        covariances[:, found.used] = found.assignments.column("object_covariances")
+        states[:, expansion.used] = expansion.assignments.column("object_states")
+        covariances[:, expansion.used] = expansion.assignments.column("object_covariances")
         return states, covariances
 
     def _no_candidates(self, step: Step) -> Candidates:
@@ -197,16 +197,16 @@ class Backend:
 
     def _report(self, keyframe: int, lost: dict[int, str]) -> Components:
         """``lost``: why hypotheses could not be grown, to which those are added whose moments are not to be had."""
-        found: dict[int, ComponentMarginals] = {}
+        marginals: dict[int, ComponentMarginals] = {}
         reported = self._present()
         for number in sorted(self.held):
             try:
-                found[number] = component_marginals(self.held[number].component, reported)
+                marginals[number] = component_marginals(self.held[number].component, reported)
             except LostComponentError as fault:
                 lost[number] = str(fault)
                 del self.held[number]
-        components = [self.held[number].component for number in found]
-        poses, covariances, existence = self._in_map(list(found.values()), len(reported.ids))
+        components = [self.held[number].component for number in marginals]
+        poses, covariances, existence = self._in_map(list(marginals.values()), len(reported.ids))
         descriptors = [descriptor_marginals(component, reported) for component in components]
         objects = without_views(
             len(components),
@@ -222,7 +222,7 @@ class Backend:
             run_id=self.run_id,
             keyframe=keyframe,
             backend_id=self.backend_id,
-            ids=np.array(list(found), dtype=np.uint64),
+            ids=np.array(list(marginals), dtype=np.uint64),
             poses=poses[:, 0],
             pose_covariances=covariances[:, 0],
             object_ids=np.array(reported.ids, dtype=np.uint32),
@@ -236,9 +236,9 @@ class Backend:
         alive = frozenset[int]().union(*(held.component.object_ids for held in self.held.values()))
         return self.association.reported(self.registry, alive)
 
-    def _in_map(self, found: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:
+    def _in_map(self, marginals: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:
         """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances and (H, O) existence, NaN for what is absent."""
-        states, spread, existence = aligned_marginals(found, num_objects, self.problem.spaces)
+        states, spread, existence = aligned_marginals(marginals, num_objects, self.problem.spaces)
         poses, covariances = self.problem.spaces.in_map(states, spread)
         absent = np.isnan(states).any(axis=-1)
         poses[absent], covariances[absent] = np.nan, np.nan

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.class_models import class_model_kind
+from semantic_slam.class_models.kind import class_model_kind
+from semantic_slam.class_models.latent_space import load_latent_model
+from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration, from_dict, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
@@ -23,10 +25,8 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingBuilder, SensingSettings
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.registry import ASSOCIATIONS, OBSERVATIONS, SEMANTICS
-from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
 
 LEAST_CLASS_SHARE = 0.01

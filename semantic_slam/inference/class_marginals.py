@@ -16,16 +16,26 @@ def add_class_marginals(table: ObjectTable, components: Sequence[Component], rep
     The table's rows are the components over the objects that are reported, as nothing was seen of them.
     """
     row_of, probabilities = reported.row_of, table.class_probabilities
-    seen = [(h, row_of[n], views) for h, own in enumerate(components) for n, views in own.views.items() if n in row_of]
-    if seen:
-        h, rows, records = zip(*seen, strict=True)
+    viewed = [
+        (h, row_of[n], views)
+        for h, component in enumerate(components)
+        for n, views in component.views.items()
+        if n in row_of
+    ]
+    if viewed:
+        h, rows, records = zip(*viewed, strict=True)
         table.mutual_information[h, rows] = [views.mutual_information for views in records]
         table.in_coverage[h, rows] = [views.in_coverage for views in records]
         table.forgotten_views[h, rows] = [views.dropped for views in records]
         if probabilities.shape[2]:
             likelihood = np.array([views.log_likelihood for views in records])
             probabilities[h, rows] = class_posterior(reported.log_class_prior[list(rows)], likelihood)
-    named = [(h, row_of[n], cls) for h, own in enumerate(components) for n, cls in own.classes.items() if n in row_of]
+    named = [
+        (h, row_of[n], cls)
+        for h, component in enumerate(components)
+        for n, cls in component.classes.items()
+        if n in row_of
+    ]
     if named:
         h, rows, classes = zip(*named, strict=True)
         probabilities[h, rows], probabilities[h, rows, classes] = 0.0, 1.0

@@ -6,7 +6,7 @@ w psi is collected over all parents and normalised once.
 
 from collections import Counter
 from dataclasses import replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.explanation import Explanation, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.initial_pose import start_of_run
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.marginals import Mixture, state_belief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import stack_rows
@@ -92,7 +93,7 @@ class Engine:
         """Hypotheses that backends had to give up, by reason."""
         return self.rounds.lost
 
-    def process(self, keyframe: Any) -> HybridBelief:
+    def process(self, keyframe: Keyframe) -> HybridBelief:
         """Algorithm 4.1 for one keyframe; raises SemanticSlamError when no hypothesis survives it."""
         self.budget.begin()
         step = self.introduce(keyframe)
@@ -104,7 +105,7 @@ class Engine:
         belief = self.weighted_components(step, components, reported, len(candidates.ids))
         return self.judged(step, belief, candidates, kept)
 
-    def introduce(self, keyframe: Any) -> Step:
+    def introduce(self, keyframe: Keyframe) -> Step:
         """Actions and measurements u_k-1, Z_k in the order of detections; objects that they may start get ids.
 
         Raises InputError.
@@ -117,7 +118,7 @@ class Engine:
         self.association.introduce(self.registry, step)
         return step
 
-    def propagate_weights(self, keyframe: Any, step: Step) -> CandidateTable:
+    def propagate_weights(self, keyframe: Keyframe, step: Step) -> CandidateTable:
         """PropWeights: w psi of every assignment beta_k of every component, moved by the motion model: Eqs. 4.18-4.21.
 
         Components are moved and weighed where they are held, see ``Expander.expand``.

@@ -46,12 +46,12 @@ class Expansion:
 
     def updates(self, rows: Sequence[int]) -> list[ComponentUpdate]:
         """What some candidates add to the components of their parents."""
-        found = self.keyframe.updates(self.candidates, rows, self.existence)
+        added = self.keyframe.updates(self.candidates, rows, self.existence)
         records = self.semantics.records(rows)
         corrections = [self.semantics.robot[row] for row in rows]
         return [
             replace(update, views=views, robot_correction=correction)
-            for update, views, correction in zip(found, records, corrections, strict=True)
+            for update, views, correction in zip(added, records, corrections, strict=True)
         ]
 
 
@@ -85,14 +85,14 @@ class Expander:
         )
 
     def grow(
-        self, step: Step, found: Expansion, parents: Sequence[Component], rows: Sequence[int], *, in_place: bool
+        self, step: Step, expansion: Expansion, parents: Sequence[Component], rows: Sequence[int], *, in_place: bool
     ) -> list[Outcome]:
         """The components of some candidates, each from its own of ``parents``.
 
         ``in_place``: nobody needs the parents again, and a child may consume its own.
         """
         max_fresh = self.problem.open_world.max_joint_objects
-        return grow(parents, step.motion, found.updates(rows), in_place=in_place, max_fresh=max_fresh)
+        return grow(parents, step.motion, expansion.updates(rows), in_place=in_place, max_fresh=max_fresh)
 
     def _semantics(self, keyframe: PredictedKeyframe, candidates: Candidates) -> SemanticEvidence:
         if not len(keyframe.used):

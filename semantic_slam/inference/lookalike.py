@@ -45,14 +45,25 @@ def lookalikes(
     """
     observation = LatentObservation(model)
     size = len(feature)
-    view = PlanarDetection(1.0, 0.0, np.eye(2), np.zeros(2), np.asarray(feature), np.zeros((size, size)), elevation_rad)
+    view = PlanarDetection(
+        range_m=1.0,
+        bearing_rad=0.0,
+        covariance=np.eye(2),
+        sensor=np.zeros(2),
+        feature=np.asarray(feature),
+        feature_covariance=np.zeros((size, size)),
+        elevation_rad=elevation_rad,
+    )
     beliefs = [DescriptorBelief(m[None], np.sqrt(v)[None]) for m, v in zip(descriptors, variances, strict=True)]
-    sightings = [DirectionalView(HeadingMixture.all_around(each), 0, 0.0, 0.0) for each in (*beliefs, model.prior)]
-    found = updated_mixtures(observation, DetectionFeatures.of([view]), sightings)
-    log_likelihood = np.array([evidence for _, evidence in found])
+    sightings = [
+        DirectionalView(modes=HeadingMixture.all_around(each), view=0, bearing_rad=0.0, sigma_rad=0.0)
+        for each in (*beliefs, model.prior)
+    ]
+    updated = updated_mixtures(observation, DetectionFeatures.of([view]), sightings)
+    log_likelihood = np.array([evidence for _, evidence in updated])
     with np.errstate(divide="ignore"):
         joint = log_likelihood + np.log(np.append(np.clip(existence, 0.0, 1.0), 1.0))
     probabilities = np.exp(joint - np.logaddexp.reduce(joint))
-    azimuth = np.array([-modes.best()[0][-1] for modes, _ in found])
+    azimuth = np.array([-modes.best()[0][-1] for modes, _ in updated])
     azimuth = np.arctan2(np.sin(azimuth), np.cos(azimuth))
     return Lookalikes(probabilities[:-1], float(probabilities[-1]), azimuth[:-1], log_likelihood[:-1])

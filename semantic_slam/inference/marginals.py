@@ -45,9 +45,9 @@ def association_probabilities(weights: Array, columns: NDArray[np.int32], num_ob
     The last column is that of -1: clutter or a new object.
     """
     num_detections = columns.shape[1]
-    found = np.zeros((num_detections, num_objects + 1))
-    np.add.at(found, (np.arange(num_detections), columns), weights[:, None])
-    return found
+    probabilities = np.zeros((num_detections, num_objects + 1))
+    np.add.at(probabilities, (np.arange(num_detections), columns), weights[:, None])
+    return probabilities
 
 
 def state_belief(

@@ -117,16 +117,16 @@ def over(table: ObjectTable, places: Index, class_prior: Array) -> ObjectTable:
 
 def marginals(weights: Array, table: ObjectTable) -> dict[str, Any]:
     """The quantities of the mixture of H hypotheses, (O, ...) each, from their (H,) weights."""
-    found: dict[str, Any] = {}
+    mixture: dict[str, Any] = {}
     for name, item in QUANTITIES.items():
         values = getattr(table, name)
         if item.rule is None:
             continue
         if item.spread:
-            found[name], found[item.spread] = item.rule(weights, values, getattr(table, item.spread))
+            mixture[name], mixture[item.spread] = item.rule(weights, values, getattr(table, item.spread))
         else:
-            found[name] = values if _is_left_out(name, values) else item.rule(weights, values)
-    return found
+            mixture[name] = values if _is_left_out(name, values) else item.rule(weights, values)
+    return mixture
 
 
 def _full(

@@ -1,8 +1,7 @@
 """Backends in this process: offline use of the manager."""
 
-from typing import Any
-
 from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.world.problem import Problem
 
@@ -19,7 +18,7 @@ class InProcessPool:
         for backend in self._backends:
             backend.start(run)
 
-    def expand(self, keyframe: Any) -> list[Candidates]:
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
         return [backend.expand(keyframe) for backend in self._backends]
 

@@ -6,7 +6,6 @@ of, so that another backend rebuilds it, to the bit. See docs/architecture.md.
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis, redistributed
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable, over, table_row
 from semantic_slam.inference.protocol import LOST, BackendPool, Candidates, Components
 from semantic_slam.inference.world.objects import ReportedObjects
@@ -35,7 +35,7 @@ class Rounds:
         self._pool, self._run_id, self._hypotheses = pool, run_id, hypotheses
         self.lost: Counter[str] = Counter()  # hypotheses that backends had to give up, by reason
 
-    def expand(self, keyframe: Any, index: int) -> CandidateTable:
+    def expand(self, keyframe: Keyframe, index: int) -> CandidateTable:
         """Round one: the candidates of every live hypothesis (Eqs. 4.11, 4.18)."""
         answers = self._pool.expand(keyframe)
         if not self._missing(answers):

@@ -2,14 +2,14 @@
 
 from functools import partial
 
+from semantic_slam.class_models.latent_space import load_extractor
+from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration
-from semantic_slam.latent.load import load_extractor
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.collaborators import CoverageCheck
 from semantic_slam.perception.range_bearing import range_and_bearing
 from semantic_slam.perception.weights import load_network
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
-from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.novelty import KnownViews
 
 

@@ -6,12 +6,12 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from semantic_slam.class_models.latent_space import load_extractor, load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.lookalike import ELEVATION_RAD, Lookalikes, lookalikes
-from semantic_slam.latent.load import load_extractor, load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam.perception.collaborators import FeatureExtractor, crop_features
 from semantic_slam.perception.crops import box_fault

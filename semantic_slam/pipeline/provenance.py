@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import semantic_slam
+from semantic_slam.version import PACKAGE_XML, __version__
 
 
 def source_text(path: Path, sha256: str) -> str:
@@ -17,15 +17,15 @@ def source_text(path: Path, sha256: str) -> str:
 
 def revision() -> str:
     """Version of this package, with the git revision when it runs from a checkout."""
-    root = Path(semantic_slam.__file__).resolve().parents[1]  # a symlink install imports through build/
+    root = PACKAGE_XML.parent
     if not (root / ".git").exists():
-        return str(semantic_slam.__version__)
+        return __version__
     command = ["git", "-C", str(root), "describe", "--always", "--dirty"]
     try:
         found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
     except (OSError, subprocess.SubprocessError):
-        return str(semantic_slam.__version__)
-    return f"{semantic_slam.__version__}+{found}"
+        return __version__
+    return f"{__version__}+{found}"
 
 
 def machine() -> dict[str, Any]:

@@ -128,7 +128,14 @@ def _check_models(row: dict, data: dict, tolerance: float) -> None:
     model = ParametricModel(row["alpha"], data["sem"]["K"])
     observation = PlanarObservation(model, PlanarVisibility())
     noise = np.diag([data["Sigma_v"]["range"], data["Sigma_v"]["bearing"]])
-    detection = PlanarDetection(*row["z_geo"], noise, np.zeros(2), np.array(row["z_sem"]), np.zeros((2, 2)))
+    detection = PlanarDetection(
+        range_m=row["z_geo"][0],
+        bearing_rad=row["z_geo"][1],
+        covariance=noise,
+        sensor=np.zeros(2),
+        feature=np.array(row["z_sem"]),
+        feature_covariance=np.zeros((2, 2)),
+    )
     seen = observation.collect([detection])
     x, o, classes = np.array([row["x"]]), np.array([row["o"]]), np.array([row["c"]])
     d, v = object_in_body(x, o)[0], camera_in_object(x, o, np.zeros(2))[0]

@@ -61,7 +61,14 @@ def moment_of(robot_sigma_rad: float, seed: int) -> SemanticInput:
     covariance = np.diag([0.1, 0.05]) ** 2
     none = np.zeros((MODEL.num_features, MODEL.num_features))
     value = feature(MODEL, truth, o, seed)
-    detection = PlanarDetection(float(np.hypot(*seen)), bearing, covariance, np.zeros(2), value, none)
+    detection = PlanarDetection(
+        range_m=float(np.hypot(*seen)),
+        bearing_rad=bearing,
+        covariance=covariance,
+        sensor=np.zeros(2),
+        feature=value,
+        feature_covariance=none,
+    )
     step = Step(
         index=0,
         stamp_ns=1,
@@ -265,7 +272,14 @@ def test_a_map_that_knows_the_class_narrows_the_descriptor() -> None:
 def test_measured_elevation_enters() -> None:
     """mu has 0.3 el in every component."""
     none = np.zeros((MODEL.num_features, MODEL.num_features))
-    level = PlanarDetection(2.0, 0.0, 0.01 * np.eye(2), np.zeros(2), np.zeros(MODEL.num_features), none)
+    level = PlanarDetection(
+        range_m=2.0,
+        bearing_rad=0.0,
+        covariance=0.01 * np.eye(2),
+        sensor=np.zeros(2),
+        feature=np.zeros(MODEL.num_features),
+        feature_covariance=none,
+    )
     seen = [DetectionFeatures.of([replace(level, elevation_rad=value)]) for value in (0.0, 0.5)]
     states = np.zeros((1, 3)), np.array([[2.0, 0.0, 0.3]]), TRUE[None]
     low, high = (LatentObservation(MODEL).linearise(own, *states).residual[0] for own in seen)

@@ -21,7 +21,14 @@ def view(model: HarmonicModel, azimuth: float, descriptor: np.ndarray = TRUE, se
     mean = model.predict(Viewpoints(np.array([azimuth]), np.zeros(1), np.ones(1)), descriptor[None]).mean[0]
     feature = mean + model.noise * np.random.default_rng(seed).normal(size=len(mean))
     size = len(feature)
-    return PlanarDetection(2.0, 0.0, 0.01 * np.eye(2), np.zeros(2), feature, np.zeros((size, size)))
+    return PlanarDetection(
+        range_m=2.0,
+        bearing_rad=0.0,
+        covariance=0.01 * np.eye(2),
+        sensor=np.zeros(2),
+        feature=feature,
+        feature_covariance=np.zeros((size, size)),
+    )
 
 
 def exact(model: HarmonicModel, detection: PlanarDetection, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +47,9 @@ def test_evidence_over_the_circle_is_the_integral(seed: int) -> None:
     detection = view(MODEL, 0.9, seed=seed)
     start = HeadingMixture.all_around(MODEL.prior)
     ((_, evidence),) = updated_mixtures(
-        LatentObservation(MODEL), DetectionFeatures.of([detection]), [DirectionalView(start, 0, 0.0, 0.0)]
+        LatentObservation(MODEL),
+        DetectionFeatures.of([detection]),
+        [DirectionalView(modes=start, view=0, bearing_rad=0.0, sigma_rad=0.0)],
     )
     logs, _ = exact(MODEL, detection, np.arange(0.0, 2 * np.pi, np.pi / 720))
     assert evidence == pytest.approx(np.logaddexp.reduce(logs) - np.log(len(logs)), abs=0.3)
@@ -52,7 +61,9 @@ def test_views_from_several_sides_settle_heading_and_descriptor() -> None:
     for number, bearing in enumerate(np.linspace(0.0, 2.0, 6)):
         seen = DetectionFeatures.of([view(MODEL, bearing - heading, seed=number)])
         ((modes, _),) = updated_mixtures(
-            LatentObservation(MODEL), seen, [DirectionalView(modes, 0, float(bearing), 0.02)]
+            LatentObservation(MODEL),
+            seen,
+            [DirectionalView(modes=modes, view=0, bearing_rad=float(bearing), sigma_rad=0.02)],
         )
     mean, covariance, share = modes.best()
     assert share > 0.99
@@ -68,7 +79,9 @@ def test_a_symmetric_object_keeps_two_headings() -> None:
     for number, bearing in enumerate(np.linspace(0.0, 2.0, 5)):
         seen = DetectionFeatures.of([view(model, bearing - 0.5, seed=number)])
         ((modes, _),) = updated_mixtures(
-            LatentObservation(model), seen, [DirectionalView(modes, 0, float(bearing), 0.02)]
+            LatentObservation(model),
+            seen,
+            [DirectionalView(modes=modes, view=0, bearing_rad=float(bearing), sigma_rad=0.02)],
         )
     mean, _, share = modes.best()
     assert share == pytest.approx(0.5, abs=0.02)
@@ -78,7 +91,10 @@ def test_a_symmetric_object_keeps_two_headings() -> None:
 def test_the_batch_is_its_rows() -> None:
     detections = DetectionFeatures.of([view(MODEL, 0.3), view(MODEL, 2.0, seed=1)])
     modes = HeadingMixture.all_around(MODEL.prior)
-    sightings = [DirectionalView(modes, 0, 0.1, 0.05), DirectionalView(modes, 1, 1.0, 0.0)]
+    sightings = [
+        DirectionalView(modes=modes, view=0, bearing_rad=0.1, sigma_rad=0.05),
+        DirectionalView(modes=modes, view=1, bearing_rad=1.0, sigma_rad=0.0),
+    ]
     together = updated_mixtures(LatentObservation(MODEL), detections, sightings)
     for item, (after, evidence) in zip(sightings, together, strict=True):
         ((alone, own),) = updated_mixtures(LatentObservation(MODEL), detections, [item])

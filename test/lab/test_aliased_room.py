@@ -11,6 +11,7 @@ from semantic_slam_lab.studies.aliased_room.data import CLUTTER, Rates, Recordin
 from semantic_slam_lab.studies.aliased_room.metrics import gospa, matched
 from semantic_slam_lab.studies.aliased_room.scores import score
 
+from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import OdometryConfiguration, OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.evaluation.trajectory import absolute_trajectory_error
 from semantic_slam.geometry import se2
@@ -18,7 +19,6 @@ from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_fro
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import Viewpoints
 
 CLASSES = ("crate", "locker", "crate")

@@ -13,10 +13,10 @@ from worlds.latent_toy import (
     toy_model,
 )
 
+from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.contracts.descriptor_model import DescriptorModelContract
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam.training.latent.torch_network import exported, imported, tanh_network
 

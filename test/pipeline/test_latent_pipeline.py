@@ -14,6 +14,7 @@ from semantic_slam_msgs.srv import FindLookalike
 from worlds.belief_factory import write_belief_bag
 
 from semantic_slam.bag.reader import BagReader
+from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.cli import bag_to_report, find_lookalike
 from semantic_slam.configuration import SemanticModelConfiguration, from_dict, load_configuration
 from semantic_slam.errors import InputError
@@ -22,7 +23,6 @@ from semantic_slam.evaluation.record import Record
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.messages import topics
 from semantic_slam.messages.images import decode_image
 from semantic_slam.ros.lookalike_service import LookalikeService

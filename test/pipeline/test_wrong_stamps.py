@@ -3,6 +3,7 @@
 import json
 import random
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,9 @@ def _moved(reader: BagReader, message: Any, ahead_ns: int) -> bytes:
 
 
 def report_of(bag: Path, out: Path) -> dict[str, Any]:
-    run_bag(bag, out / "belief", load_configuration(DEFAULT))
+    configuration = load_configuration(DEFAULT)
+    fast = replace(configuration, perception=replace(configuration.perception, num_passes=4))
+    run_bag(bag, out / "belief", fast)
     make_report(out / "belief", out, bag)
     found: dict[str, Any] = json.loads((out / "report.json").read_text())
     return found
@@ -108,13 +111,13 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("wrong", "lost", "dropped"),
     [
-        ({("/odom", 30): FAR_NS}, 0, {f"odom: {LEAPS}": 1}),
         ({("/odom", 0): FAR_NS}, 0, {f"odom: {LEAPS}": 1}),
         ({("/detections", 0): FAR_NS}, 1, {f"detections: {LEAPS}": 1}),
-        ({("/odom", 30): NEAR_NS}, 0, {f"odom: {LEAPS}": 1}),
-        ({("/detections", 20): FAR_NS}, 1, {f"detections: {LEAPS}": 1}),
-        ({("/detections", 20): NEAR_NS}, 1, {f"detections: {LEAPS}": 1}),
-        ({("/image/compressed", 20): FAR_NS}, 1, {f"image: {LEAPS}": 1, "detections: no image of their stamp": 1}),
+        (
+            {("/detections", 20): NEAR_NS, ("/image/compressed", 45): FAR_NS},
+            2,
+            {f"detections: {LEAPS}": 1, f"image: {LEAPS}": 1, "detections: no image of their stamp": 1},
+        ),
         (
             {("/odom", 30): FAR_NS, ("/odom", 60): NEAR_NS, ("/detections", 40): FAR_NS},
             1,
@@ -122,7 +125,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         ),
     ],
 )
-def test_a_wrong_stamp_on_the_shipped_bag_costs_one_message(
+def test_each_wrong_stamp_on_the_shipped_bag_costs_one_message(
     tmp_path: Path, undisturbed: dict[str, Any], wrong: Any, lost: int, dropped: dict[str, int]
 ) -> None:
     report = report_of(spoiled(tmp_path / "bag", wrong), tmp_path / "out")

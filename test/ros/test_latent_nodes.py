@@ -8,9 +8,9 @@ import pytest
 from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
 from worlds.node_runs import Replay, beliefs, run
 
+from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration, load_configuration
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.pipeline.offline import run_bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

@@ -73,10 +73,16 @@ def reference(offline_bag: Path) -> list[HybridBelief]:
 
 
 @pytest.fixture(scope="module")
-def slow_replay(tmp_path_factory: pytest.TempPathFactory, offline_bag: Path, configuration: Path) -> list[HybridBelief]:
-    """Three backends, one of them far slower than the bag."""
-    slow = {"backend_1": [*FAULTY_BACKENDS, "slow"]}
-    return run(Replay(offline_bag, configuration, tmp_path_factory.mktemp("slow"), backends=3, commands=slow))
+def faulty_replay(
+    tmp_path_factory: pytest.TempPathFactory, offline_bag: Path, configuration: Path
+) -> tuple[Replay, list[HybridBelief]]:
+    """Three backends, one of them far slower than the bag; one is killed half-way."""
+    faulty = {
+        "backend_1": [*FAULTY_BACKENDS, "slow"],
+        "backend_2": [*EXPECTED_TO_DIE, *FAULTY_BACKENDS, "dying"],
+    }
+    replay = Replay(offline_bag, configuration, tmp_path_factory.mktemp("faulty"), backends=3, commands=faulty)
+    return replay, run(replay)
 
 
 def test_reference_has_work_for_three_backends(reference: list[HybridBelief]) -> None:
@@ -102,13 +108,11 @@ def test_one_backend_agrees_with_offline_and_a_user_reads_along(
 
 
 def test_hypotheses_of_a_killed_backend_move_to_the_others(
-    offline_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
+    faulty_replay: tuple[Replay, list[HybridBelief]], reference: list[HybridBelief]
 ) -> None:
     """It is missed by its sign of life, long before its time to answer is over."""
-    replay = Replay(
-        offline_bag, configuration, tmp_path, 3, commands={"backend_2": [*EXPECTED_TO_DIE, *FAULTY_BACKENDS, "dying"]}
-    )
-    assert_same(run(replay), reference)
+    replay, live = faulty_replay
+    assert_same(live, reference)
     killed = re.search(r"killed at ([\d.]+)", replay.output_of("backend_2"))
     missed = re.search(
         r"\[([\d.]+)\] \[hypothesis_manager\]: backend_2 is gone", replay.output_of("hypothesis_manager")
@@ -118,10 +122,7 @@ def test_hypotheses_of_a_killed_backend_move_to_the_others(
     assert 0.0 < float(missed[1]) - float(killed[1]) < 10.0
 
 
-def test_three_backends_agree_with_offline(slow_replay: list[HybridBelief], reference: list[HybridBelief]) -> None:
-    assert_same(slow_replay, reference)
-
-
-def test_lossless_replay_with_a_slow_backend_loses_nothing(slow_replay: list[HybridBelief]) -> None:
-    assert [belief.keyframe for belief in slow_replay] == list(range(NUM_FRAMES))
-    assert slow_replay[-1].dropped == 0
+def test_lossless_replay_with_a_slow_backend_loses_nothing(faulty_replay: tuple[Replay, list[HybridBelief]]) -> None:
+    _, live = faulty_replay
+    assert [belief.keyframe for belief in live] == list(range(NUM_FRAMES))
+    assert live[-1].dropped == 0

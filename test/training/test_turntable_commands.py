@@ -82,7 +82,7 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     trained = call(
         "train_classifier",
         *("--turntables", str(turntables), "--out", str(weights), "--cameras", "NP1,NP2"),
-        *("--epochs", "3", "--crops-per-epoch", "256", "--max-azimuth-deg", "100"),
+        *("--epochs", "2", "--crops-per-epoch", "128", "--max-azimuth-deg", "100"),
     )
     assert trained.returncode == 0, trained.stderr
     assert "classes blue_box, red_box" in trained.stdout

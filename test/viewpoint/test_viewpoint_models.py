@@ -9,6 +9,7 @@ import pytest
 from safetensors.numpy import save_file
 from worlds.synthetic_views import FEATURES, synthetic_samples
 
+from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.contracts.viewpoint_model import ViewpointModelContract, looking_from
 from semantic_slam.errors import InputError
@@ -17,7 +18,6 @@ from semantic_slam.training.viewpoint.fit import fit_samples
 from semantic_slam.training.viewpoint.regression import fit_class, left_out_means
 from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel, posterior
-from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.novelty import KnownViews
 from semantic_slam.viewpoint.parametric import ParametricModel

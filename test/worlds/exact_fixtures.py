@@ -120,7 +120,14 @@ def _step(index: int, motion: Motion, frame: list[dict], given: dict, linear: bo
     else:
         noise = np.diag(given["Sv"])
         detections = [
-            PlanarDetection(z["geo"][0], z["geo"][1], noise, np.zeros(2), np.array(z["sem"]), np.zeros((2, 2)))
+            PlanarDetection(
+                range_m=z["geo"][0],
+                bearing_rad=z["geo"][1],
+                covariance=noise,
+                sensor=np.zeros(2),
+                feature=np.array(z["sem"]),
+                feature_covariance=np.zeros((2, 2)),
+            )
             for z in frame
         ]
     count = len(frame)

@@ -90,7 +90,10 @@ def _whitened(residual, jacobian_x, jacobian_o, covariance):
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     log_normaliser = -0.5 * np.linalg.slogdet(covariance)[1] - LOG_2PI
     return Linearisation(
-        residual @ whiten.T, whiten @ jacobian_x, whiten @ jacobian_o, np.full(len(residual), log_normaliser)
+        residual=residual @ whiten.T,
+        jacobian_robot=whiten @ jacobian_x,
+        jacobian_object=whiten @ jacobian_o,
+        log_normaliser=np.full(len(residual), log_normaliser),
     )
 
 

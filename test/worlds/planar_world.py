@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration, from_dict
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
@@ -15,7 +16,6 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.viewpoint.load import load_model
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 

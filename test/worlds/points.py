@@ -68,7 +68,12 @@ class BodyPointObservation:
         whiten = np.linalg.inv(np.linalg.cholesky(self.covariance))
         residual = (relative.point - np.tile(seen.points, (len(x) // len(seen.points), 1))) @ whiten.T
         log_normaliser = np.full(len(x), -0.5 * np.linalg.slogdet(self.covariance)[1] - LOG_2PI)
-        return Linearisation(residual, whiten @ relative.by_robot, whiten @ relative.by_landmark, log_normaliser)
+        return Linearisation(
+            residual=residual,
+            jacobian_robot=whiten @ relative.by_robot,
+            jacobian_object=whiten @ relative.by_landmark,
+            log_normaliser=log_normaliser,
+        )
 
     def semantics(self, seen, x, o, classes):
         raise NotImplementedError
@@ -223,4 +228,11 @@ def range_bearing(point: np.ndarray, covariance: np.ndarray) -> PlanarDetection:
     """Of a (2,) point in the body frame."""
     none = np.zeros(0)
     direction = float(np.arctan2(point[1], point[0]))
-    return PlanarDetection(float(np.hypot(*point)), direction, covariance, np.zeros(2), none, np.zeros((0, 0)))
+    return PlanarDetection(
+        range_m=float(np.hypot(*point)),
+        bearing_rad=direction,
+        covariance=covariance,
+        sensor=np.zeros(2),
+        feature=none,
+        feature_covariance=np.zeros((0, 0)),
+    )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semantic_slam.class_models import ClassModelKind
+from semantic_slam.class_models.kind import ClassModelKind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags, Index

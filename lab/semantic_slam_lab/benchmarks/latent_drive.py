@@ -2,15 +2,15 @@
 
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.inputs.planar_reader import PlanarReader
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
@@ -23,22 +23,14 @@ from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.latent_update import DETECTIONS, OBJECTS, POSES, SIGMA_STEP, STEP, Circuit
 from semantic_slam_lab.benchmarks.row import Row
+from semantic_slam_lab.prepared_steps import PreparedSteps
 
 BUDGET_MS = 50.0
 MEASURED = 20
 """Last keyframes of the drive."""
-
-
-class StepReader(PlanarReader):
-    """Keyframes that are steps already."""
-
-    def step(self, keyframe: Any) -> Step:
-        found: Step = keyframe
-        return found
 
 
 @dataclass(frozen=True)
@@ -85,7 +77,7 @@ class Drive:
         problem = Problem(
             spaces=Spaces.same(PlanarPoses()),
             model=PlanarObservation(None, PlanarVisibility()),
-            reader=StepReader(model.num_features),
+            reader=PreparedSteps(steps),
             robot=GaussianPrior(start, np.diag([0.1, 0.1, 0.05]) ** 2),
             objects=entries,
             class_names=names,
@@ -123,9 +115,9 @@ def driven(model: DescriptorModel, seed: int) -> list[Row]:
     """Rows of the benchmark's drive with any descriptor model."""
     run = Drive.of(model, seed)
     manager, times = run.manager(), []
-    for step in run.steps:
+    for keyframe in [Keyframe.planar(k) for k in range(len(run.steps))]:
         begun = time.thread_time()
-        manager.process(step)
+        manager.process(keyframe)
         times.append(time.thread_time() - begun)
     median = 1e3 * float(np.median(times[-MEASURED:]))
     how = (

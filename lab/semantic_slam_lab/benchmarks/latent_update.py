@@ -3,6 +3,7 @@
 import gtsam
 import numpy as np
 
+from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
@@ -14,7 +15,6 @@ from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoin
 from semantic_slam.inference.states.keys import DESCRIPTOR, descriptor_key, object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.latent.load import load_latent_model
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.row import Row, alternated
 
@@ -84,7 +84,13 @@ class Circuit:
         """The semantic measurements of one keyframe, and where their factors are made."""
         detections, numbers = self.seen[frame]
         measurements = [
-            SemanticFactor(robot_key(frame), object_key(int(n)), detection, -1, descriptor_key(int(n)))
+            SemanticFactor(
+                robot_key=robot_key(frame),
+                object_key=object_key(int(n)),
+                detection=detection,
+                assigned_class=-1,
+                descriptor_key=descriptor_key(int(n)),
+            )
             for detection, n in zip(detections, numbers, strict=True)
         ]
         x = np.tile(self.poses[frame], (len(numbers), 1))
@@ -119,7 +125,17 @@ class Circuit:
         covariance = np.diag(SIGMA_GEOMETRY[::-1] ** 2)
         bearing = np.arctan2(relative[numbers, 1], relative[numbers, 0])
         rows = zip(distance[numbers], bearing, features, strict=True)
-        return [PlanarDetection(float(r), float(b), covariance, np.zeros(2), f, none) for r, b, f in rows], numbers
+        return [
+            PlanarDetection(
+                range_m=float(r),
+                bearing_rad=float(b),
+                covariance=covariance,
+                sensor=np.zeros(2),
+                feature=f,
+                feature_covariance=none,
+            )
+            for r, b, f in rows
+        ], numbers
 
     def grown(self, length: int, *, latent: bool) -> gtsam.ISAM2:
         """The graph before keyframe ``length``; all objects enter with the first keyframe."""

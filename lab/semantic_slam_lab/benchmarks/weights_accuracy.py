@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates
 from semantic_slam_lab.benchmarks.row import Row
@@ -77,7 +78,7 @@ class _RecordingPool(InProcessPool):
 
     candidates: list[Candidates]
 
-    def expand(self, keyframe: Any) -> list[Candidates]:
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
         self.candidates = super().expand(keyframe)
         return self.candidates
 

@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 
 
@@ -49,7 +50,7 @@ class ProcessPool:
         """Begin a run."""
         self._ask("start", run)
 
-    def expand(self, keyframe: Any) -> list[Candidates]:
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
         return self._ask("expand", keyframe)
 

@@ -52,13 +52,13 @@ class EnumerationProblem:
     admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
 
     @cached_property
-    def seen(self) -> Any:
+    def collected(self) -> Any:
         """The detections as arrays."""
         return self.model.collect(self.detections)
 
     def first(self, count: int) -> Any:
         """The first ``count`` detections as arrays."""
-        return self.seen if count == len(self.detections) else self.seen.take(slice(count))
+        return self.collected if count == len(self.detections) else self.collected.take(slice(count))
 
 
 def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBelief) -> Candidates:
@@ -79,7 +79,7 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
         keep, dropped = _gated(parents, mode.log_evidence, setting.gate, num_parents, setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
         prefixes, mode = screened.prefixes.take(keep), mode.take(keep)
-    return _associated(setting, prefixes.stack(setting.model, setting.seen), mode, left_out)
+    return _associated(setting, prefixes.stack(setting.model, setting.collected), mode, left_out)
 
 
 def _associated(setting: EnumerationProblem, problem: KeyframeProblem, mode: Mode, log_left_out: Array) -> Candidates:
@@ -100,8 +100,8 @@ def _ranking(screened: ScreenedAssignments) -> Mode:
     rows, mode = screened.searched, screened.mode
     if len(rows):
         part = screened.stack.select(rows)
-        found = find_modes(part, mode.y[rows], RANKING_ITERATIONS, RANKING_TOLERANCE)
-        mode.y[rows], mode.hessian[rows], mode.log_evidence[rows] = found.y, found.hessian, found.log_evidence
+        refined = find_modes(part, mode.y[rows], RANKING_ITERATIONS, RANKING_TOLERANCE)
+        mode.y[rows], mode.hessian[rows], mode.log_evidence[rows] = refined.y, refined.hessian, refined.log_evidence
     return mode
 
 
@@ -109,7 +109,7 @@ def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, o
     """One association (D,), as given with the detections, for every parent."""
     parents = np.arange(len(predicted.mean))
     rows = Assignments(parents=parents, objects=np.broadcast_to(objects, (len(parents), len(objects))))
-    problem = KeyframeProblem.of(setting.spaces, setting.model, predicted, setting.seen, rows)
+    problem = KeyframeProblem.of(setting.spaces, setting.model, predicted, setting.collected, rows)
     mode = find_modes(problem, search_start(problem))
     return _associated(setting, problem, mode, np.full(len(parents), -np.inf))
 
@@ -193,7 +193,7 @@ def _semantic_profiles(setting: EnumerationProblem, stack: KeyframeProblem, y: A
         row, cls = np.nonzero(possible[:, number])
         sigma, objects = stack.heading_sigma(number)[row], stack.objects_of(states, number)
         bounds[row, number, cls], turns[row, number, cls] = setting.model.best_heading(
-            stack.seen.take([number]), stack.robots_of(states)[row], objects[row], cls, sigma
+            stack.detections.take([number]), stack.robots_of(states)[row], objects[row], cls, sigma
         )
     return bounds, turns
 
@@ -213,8 +213,8 @@ def _turned(stack: KeyframeProblem, y: Array, turns: Array) -> Array:
         heading = stack.heading_rows(number)
         if heading is None:
             return y
-        own = stack.active[:, number] & (stack.slots[:, number] == number)
-        tangent[np.arange(len(y)), heading] += np.where(own, turns[:, number], 0.0)
+        is_first = stack.active[:, number] & (stack.slots[:, number] == number)
+        tangent[np.arange(len(y)), heading] += np.where(is_first, turns[:, number], 0.0)
     return np.asarray(y + np.linalg.solve(stack.root, tangent[..., None])[..., 0])
 
 

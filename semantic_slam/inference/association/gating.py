@@ -52,12 +52,12 @@ def pair_densities(
         return PairDensities(nothing, nothing, [])
     joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
     rows = len(detections) * count
-    seen = model.collect(detections)
+    collected = model.collect(detections)
     if len(detections) > 1:  # one row stands for any number
-        seen = seen.take(np.repeat(np.arange(len(detections)), count))
+        collected = collected.take(np.repeat(np.arange(len(detections)), count))
     robot = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
     states = np.tile(mean[1:, : storage.landmark], (len(detections), 1))
-    part = model.geometry(seen, robot, states)
+    part = model.geometry(collected, robot, states)
     prior = np.tile(joint, (len(detections), 1, 1))
     if errors is not None:
         slopes, at = np.repeat(errors.slopes, count, axis=0), np.repeat(errors.mean, count, axis=0)
@@ -67,14 +67,17 @@ def pair_densities(
         jacobian = np.concatenate([jacobian, slopes[:, :, None] * np.eye(2)], axis=-1)
         places = spaces.layout.rows_of_slots(np.stack([np.zeros(count, dtype=int), 1 + np.arange(count)], axis=1))
         prior = errors.with_pairs(joint, places).reshape(rows, jacobian.shape[-1], -1)
-    found = Innovation.of(part, jacobian, prior)
+    innovation = Innovation.of(part, jacobian, prior)
     parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
-    return PairDensities(found.log_density.reshape(-1, count), found.distance.reshape(-1, count), parts)
+    return PairDensities(innovation.log_density.reshape(-1, count), innovation.distance.reshape(-1, count), parts)
 
 
 def _rows(part: Linearisation, rows: slice) -> Linearisation:
     return Linearisation(
-        part.residual[rows], part.jacobian_robot[rows], part.jacobian_object[rows], part.log_normaliser[rows]
+        residual=part.residual[rows],
+        jacobian_robot=part.jacobian_robot[rows],
+        jacobian_object=part.jacobian_object[rows],
+        log_normaliser=part.log_normaliser[rows],
     )
 
 
@@ -143,9 +146,9 @@ def _at(axis: int, state: int, count: int) -> tuple[slice | int, ...]:
 def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:
     """All assignments where there are few, else the cheapest."""
     options = [np.flatnonzero(np.isfinite(row)) for row in cost]
-    if np.prod([float(len(own)) for own in options]) > limit:
-        found = k_best(cost, limit)
-        return found.columns, found.costs
+    if np.prod([float(len(columns)) for columns in options]) > limit:
+        cheapest = k_best(cost, limit)
+        return cheapest.columns, cheapest.costs
     listed = list(product(*options))
     every = np.array(listed, dtype=int).reshape(len(listed), len(cost))
     ordered = np.sort(every, axis=1)

@@ -27,9 +27,9 @@ def k_best(cost: Array, k: int) -> KBest:
 
     Infinite entries are not admitted. Equal costs come in an order that depends on ``cost`` alone.
     """
-    found = [item for item, _ in zip(_in_order(np.asarray(cost, dtype=np.float64)), range(k), strict=False)]
-    columns = np.array([columns for _, columns in found], dtype=int).reshape(len(found), len(cost))
-    return KBest(columns, np.array([total for total, _ in found], dtype=np.float64))
+    ranked = [item for item, _ in zip(_in_order(np.asarray(cost, dtype=np.float64)), range(k), strict=False)]
+    columns = np.array([columns for _, columns in ranked], dtype=int).reshape(len(ranked), len(cost))
+    return KBest(columns, np.array([total for total, _ in ranked], dtype=np.float64))
 
 
 def _in_order(cost: Array) -> Iterator[tuple[float, tuple[int, ...]]]:
@@ -44,18 +44,18 @@ def _in_order(cost: Array) -> Iterator[tuple[float, tuple[int, ...]]]:
             branch = remaining.copy()
             branch[row, columns[row]] = np.inf
             _push(queue, cost, branch, row)
-            own = remaining[row, columns[row]]
+            chosen = remaining[row, columns[row]]
             remaining[row], remaining[:, columns[row]] = np.inf, np.inf
-            remaining[row, columns[row]] = own
+            remaining[row, columns[row]] = chosen
 
 
 def _push(queue: list[tuple[float, tuple[int, ...], int, Array]], cost: Array, restricted: Array, fixed: int) -> None:
     """Queue the cheapest assignment of ``restricted``, if there is one; its first ``fixed`` rows have no choice."""
     try:
-        rows, found = linear_sum_assignment(restricted)
+        rows, matched = linear_sum_assignment(restricted)
     except ValueError:  # infeasible
         return
-    columns = tuple(int(column) for column in found)
+    columns = tuple(int(column) for column in matched)
     if len(columns) < len(cost):
         return
-    heapq.heappush(queue, (float(cost[rows, found].sum()), columns, fixed, restricted))
+    heapq.heappush(queue, (float(cost[rows, matched].sum()), columns, fixed, restricted))

@@ -97,6 +97,6 @@ class PartialAssignments:
         """(B, m, 1 + O, w) whitened cross covariances of :attr:`cross`, in blocks by state."""
         return self.spaces.layout.blocks(self.cross)
 
-    def stack(self, model: ObservationModel, seen: object) -> KeyframeProblem:
-        """The small problems of these associations, ``seen`` being their n detections."""
-        return KeyframeProblem(self.spaces, model, seen, self.rows, self.mean, self.root)
+    def stack(self, model: ObservationModel, detections: object) -> KeyframeProblem:
+        """The small problems of these associations, ``detections`` being their n detections."""
+        return KeyframeProblem(self.spaces, model, detections, self.rows, self.mean, self.root)

@@ -45,18 +45,18 @@ def screen(
     origin: Index,
     objects: Index,
     model: ObservationModel,
-    seen: Any,
+    detections: Any,
     gate: float,
 ) -> ScreenedAssignments:
     """Drop candidates whose evidence one step from where they were puts far behind, where that step can be trusted.
 
     ``previous`` are modes of the prefixes; candidate b goes on from ``origin[b]``, the newest of the detections
-    ``seen`` being of ``objects[b]``. Of those not dropped, the steady ones start at that step, lost ones at what
+    ``detections`` being of ``objects[b]``. Of those not dropped, the steady ones start at that step, lost ones at what
     explains most, the rest where they were.
     """
     known = np.asarray(np.linalg.inv(previous.hessian))
     expected = _expected(prefixes, previous, known)
-    newest = _newest(expected, origin, objects, model, seen.take([prefixes.rows.objects.shape[1]]))
+    newest = _newest(expected, origin, objects, model, detections.take([prefixes.rows.objects.shape[1]]))
     linear, parents = newest.sigma < STEADY_RAD, prefixes.rows.parents[origin]
     evidence = previous.log_evidence[origin] + newest.log_density
     best = np.full(len(prefixes.predicted.mean), -np.inf)
@@ -67,7 +67,7 @@ def screen(
     np.logaddexp.at(left_out, parents[dropped], behind[dropped])
     kept = np.flatnonzero(~dropped)
     longer = prefixes.extended(origin[kept], objects[kept])
-    stack = longer.stack(model, seen)
+    stack = longer.stack(model, detections)
     start, step, hessian = _stepped(stack, previous.take(origin[kept]), known[origin[kept]], newest.take(kept))
     start[linear[kept]] += step[linear[kept]]
     lost = np.flatnonzero(newest.sigma[kept] > LOST_RAD)
@@ -90,18 +90,24 @@ class _Expected:
     spaces: Spaces
     states: Array  # (B, 1 + O, s)
     charts: Array  # (B, 1 + O, w, w) to the tangent spaces at the states
-    own: Array  # (B, 1 + O, w, w) covariances
+    covariances: Array  # (B, 1 + O, w, w) covariances
     with_robot: Array  # (B, 1 + O, r, w) covariances of the robot with each
 
     def pairs(self, origin: Index, objects: Index) -> tuple[Array, Array]:
         """(K, r + l, r + l) covariances of robots with some objects, and their charts."""
         layout, place = self.spaces.layout, 1 + objects
-        r, own, shape = layout.robot, slice(layout.landmark), (len(origin), layout.size(1), layout.size(1))
+        r, landmark, shape = layout.robot, slice(layout.landmark), (len(origin), layout.size(1), layout.size(1))
         covariance, charts = np.empty(shape), np.zeros(shape)
-        covariance[:, :r, :r], covariance[:, r:, r:] = self.own[origin, 0, :r, :r], self.own[origin, place, own, own]
-        covariance[:, :r, r:] = self.with_robot[origin, place, :, own]
+        covariance[:, :r, :r], covariance[:, r:, r:] = (
+            self.covariances[origin, 0, :r, :r],
+            self.covariances[origin, place, landmark, landmark],
+        )
+        covariance[:, :r, r:] = self.with_robot[origin, place, :, landmark]
         covariance[:, r:, :r] = np.swapaxes(covariance[:, :r, r:], 1, 2)
-        charts[:, :r, :r], charts[:, r:, r:] = self.charts[origin, 0, :r, :r], self.charts[origin, place, own, own]
+        charts[:, :r, :r], charts[:, r:, r:] = (
+            self.charts[origin, 0, :r, :r],
+            self.charts[origin, place, landmark, landmark],
+        )
         return covariance, charts
 
 
@@ -112,7 +118,7 @@ def _expected(prefixes: PartialAssignments, previous: Mode, known: Array) -> _Ex
     moved, charts = spaces.joint.exp_and_jacobian(layout.blocks((previous.y[:, None] @ flat)[:, 0]))
     explained = (np.eye(flat.shape[1]) - known) @ flat
     by_state = np.ascontiguousarray(np.moveaxis(layout.blocks(explained), 1, 2))
-    own = np.ascontiguousarray(np.moveaxis(blocks, 1, 3)) @ by_state
+    explained_blocks = np.ascontiguousarray(np.moveaxis(blocks, 1, 3)) @ by_state
     robot = np.ascontiguousarray(np.swapaxes(blocks[:, :, 0, : layout.robot], 1, 2))
     with_robot = np.swapaxes(layout.blocks(robot @ explained), 1, 2)
     states = np.arange(mean.shape[1])
@@ -120,7 +126,11 @@ def _expected(prefixes: PartialAssignments, previous: Mode, known: Array) -> _Ex
     first = np.swapaxes(predicted.blocks[:, 0, : layout.robot], 1, 2)
     at = spaces.joint.compose(mean, moved)
     return _Expected(
-        spaces=spaces, states=at, charts=charts, own=diagonal[parents] - own, with_robot=first[parents] - with_robot
+        spaces=spaces,
+        states=at,
+        charts=charts,
+        covariances=diagonal[parents] - explained_blocks,
+        with_robot=first[parents] - with_robot,
     )
 
 
@@ -138,18 +148,20 @@ class _Newest:
         return take(self, rows)
 
 
-def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, seen: Any) -> _Newest:
+def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, detection: Any) -> _Newest:
     """One Kalman update for each candidate."""
     storage = expected.spaces.storage
     x = expected.states[origin, 0, : storage.robot]
     o = expected.states[origin, 1 + objects, : storage.landmark]
     covariance, charts = expected.pairs(origin, objects)
-    part = model.geometry(seen, x, o)
+    part = model.geometry(detection, x, o)
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1) @ charts
-    found = Innovation.of(part, jacobian, covariance)
-    gain = backward(found.root, found.whitened[..., None])[..., 0]
+    innovation = Innovation.of(part, jacobian, covariance)
+    gain = backward(innovation.root, innovation.whitened[..., None])[..., 0]
     sigma = model.bearing_sigma(x, o, covariance, charts)
-    return _Newest(jacobian=jacobian, gain=gain, log_density=found.log_density, sigma=sigma, off=found.distance)
+    return _Newest(
+        jacobian=jacobian, gain=gain, log_density=innovation.log_density, sigma=sigma, off=innovation.distance
+    )
 
 
 def _stepped(stack: KeyframeProblem, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:

@@ -51,13 +51,15 @@ class Assignments:
 
     def take(self, selection: Any) -> "Assignments":
         """The rows of a selection, any number of times."""
-        some: dict[str, Any] = {name: own if own is None else own[selection] for name, own in vars(self).items()}
+        some: dict[str, Any] = {
+            name: column if column is None else column[selection] for name, column in vars(self).items()
+        }
         return Assignments(**some)
 
     @classmethod
     def joined(cls, parts: Sequence["Assignments"]) -> "Assignments":
         """Assignments of several tables, one after another, with the columns that the first has."""
-        known = [name for name, own in vars(parts[0]).items() if own is not None]
+        known = [name for name, column in vars(parts[0]).items() if column is not None]
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in known})
 
     def with_rows(self, rows: Index, others: "Assignments") -> "Assignments":
@@ -69,9 +71,9 @@ class Assignments:
 
     def column(self, name: str) -> Array:
         """A column of numbers that is known by now."""
-        found = getattr(self, name)
-        assert found is not None, name
-        return np.asarray(found)
+        column = getattr(self, name)
+        assert column is not None, name
+        return np.asarray(column)
 
     def gaining(self, **columns: Any) -> "Assignments":
         """The assignments with more columns, or with columns replaced."""

@@ -29,6 +29,16 @@ class Candidates:
         """The candidates with more columns of the table of assignments."""
         return replace(self, assignments=self.assignments.gaining(**columns))
 
+    def take(self, rows: Index) -> "Candidates":
+        """Some of the candidates, with their problems and modes where they have been searched."""
+        return replace(
+            self,
+            assignments=self.assignments.take(rows),
+            problem=None if self.problem is None else self.problem.select(rows),
+            start=None,
+            mode=None if self.mode is None else self.mode.take(rows),
+        )
+
     def steps(self, used: Index, num_detections: int) -> list[LineageStep]:
         """What the keyframe adds to the lineages; the candidates are about the ``used`` (n,) of its detections."""
         rows = self.assignments
@@ -43,12 +53,12 @@ class Candidates:
         """The candidates with states and covariances of the robot and of each detection's object, and innovations."""
         problem, mode = self.solved()
         states, covariances = problem.marginals(mode.y, mode.hessian)
-        robot, own = slice(problem.layout.robot), slice(problem.layout.landmark)
+        robot, landmark = slice(problem.layout.robot), slice(problem.layout.landmark)
         return self.gaining(
             robot=problem.robots_of(states),
             robot_covariance=covariances[:, 0, robot, robot],
             object_states=_of_detections(problem, states)[..., : problem.spaces.storage.landmark],
-            object_covariances=_of_detections(problem, covariances)[..., own, own],
+            object_covariances=_of_detections(problem, covariances)[..., landmark, landmark],
             innovation_nees=innovation_nees(problem, mode.y, len(self.object_ids) - self.num_new),
         )
 

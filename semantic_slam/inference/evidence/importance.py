@@ -150,7 +150,7 @@ def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> l
         log_proposal[rows] = finite_log_sum_exp(drawn.log_densities(points[rows]), axis=-2)
     log_weights = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(log_proposal.shape) - log_proposal
     log_weights -= 0.5 * squared_norms(points) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
-    return [Samples(*own) for own in zip(points, log_weights, strict=True)]
+    return [Samples(*pair) for pair in zip(points, log_weights, strict=True)]
 
 
 def _pairs(mixture: Gaussians, total: int) -> tuple[int, ...]:

@@ -33,13 +33,13 @@ class PredictedBelief:
 
     def pair_covariances(self) -> Array:
         """(P, O, r + l, r + l) of the robot together with each object."""
-        r, own, count = self.layout.robot, slice(self.layout.landmark), self.mean.shape[1] - 1
+        r, landmark, count = self.layout.robot, slice(self.layout.landmark), self.mean.shape[1] - 1
         blocks, objects = self.blocks, np.arange(1, 1 + count)
         joint = np.empty((len(self.mean), count, self.layout.size(1), self.layout.size(1)))
         joint[..., :r, :r] = blocks[:, None, 0, :r, 0, :r]
-        joint[..., r:, :r] = blocks[:, 1:, own, 0, :r]
+        joint[..., r:, :r] = blocks[:, 1:, landmark, 0, :r]
         joint[..., :r, r:] = np.swapaxes(joint[..., r:, :r], 2, 3)
-        joint[..., r:, r:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)[..., own, own]
+        joint[..., r:, r:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)[..., landmark, landmark]
         return joint
 
 
@@ -49,11 +49,13 @@ class KeyframeProblem:
     States are in blocks (B, 1 + n, s), tangent vectors (B, 1 + n, w), as wide as the wider of robot and landmark.
     """
 
-    def __init__(self, spaces: Spaces, model: ObservationModel, seen: Any, rows: Assignments, mean: Array, root: Array):
-        """``seen``: the n detections as ``model`` collects them; ``root`` (B, r + n l, r + n l)."""
+    def __init__(
+        self, spaces: Spaces, model: ObservationModel, detections: Any, rows: Assignments, mean: Array, root: Array
+    ):
+        """``detections``: all n as ``model`` collects them; ``root`` (B, r + n l, r + n l)."""
         self.spaces, self.layout, self.model, self.rows = spaces, spaces.layout, model, rows
         self._joint = spaces.joint
-        self.seen = seen
+        self.detections = detections
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
         self._full = bool(self.active.all())
@@ -63,19 +65,19 @@ class KeyframeProblem:
 
     @classmethod
     def of(
-        cls, spaces: Spaces, model: ObservationModel, predicted: PredictedBelief, seen: Any, rows: Assignments
+        cls, spaces: Spaces, model: ObservationModel, predicted: PredictedBelief, detections: Any, rows: Assignments
     ) -> "KeyframeProblem":
         """Problem of the candidates, with the priors of their states from those of their parents."""
-        own = (rows.objects >= 0) & (_first_occurrence(rows.objects) == np.arange(rows.objects.shape[1]))
-        blocks = np.concatenate([np.zeros((len(own), 1), int), np.where(own, 1 + rows.objects, 0)], axis=1)
-        used = np.concatenate([np.ones((len(own), 1), bool), own], axis=1)
+        is_first = (rows.objects >= 0) & (_first_occurrence(rows.objects) == np.arange(rows.objects.shape[1]))
+        blocks = np.concatenate([np.zeros((len(is_first), 1), int), np.where(is_first, 1 + rows.objects, 0)], axis=1)
+        used = np.concatenate([np.ones((len(is_first), 1), bool), is_first], axis=1)
         columns = spaces.layout.rows_of_slots(blocks)
         covariance = predicted.covariance[rows.parents[:, None, None], columns[:, :, None], columns[:, None, :]]
         if not used.all():
             free = spaces.layout.repeated(~used)
             covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
         root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        return cls(spaces, model, seen, rows, predicted.mean[rows.parents[:, None], blocks], root)
+        return cls(spaces, model, detections, rows, predicted.mean[rows.parents[:, None], blocks], root)
 
     def with_classes(self, selection: Index, classes: Index) -> "KeyframeProblem":
         """The problem of the chosen candidates, with (B, n) classes of their objects."""
@@ -147,7 +149,7 @@ class KeyframeProblem:
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
         x, o = self._pairs(self._states(y))
-        return row_sums(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())))
+        return row_sums(self._by_row(self.model.log_likelihood(self.detections, x, o, self._classes())))
 
     def log_joint(self, y: Array) -> Array:
         """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
@@ -156,7 +158,9 @@ class KeyframeProblem:
         states = states.reshape(-1, *states.shape[2:])
         many = self._of(np.repeat(np.arange(len(y)), y.shape[1]))
         x, o = many._pairs(states)
-        logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(self.seen, x, o, many._classes())
+        logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(
+            self.detections, x, o, many._classes()
+        )
         return row_sums(many._by_row(logs)).reshape(y.shape[:2]) - 0.5 * squared_norms(y)
 
     def energy(self, y: Array) -> Array:
@@ -184,7 +188,7 @@ class KeyframeProblem:
     def geometry_rows(self, y: Array) -> tuple[Array, Array]:
         """Whitened residuals (B, n, m) of geometry alone and their derivatives (B, n, m, size) by y; 0 for clutter."""
         moved, chart = self._joint.exp_and_jacobian(self.tangent(y))
-        part = self.model.geometry(self.seen, *self._pairs(self._joint.placed(self._frames, moved)))
+        part = self.model.geometry(self.detections, *self._pairs(self._joint.placed(self._frames, moved)))
         residual = self._by_row(part.residual)
         return residual, self._in_y(chart, [part]).reshape(*residual.shape, self.size)
 
@@ -193,10 +197,10 @@ class KeyframeProblem:
         by_robot = self._by_row(np.concatenate([part.jacobian_robot for part in parts], axis=1))
         by_object = self._by_row(np.concatenate([part.jacobian_object for part in parts], axis=1))
         slopes = chart @ self.layout.blocks(self.root, -2)
-        own = slopes[:, 1:] if self._distinct else slopes[np.arange(len(slopes))[:, None], 1 + self.slots]
-        found = by_robot @ slopes[:, :1, : self.layout.robot]
-        found += by_object @ own[:, :, : self.layout.landmark]
-        return found.reshape(len(chart), -1, self.size)
+        object_slopes = slopes[:, 1:] if self._distinct else slopes[np.arange(len(slopes))[:, None], 1 + self.slots]
+        slopes_by_row = by_robot @ slopes[:, :1, : self.layout.robot]
+        slopes_by_row += by_object @ object_slopes[:, :, : self.layout.landmark]
+        return slopes_by_row.reshape(len(chart), -1, self.size)
 
     def log_visibility(self, y: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, O) over the associated objects."""
@@ -212,9 +216,9 @@ class KeyframeProblem:
     def _pairs(self, states: Array) -> tuple[Array, Array]:
         """(B n, s) robot and object of every detection of every candidate."""
         size, own_size = self.spaces.storage.robot, self.spaces.storage.landmark
-        own = states[:, 1:] if self._distinct else states[np.arange(len(states))[:, None], 1 + self.slots]
-        robots = broadcast_copy(states[:, :1, :size], (*own.shape[:2], size))
-        return robots.reshape(-1, size), own[..., :own_size].reshape(-1, own_size)
+        objects = states[:, 1:] if self._distinct else states[np.arange(len(states))[:, None], 1 + self.slots]
+        robots = broadcast_copy(states[:, :1, :size], (*objects.shape[:2], size))
+        return robots.reshape(-1, size), objects[..., :own_size].reshape(-1, own_size)
 
     def _classes(self) -> Index | None:
         if self.rows.classes is None or self.model.num_classes == 0:
@@ -225,9 +229,9 @@ class KeyframeProblem:
         if not self.rows.objects.shape[1]:
             return []
         x, o = self._pairs(states)
-        parts, classes = [self.model.geometry(self.seen, x, o)], self._classes()
+        parts, classes = [self.model.geometry(self.detections, x, o)], self._classes()
         if classes is not None:
-            parts.append(self.model.semantics(self.seen, x, o, classes))
+            parts.append(self.model.semantics(self.detections, x, o, classes))
         return parts
 
     def _by_row(self, values: Array) -> Array:
@@ -246,7 +250,7 @@ def search_start(stack: KeyframeProblem) -> Array:
     least = stack.energy(best)
     size, robot = stack.layout.robot, stack.robots_of(stack.mean)
     for number in range(stack.rows.objects.shape[1]):
-        wanted = stack.model.robot_start(stack.seen.take([number]), robot, stack.objects_of(stack.mean, number))
+        wanted = stack.model.robot_start(stack.detections.take([number]), robot, stack.objects_of(stack.mean, number))
         start = np.zeros_like(best)
         tangent = stack.spaces.robot.local(robot, wanted)
         start[:, :size] = np.linalg.solve(stack.root[:, :size, :size], tangent[..., None])[..., 0]

@@ -83,13 +83,13 @@ def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) 
     groups: dict[object, list[int]] = {}
     for row, start in enumerate(starts):
         groups.setdefault(start.window.shape(), []).append(row)
-    found: list[list[PosteriorMode]] = [[] for _ in starts]
+    modes_of: list[list[PosteriorMode]] = [[] for _ in starts]
     for rows in groups.values():
         for at in range(0, len(rows), MOST_TOGETHER):
             together = rows[at : at + MOST_TOGETHER]
             for row, modes in zip(together, _refined([starts[row] for row in together], settings), strict=True):
-                found[row] = modes
-    return found
+                modes_of[row] = modes
+    return modes_of
 
 
 def _refined(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
@@ -115,9 +115,9 @@ def _refined(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> l
 
 def _states(problem: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
     """(M, 1 + T + O, s) robot states, the anchor's first, and objects at the M modes of each window."""
-    counts = [len(own.y) for own in modes]
+    counts = [len(mode.y) for mode in modes]
     repeated = problem.select(np.repeat(np.arange(len(modes)), counts))
-    robots, objects = repeated.states(np.concatenate([own.y for own in modes]))
+    robots, objects = repeated.states(np.concatenate([mode.y for mode in modes]))
     return np.split(problem.spaces.storage.stacked(robots, objects), np.cumsum(counts)[:-1])
 
 
@@ -146,13 +146,13 @@ def _of_one(look: _Look, settings: WeightsConfiguration) -> list[PosteriorMode]:
     if len(kept) == 1:
         kept_window = None if ends else replace(window, log_evidence=log_evidence)
         return [_mode(look, drawn, kept[0], weights, log_evidence, kept_window)]
-    found = []
+    posterior_modes = []
     for number, (at, log_part) in enumerate(zip(kept, region.log_responsibilities(samples.y), strict=True)):
         log_evidence, weights = samples.part(log_part)
-        own = (*window.regions, ModeRegion(region, number, look.problem.mean.shape[1] - 1, len(look.problem.links)))
-        kept_window = None if ends else replace(window, regions=own, log_evidence=log_evidence)
-        found.append(_mode(look, drawn, at, weights, log_evidence, kept_window))
-    return found
+        regions = (*window.regions, ModeRegion(region, number, look.problem.mean.shape[1] - 1, len(look.problem.links)))
+        kept_window = None if ends else replace(window, regions=regions, log_evidence=log_evidence)
+        posterior_modes.append(_mode(look, drawn, at, weights, log_evidence, kept_window))
+    return posterior_modes
 
 
 def _mode(
@@ -252,32 +252,32 @@ def _leaders(groups: Index) -> Index:
     return np.asarray(np.searchsorted(groups, groups))
 
 
-def _close(found: Mode, leaders: Index, rows: Index) -> NDArray[np.bool_]:
-    """(B,) whether some of ``found`` are close to others, in the metric of those: never shorter than the prior's."""
-    away = found.y[rows] - found.y[leaders]
+def _close(candidates: Mode, leaders: Index, rows: Index) -> NDArray[np.bool_]:
+    """(B,) whether some ``candidates`` are close to others, in the metric of those: never shorter than the prior's."""
+    away = candidates.y[rows] - candidates.y[leaders]
     close = squared_norms(away) <= SAME_VALLEY**2
     near = np.flatnonzero(close)
-    squared = (away[near, None] @ found.hessian[leaders[near]] @ away[near, :, None])[:, 0, 0]
+    squared = (away[near, None] @ candidates.hessian[leaders[near]] @ away[near, :, None])[:, 0, 0]
     close[near] = squared <= SAME_VALLEY**2
     return close
 
 
-def _distinct(windows: Sequence[Window], problem: WindowProblem, found: Mode, owners: Index) -> list[Mode]:
+def _distinct(windows: Sequence[Window], problem: WindowProblem, candidates: Mode, owners: Index) -> list[Mode]:
     """For each window the modes that differ and have weight in its region, heaviest first."""
-    scores = found.log_evidence + problem.select(owners).log_visibility(found.y, soft=True)
+    scores = candidates.log_evidence + problem.select(owners).log_visibility(candidates.y, soft=True)
     modes = []
     for number, window in enumerate(windows):
         rows = np.arange(*np.searchsorted(owners, [number, number + 1]))
         if len(rows) == 1:
-            modes.append(found.take(rows))
+            modes.append(candidates.take(rows))
             continue
-        own = scores[rows] + window.log_share(problem, found.y[rows])
-        order = rows[np.argsort(-own, kind="stable")]
+        log_shares = scores[rows] + window.log_share(problem, candidates.y[rows])
+        order = rows[np.argsort(-log_shares, kind="stable")]
         kept: list[int] = []
-        for row in order[np.sort(-own) <= NEGLIGIBLE - own.max()]:
-            if all(np.abs(found.y[row] - found.y[other]).max() > SAME_MODE for other in kept):
+        for row in order[np.sort(-log_shares) <= NEGLIGIBLE - log_shares.max()]:
+            if all(np.abs(candidates.y[row] - candidates.y[other]).max() > SAME_MODE for other in kept):
                 kept.append(int(row))
-        modes.append(found.take(np.array(kept[:MAX_MODES])))
+        modes.append(candidates.take(np.array(kept[:MAX_MODES])))
     return modes
 
 

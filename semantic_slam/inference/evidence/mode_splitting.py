@@ -65,8 +65,8 @@ class UnsplitCandidates:
     def taken(self, row: int) -> WindowStep:
         """What one candidate makes of the keyframe."""
         rows = self.candidates.assignments.take([row])
-        own = replace(self.candidates, assignments=rows).steps(self.used, len(self.step.names))[0]
-        return WindowStep(self.step.motion, self.step.observed(own.association, own.class_assignment, self.used))
+        chosen = replace(self.candidates, assignments=rows).steps(self.used, len(self.step.names))[0]
+        return WindowStep(self.step.motion, self.step.observed(chosen.association, chosen.class_assignment, self.used))
 
     def states_of(self, row: int, refined: PosteriorMode) -> Array:
         """(1 + n, s) states of the blocks of one candidate at a mode of its whole window."""
@@ -101,10 +101,10 @@ def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path
     rows = np.flatnonzero(look)
     if not len(rows) and not has_window.any():
         return expanded.candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
-    found: list[list[PosteriorMode]] = [[] for _ in log_evidence]
+    modes_of: list[list[PosteriorMode]] = [[] for _ in log_evidence]
     for row, modes in zip(rows, search_modes(_starts(expanded, rows), weights), strict=True):
-        found[row] = modes
-    origin, columns = _collected(expanded, found, log_evidence, effective, weights)
+        modes_of[row] = modes
+    origin, columns = _collected(expanded, modes_of, log_evidence, effective, weights)
     return _at_posterior_modes(expanded, origin, expanded.candidates.assignments.take(origin).gaining(**columns))
 
 
@@ -131,40 +131,40 @@ def _screened(expanded: UnsplitCandidates, rows: Index, laplace: Array, count: i
     y = expanded.mode.y[rows][:, None] + np.swapaxes(deviations, 1, 2)
     logs = expanded.stack.select(rows).log_joint(y) + 0.5 * squared_norms(points)
     logs -= row_sums(np.log(np.diagonal(roots, axis1=1, axis2=2)))[:, None]
-    seen = np.isfinite(logs).any(axis=1)
-    largest = np.where(seen, logs.max(axis=1), 0.0)
+    is_finite = np.isfinite(logs).any(axis=1)
+    largest = np.where(is_finite, logs.max(axis=1), 0.0)
     weights = np.exp(logs - largest[:, None])
     total = np.maximum(weights.sum(axis=1), 1e-300)
-    shares = np.where(seen, total**2 / np.maximum((weights**2).sum(axis=1), 1e-300) / len(points), 0.0)
-    found = largest + np.log(total / len(points))
-    return np.where(seen, found, laplace), shares
+    shares = np.where(is_finite, total**2 / np.maximum((weights**2).sum(axis=1), 1e-300) / len(points), 0.0)
+    estimate = largest + np.log(total / len(points))
+    return np.where(is_finite, estimate, laplace), shares
 
 
 def _starts(expanded: UnsplitCandidates, rows: Index) -> list[SearchStart]:
     """Windows of some candidates, and where their parents' and their own modes are."""
     part = expanded.stack.select(rows)
-    return [_start(expanded, row, own) for row, own in zip(rows, part.states(expanded.mode.y[rows]), strict=True)]
+    return [_start(expanded, row, states) for row, states in zip(rows, part.states(expanded.mode.y[rows]), strict=True)]
 
 
 def _start(expanded: UnsplitCandidates, row: int, states: Array) -> SearchStart:
     parent, storage = expanded.parents[expanded.stack.rows.parents[row]], expanded.stack.spaces.storage
     new = expanded.new[expanded.stack.rows.parents[row]]
     window = Window.of(parent).with_keyframe(expanded.taken(row), new)
-    seen = {
+    estimates = {
         int(expanded.object_ids[place]): states[1 + expanded.stack.slots[row, number]]
         for number, place in enumerate(expanded.stack.rows.objects[row])
         if place >= 0
     }
     past = range(window.anchor.keyframe, parent.keyframe + 1)
     robots = np.concatenate([parent.states([robot_key(k) for k in past]), states[:1]])[:, : storage.robot]
-    objects = [seen[n] if n in seen else parent.states([object_key(n)])[0] for n in window.object_ids()]
+    objects = [estimates[n] if n in estimates else parent.states([object_key(n)])[0] for n in window.object_ids()]
     by_object = np.array(objects).reshape(-1, storage.width)[:, : storage.landmark]
     return SearchStart(window, robots, by_object)
 
 
 def _collected(
     expanded: UnsplitCandidates,
-    found: list[list[PosteriorMode]],
+    modes_of: list[list[PosteriorMode]],
     log_evidence: Array,
     effective: Array,
     weights: WeightsConfiguration,
@@ -173,7 +173,7 @@ def _collected(
     origin, number, evidence, sizes = [], [], [], []
     refined: list[PosteriorMode | None] = []
     windows: list[Window | None] = []
-    for row, modes in enumerate(found):
+    for row, modes in enumerate(modes_of):
         parent = expanded.parents[expanded.stack.rows.parents[row]]
         before = parent.window.log_evidence if parent.window is not None else 0.0
         for at, mode in enumerate(modes):
@@ -211,7 +211,9 @@ def _at_posterior_modes(expanded: UnsplitCandidates, origin: Index, rows: Assign
     """The candidates once for every mode of theirs, where it is."""
     problem, mode = expanded.stack.select(origin), expanded.mode.take(origin)
     assert rows.posterior_modes is not None
-    moved = np.array([row for row, found in enumerate(rows.posterior_modes) if found is not None], dtype=int)
+    moved = np.array(
+        [row for row, posterior_mode in enumerate(rows.posterior_modes) if posterior_mode is not None], dtype=int
+    )
     if len(moved):
         part = problem.select(moved)
         states = [expanded.states_of(int(origin[row]), rows.posterior_modes[row]) for row in moved]

@@ -59,9 +59,9 @@ class SampledMoments:
         slopes = problem.newest_slopes(self.y[None])[0]  # (K, w, size)
         covariances = slopes @ np.linalg.solve(self.hessian, np.swapaxes(slopes, 1, 2))
         mode = WindowSamples(problem, self.y[None]).states[0]
-        found: list[Correction] = []
+        corrections: list[Correction] = []
         for space, rows in problem.spaces.kinds(len(mode)):
             s, d = space.storage_size, space.tangent_size
-            own = (mode[rows, :s], covariances[rows, :d, :d], self.drawn.states[:, rows, :s])
-            found += Correction.towards(space, *own, self.weights)
-        return dict(zip(self.keys, found, strict=True))
+            moments = (mode[rows, :s], covariances[rows, :d, :d], self.drawn.states[:, rows, :s])
+            corrections += Correction.towards(space, *moments, self.weights)
+        return dict(zip(self.keys, corrections, strict=True))

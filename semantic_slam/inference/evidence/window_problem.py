@@ -56,10 +56,14 @@ class WindowProblem:
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
         self.size = self.motion_rows(len(links)).start
         self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
-        seen = model.collect([detection for link in links for detection in link.detections])
+        collected = model.collect([detection for link in links for detection in link.detections])
         named = self.classes[0] >= 0
         self._parts = [  # detections with and without semantics
-            (seen if rows.all() else seen.take(np.flatnonzero(rows)), np.flatnonzero(rows), bool(rows is named))
+            (
+                collected if rows.all() else collected.take(np.flatnonzero(rows)),
+                np.flatnonzero(rows),
+                bool(rows is named),
+            )
             for rows in (named, ~named)
             if rows.any()
         ]
@@ -98,10 +102,10 @@ class WindowProblem:
         """(K, 1 + O, w, size) derivatives of the newest robot state and of the objects by y (K, size)."""
         moves, chart = self._joint.exp_and_jacobian(self._tangents(y))
         by_robot, by_object = self._slopes(self._composed(moves), chart)
-        found = np.zeros((len(y), self._count, self.layout.width, self.size))
-        found[:, 0, : self.layout.robot] = by_robot[:, 0, -1]
-        found[:, 1:, : self.layout.landmark, : self.width] = by_object[:, 0]
-        return found
+        slopes = np.zeros((len(y), self._count, self.layout.width, self.size))
+        slopes[:, 0, : self.layout.robot] = by_robot[:, 0, -1]
+        slopes[:, 1:, : self.layout.landmark, : self.width] = by_object[:, 0]
+        return slopes
 
     def states(self, y: Array) -> tuple[Array, Array]:
         """(B, 1 + T, s) robot, the anchor's first, and (B, O, s) objects."""
@@ -153,10 +157,10 @@ class WindowProblem:
 
     def _log_likelihood(self, robots: Array, objects: Array) -> Array:
         total = np.zeros(robots.shape[0] * robots.shape[1])
-        for seen, sightings, named in self._parts:
+        for detections, sightings, named in self._parts:
             x, o = self._pairs(robots, objects, sightings)
             classes = self._repeated(sightings, robots.shape[1]) if named else None
-            total += row_sums(self.model.log_likelihood(seen, x, o, classes).reshape(len(total), -1))
+            total += row_sums(self.model.log_likelihood(detections, x, o, classes).reshape(len(total), -1))
         return total
 
     def _log_visibility(self, robots: Array, objects: Array, *, soft: bool) -> Array:
@@ -168,14 +172,14 @@ class WindowProblem:
 
     def _linearised(self, robots: Array, objects: Array) -> list[tuple[list[Linearisation], Index]]:
         """Linearised geometry of all sightings, with semantics where they have a class, and which they are."""
-        found = []
-        for seen, sightings, named in self._parts:
+        linearised = []
+        for detections, sightings, named in self._parts:
             x, o = self._pairs(robots, objects, sightings)
-            parts = [self.model.geometry(seen, x, o)]
+            parts = [self.model.geometry(detections, x, o)]
             if named:
-                parts.append(self.model.semantics(seen, x, o, self._repeated(sightings, robots.shape[1])))
-            found.append((parts, sightings))
-        return found
+                parts.append(self.model.semantics(detections, x, o, self._repeated(sightings, robots.shape[1])))
+            linearised.append((parts, sightings))
+        return linearised
 
     def _pairs(self, robots: Array, objects: Array, sightings: Index) -> tuple[Array, Array]:
         """(K N S, s) robot and object of S sightings."""
@@ -237,10 +241,10 @@ class WindowProblem:
         if self.links:
             motions = composed[:, :, count:, : self.spaces.storage.robot]
             transitions = self.spaces.robot.propagation(motions)
-            own = chart[:, :, count:, :r, :r] @ np.array(self.motion_roots)
+            steps = chart[:, :, count:, :r, :r] @ np.array(self.motion_roots)
         for t in range(len(self.links)):
             robots[:, :, t + 1] = transitions[..., t, :, :] @ robots[:, :, t]
-            robots[:, :, t + 1, :, self.motion_rows(t)] += own[:, :, t]
+            robots[:, :, t + 1, :, self.motion_rows(t)] += steps[:, :, t]
         return robots, anchor[:, :, 1:, : self.layout.landmark]
 
 

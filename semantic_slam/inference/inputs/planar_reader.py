@@ -53,12 +53,12 @@ class PlanarReader:
 
     def _with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """The measurements, with class scores as their features where they have none. Raises InputError."""
-        found = measurements.features.shape[1]
-        if not self.num_features or not len(measurements) or found == self.num_features:
+        num_given = measurements.features.shape[1]
+        if not self.num_features or not len(measurements) or num_given == self.num_features:
             return measurements
-        if found:
+        if num_given:
             raise InputError(
-                f"the classifier gives {found} feature components but the class models were"
+                f"the classifier gives {num_given} feature components but the class models were"
                 f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
             )
         features = score_features(measurements, self.feature_names)

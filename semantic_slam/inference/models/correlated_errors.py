@@ -63,10 +63,10 @@ class WhiteResidual:
         """B rows at f of ``mean`` (B, 2), from those of residuals whitened by all of their error."""
         measured = (slopes > 0.0).sum(axis=1)
         return Linearisation(
-            self.scale * plain.residual + slopes * mean,
-            self.scale * plain.jacobian_robot,
-            self.scale * plain.jacobian_object,
-            plain.log_normaliser + measured * float(np.log(self.scale)),
+            residual=self.scale * plain.residual + slopes * mean,
+            jacobian_robot=self.scale * plain.jacobian_robot,
+            jacobian_object=self.scale * plain.jacobian_object,
+            log_normaliser=plain.log_normaliser + measured * float(np.log(self.scale)),
         )
 
     def factor(self, plain: Any, error_key: int) -> Any:

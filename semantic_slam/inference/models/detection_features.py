@@ -10,7 +10,7 @@ from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DetectionFeatures:
     """Semantic features of B detections as arrays; one row stands for any number."""
 
@@ -23,10 +23,10 @@ class DetectionFeatures:
     def of(cls, detections: Sequence[PlanarDetection]) -> "DetectionFeatures":
         """All detections of a keyframe."""
         return cls(
-            np.array([item.feature for item in detections]),
-            np.array([item.feature_variance for item in detections]),
-            np.array([item.sensor for item in detections]),
-            np.array([item.elevation_rad for item in detections]),
+            feature=np.array([item.feature for item in detections]),
+            variance=np.array([item.feature_variance for item in detections]),
+            sensor=np.array([item.sensor for item in detections]),
+            elevation_rad=np.array([item.elevation_rad for item in detections]),
         )
 
     def take(self, index: Selection) -> "DetectionFeatures":

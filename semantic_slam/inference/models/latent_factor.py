@@ -14,12 +14,12 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection
 
 def exact_factor(observation: LatentObservation, detection: PlanarDetection, keys: tuple[int, ...]) -> Any:
     """Exact latent factor on X(k), O(n), E(n): a CustomFactor, which an iSAM2 can be forked with but not pickled."""
-    seen = DetectionFeatures.of([detection])
+    features = DetectionFeatures.of([detection])
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         robot, target, descriptor = this.keys()
         x, o = _planar(values.atPose2(robot)), _planar(values.atPose2(target))
-        part = observation.linearise(seen, x, o, np.asarray(values.atVector(descriptor))[None])
+        part = observation.linearise(features, x, o, np.asarray(values.atVector(descriptor))[None])
         if jacobians is not None:
             for slot, jacobian in enumerate((part.by_robot, part.by_object, part.by_descriptor)):
                 jacobians[slot] = np.asfortranarray(jacobian[0])

@@ -59,11 +59,11 @@ class LatentObservation:
         """What is known of an object's descriptor before its first view, B = 1."""
         return self.known.get(object_id, self.prior)
 
-    def linearise(self, seen: DetectionFeatures, x: Array, o: Array, e: Array) -> LatentLinearisation:
+    def linearise(self, features: DetectionFeatures, x: Array, o: Array, e: Array) -> LatentLinearisation:
         """Linearised residual of B collected detections, at (B, 3) robots and objects and (B, L) descriptors."""
-        v = camera_in_object(x, o, seen.sensor)
-        part = self.by_azimuth(seen, np.arctan2(v[:, 1], v[:, 0]), e)
-        turn = _azimuth_by_poses(v, x[:, 2] - o[:, 2], seen.sensor)
+        v = camera_in_object(x, o, features.sensor)
+        part = self.by_azimuth(features, np.arctan2(v[:, 1], v[:, 0]), e)
+        turn = _azimuth_by_poses(v, x[:, 2] - o[:, 2], features.sensor)
         by_poses = part.by_azimuth[:, :, None] * turn[:, None]
         return LatentLinearisation(
             residual=part.residual,
@@ -74,18 +74,18 @@ class LatentObservation:
             log_normaliser=part.log_normaliser,
         )
 
-    def by_azimuth(self, seen: DetectionFeatures, azimuth: Array, e: Array) -> LatentLinearisation:
+    def by_azimuth(self, features: DetectionFeatures, azimuth: Array, e: Array) -> LatentLinearisation:
         """Linearised residual at (B,) azimuths that are given; its Jacobians by poses are empty."""
-        elevation = seen.elevation_rad
+        elevation = features.elevation_rad
         if len(elevation) != len(azimuth):
             elevation = np.repeat(elevation, len(azimuth))
         prediction = self.model.predict(Viewpoints(azimuth, elevation, azimuth), e)  # the range does not count
-        variance = prediction.sigma**2 + seen.variance
+        variance = prediction.sigma**2 + features.variance
         sigma = np.sqrt(self.tempering * variance)
         log_peak = -0.5 * (np.log(variance).sum(axis=-1) + variance.shape[1] * LOG_2PI) / self.tempering
         none = np.zeros((len(azimuth), variance.shape[1], 0))
         return LatentLinearisation(
-            residual=(prediction.mean - seen.feature) / sigma,
+            residual=(prediction.mean - features.feature) / sigma,
             by_robot=none,
             by_object=none,
             by_descriptor=prediction.by_descriptor / sigma[..., None],
@@ -107,9 +107,9 @@ def _azimuth_by_poses(v: Array, angle: Array, sensor: Array) -> Array:
     squared = np.maximum(v[:, 0] ** 2 + v[:, 1] ** 2, LEAST_DISTANCE_M**2)
     across, along = -v[:, 1] / squared, v[:, 0] / squared
     cos, sin = np.cos(angle), np.sin(angle)
-    found = np.empty((len(v), 6))
-    found[:, 0] = across * cos + along * sin
-    found[:, 1] = along * cos - across * sin
-    found[:, 2] = found[:, 1] * sensor[..., 0] - found[:, 0] * sensor[..., 1]
-    found[:, 3], found[:, 4], found[:, 5] = -across, -along, -1.0
-    return found
+    slopes = np.empty((len(v), 6))
+    slopes[:, 0] = across * cos + along * sin
+    slopes[:, 1] = along * cos - across * sin
+    slopes[:, 2] = slopes[:, 1] * sensor[..., 0] - slopes[:, 0] * sensor[..., 1]
+    slopes[:, 3], slopes[:, 4], slopes[:, 5] = -across, -along, -1.0
+    return slopes

@@ -29,8 +29,8 @@ def linear_factors(
     """
     noise = unit_noise(residual.shape[1])
     factors = []
-    for own, blocks, right, point in zip(keys, zip(*jacobians, strict=True), -residual, points, strict=True):
-        terms = [part for pair in zip(own, blocks, strict=True) for part in pair]
+    for variables, blocks, right, point in zip(keys, zip(*jacobians, strict=True), -residual, points, strict=True):
+        terms = [part for pair in zip(variables, blocks, strict=True) for part in pair]
         factors.append(gtsam.LinearContainerFactor(_jacobian_factor(*terms, right, noise), point))
     return factors
 
@@ -48,9 +48,9 @@ def linearisation_points(
     robots, objects = spaces.steps(states[:, :together])
     rows = zip(robots, objects, states[:, together:], strict=True)
     points = []
-    for own in keys:
+    for factor_set in keys:
         step, known = gtsam.VectorValues(), dict[int, Array]()
-        for variables in own:
+        for variables in factor_set:
             known |= zip(variables, next(rows), strict=False)
         for key, value in known.items():
             step.insert(key, value)
@@ -65,6 +65,6 @@ def _origin(spaces: Spaces, keys: tuple[int, ...], descriptor_size: int) -> gtsa
         if is_descriptor(key):
             values.insert(key, np.zeros(descriptor_size))
         else:
-            own = spaces.of(key)
-            own.insert(values, key, own.origin)
+            space = spaces.of(key)
+            space.insert(values, key, space.origin)
     return values

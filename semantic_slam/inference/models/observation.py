@@ -15,7 +15,7 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 Classes = NDArray[np.int_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """log p = log_normaliser - |residual|^2 / 2 at B states, with Jacobians in the tangent spaces there."""
 
@@ -57,7 +57,7 @@ class Detections(Protocol):
 class ObservationModel(Protocol):
     """States are (B, s) robot ``x`` and object ``o`` in map, each of its space; a detection is opaque to the engine.
 
-    Of S detections ``seen`` the rows repeat: state b is of detection b mod S.
+    Of S ``detections`` the rows repeat: state b is of detection b mod S.
     """
 
     num_classes: int  # 0: classes are not enumerated
@@ -65,16 +65,16 @@ class ObservationModel(Protocol):
     def collect(self, detections: Sequence[Any]) -> Detections:
         """Detections as arrays, a row each."""
 
-    def geometry(self, seen: Any, x: Array, o: Array) -> Linearisation:
+    def geometry(self, detections: Any, x: Array, o: Array) -> Linearisation:
         """The geometric part z_geo of the collected detections."""
 
-    def semantics(self, seen: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
+    def semantics(self, detections: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
         """The semantic part z_sem for (B,) classes."""
 
-    def log_likelihood(self, seen: Any, x: Array, o: Array, classes: Classes | None) -> Array:
+    def log_likelihood(self, detections: Any, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density of both, without slopes; of the geometric part alone where ``classes`` is None."""
 
-    def best_heading(self, seen: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
+    def best_heading(self, detections: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
         """(B,) largest semantic log density of one detection over turned objects, and (B,) the turn [rad] to it.
 
         The turn is the best where headings deviate by ``sigma`` (B,) a priori. States without a heading have none.
@@ -83,7 +83,7 @@ class ObservationModel(Protocol):
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, o), up to a constant that is equal for all beta."""
 
-    def robot_start(self, seen: Any, x: Array, o: Array) -> Array:
+    def robot_start(self, detections: Any, x: Array, o: Array) -> Array:
         """(B, s) robot states near ``x`` that explain the detections of objects ``o``: where a search may start."""
 
     def object_prior(self, detection: Any, x: Array) -> GaussianPrior:
@@ -102,7 +102,7 @@ class ObservationModel(Protocol):
     def view_change(self, before: Array, now: Array) -> Array:
         """(n,) radians by which views of objects differ, given (n, s) objects as the robot sees them."""
 
-    def least_cost(self, seen: Any, x: Array, covariance: Array, o: Array, sigmas: Array) -> tuple[Array, float]:
+    def least_cost(self, detections: Any, x: Array, covariance: Array, o: Array, sigmas: Array) -> tuple[Array, float]:
         """(P, D, O) nats that D detections cost at least if they are of each of O objects, and the log of all their
         densities' peaks.
 

@@ -18,7 +18,7 @@ ASSUMED_RANGE_M = 3.0
 LOG_2PI = float(np.log(2.0 * np.pi))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanarDetection:
     """One detection, in the body frame."""
 

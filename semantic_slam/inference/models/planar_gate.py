@@ -9,7 +9,7 @@ from semantic_slam.inference.models.planar_detection import PlanarDetections
 from semantic_slam.inference.models.polar import polar
 
 
-def least_cost(seen: PlanarDetections, covariance: Array, body: Array, sigmas: Array) -> tuple[Array, float]:
+def least_cost(detections: PlanarDetections, covariance: Array, body: Array, sigmas: Array) -> tuple[Array, float]:
     """(P, D, O) nats of D detections, range and bearing each on its own, at the deviation that makes it cheapest.
 
     ``body`` (P, D, O, 2) objects in the body frames of P robots of (P, 3, 3) ``covariance``; ``sigmas`` (O,) [m] of the
@@ -18,14 +18,14 @@ def least_cost(seen: PlanarDetections, covariance: Array, body: Array, sigmas: A
     standard deviations add up.
     """
     heading = np.sqrt(covariance[:, 2, 2])[:, None, None]  # (P, 1, 1)
-    offset = np.hypot(*seen.origin.T)[:, None]  # (D, 1): a camera off the centre moves with the heading
+    offset = np.hypot(*detections.origin.T)[:, None]  # (D, 1): a camera off the centre moves with the heading
     position = position_sigmas(covariance)[:, None, None] + sigmas + offset * heading  # (P, D, O)
-    distance, bearing = polar(body - seen.origin[:, None])
-    noise = np.linalg.inv(seen.whiten + (1.0 - seen.has_range)[:, None, None] * np.diag([1.0, 0.0]))
+    distance, bearing = polar(body - detections.origin[:, None])
+    noise = np.linalg.inv(detections.whiten + (1.0 - detections.has_range)[:, None, None] * np.diag([1.0, 0.0]))
     variance = (noise @ np.swapaxes(noise, 1, 2)).diagonal(axis1=1, axis2=2)  # (D, 2)
-    off = np.where(seen.has_range[:, None], distance - seen.range_m[:, None], 0.0)
+    off = np.where(detections.has_range[:, None], distance - detections.range_m[:, None], 0.0)
     by_range = off**2 / (position**2 + variance[:, :1])
-    turn = wrap_angle(bearing - seen.bearing_rad[:, None])
+    turn = wrap_angle(bearing - detections.bearing_rad[:, None])
     by_bearing = turn**2 / ((heading + 0.5 * np.pi * position / distance) ** 2 + variance[:, 1:])
     by_bearing = np.minimum(by_bearing, (distance / position) ** 2)  # or the robot is anywhere around the object
-    return 0.5 * np.maximum(by_range, by_bearing), float(seen.log_normaliser.sum())
+    return 0.5 * np.maximum(by_range, by_bearing), float(detections.log_normaliser.sum())

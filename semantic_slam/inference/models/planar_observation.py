@@ -61,27 +61,27 @@ class PlanarObservation:
             self._collected = detections, PlanarDetections.of(detections)
         return self._collected[1]
 
-    def geometry(self, seen: PlanarDetections, x: Array, o: Array) -> Linearisation:
+    def geometry(self, detections: PlanarDetections, x: Array, o: Array) -> Linearisation:
         """Residual of [range, bearing], the range's 0 where there is only a bearing."""
-        rows = _Rows.of(seen, x, o)
+        rows = _Rows.of(detections, x, o)
         body, d, distance, whitened = rows.polar_residual()
         by_point = rows.by_polar(d, distance)
-        log_normaliser = broadcast_copy(seen.log_normaliser, distance.shape)
+        log_normaliser = broadcast_copy(detections.log_normaliser, distance.shape)
         turn = sine_cosine(rows.o[..., 2] - rows.x[..., 2])
         return Linearisation(
-            whitened.reshape(-1, 2),
-            by_pose(by_point, body).reshape(-1, 2, 3),
-            by_position(by_point, *turn).reshape(-1, 2, 3),
-            log_normaliser.reshape(-1),
+            residual=whitened.reshape(-1, 2),
+            jacobian_robot=by_pose(by_point, body).reshape(-1, 2, 3),
+            jacobian_object=by_position(by_point, *turn).reshape(-1, 2, 3),
+            log_normaliser=log_normaliser.reshape(-1),
         )
 
-    def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
+    def semantics(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
         """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes."""
-        v = camera_in_object(x, o, _repeated(seen.sensor, len(x)))
+        v = camera_in_object(x, o, _repeated(detections.sensor, len(x)))
         distance, azimuth = polar(v)
         prediction = self._predict(classes, azimuth, distance)
-        root, log_normaliser = self._noise(prediction, seen)
-        residual = self._feature_residual(prediction, seen)
+        root, log_normaliser = self._noise(prediction, detections)
+        residual = self._feature_residual(prediction, detections)
         stacked = np.empty((*residual.shape, 3))
         stacked[..., 0] = residual
         stacked[..., 1:] = prediction.mean_jacobian[:, :, ::2].reshape(*residual.shape, 2)
@@ -89,24 +89,29 @@ class PlanarObservation:
         radial, turn = polar_jacobian(v, distance)
         by_view = whitened[..., 1:2] * turn[:, None]
         by_view += whitened[..., 2:] * radial[:, None]
-        by_robot = by_camera(by_view, x[:, 2] - o[:, 2], seen.sensor)
-        return Linearisation(whitened[..., 0], by_robot, by_pose(by_view, v), log_normaliser)
+        by_robot = by_camera(by_view, x[:, 2] - o[:, 2], detections.sensor)
+        return Linearisation(
+            residual=whitened[..., 0],
+            jacobian_robot=by_robot,
+            jacobian_object=by_pose(by_view, v),
+            log_normaliser=log_normaliser,
+        )
 
-    def log_likelihood(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
+    def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
-        rows = _Rows.of(seen, x, o)
+        rows = _Rows.of(detections, x, o)
         whitened = rows.polar_residual()[3]
-        total = (seen.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
+        total = (detections.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
         if classes is None:
             return np.asarray(total)
-        distance, azimuth = polar(camera_in_object(x, o, _repeated(seen.sensor, len(x))))
+        distance, azimuth = polar(camera_in_object(x, o, _repeated(detections.sensor, len(x))))
         prediction = self._predict(classes, azimuth, distance)
-        root, log_normaliser = self._noise(prediction, seen)
-        residual = forward(root, self._feature_residual(prediction, seen)[..., None])[..., 0]
+        root, log_normaliser = self._noise(prediction, detections)
+        residual = forward(root, self._feature_residual(prediction, detections)[..., None])[..., 0]
         return np.asarray(total + log_normaliser - 0.5 * squared_norms(residual).reshape(-1))
 
     def best_heading(
-        self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
+        self, detections: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
         """Best headings over a window of them, the objects' prior deviating by ``sigma`` (B,) [rad].
 
@@ -117,13 +122,13 @@ class PlanarObservation:
         for rows in (np.flatnonzero(wide), np.flatnonzero(~wide)):
             if not len(rows):
                 continue
-            profile, angles = self.heading_profile(seen, x[rows], o[rows], classes[rows], sigma[rows])
+            profile, angles = self.heading_profile(detections, x[rows], o[rows], classes[rows], sigma[rows])
             best = np.argmax(profile - 0.5 * (angles / np.maximum(sigma[rows], 1e-9)[:, None]) ** 2, axis=1)
             bound[rows], turn[rows] = profile.max(axis=1), angles[np.arange(len(rows)), best]
         return bound, turn
 
     def heading_profile(
-        self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
+        self, detections: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
         """Semantic log density (B, K) when the object is turned by (B, K) angles, out to three sigma (B,) [rad].
 
@@ -132,11 +137,13 @@ class PlanarObservation:
         reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
         count = WINDOW_ANGLES if reach.max(initial=0.0) > WIDE_WINDOW_RAD else NARROW_WINDOW_ANGLES
         turns = reach[:, None] * np.linspace(-1.0, 1.0, count)
-        distance, azimuth = polar(camera_in_object(x, o, seen.sensor))
+        distance, azimuth = polar(camera_in_object(x, o, detections.sensor))
         prediction = self._predict(
             np.repeat(classes, count), (azimuth[:, None] - turns).ravel(), np.repeat(distance, count)
         )
-        repeated = seen.take(np.repeat(np.arange(len(seen.range_m)), count if len(seen.range_m) > 1 else 1))
+        repeated = detections.take(
+            np.repeat(np.arange(len(detections.range_m)), count if len(detections.range_m) > 1 else 1)
+        )
         root, log_normaliser = self._noise(prediction, repeated)
         whitened = forward(root, self._feature_residual(prediction, repeated)[..., None])[..., 0]
         return (log_normaliser - 0.5 * squared_norms(whitened).reshape(-1)).reshape(turns.shape), turns
@@ -146,12 +153,12 @@ class PlanarObservation:
         distance, bearing = polar(object_in_body(x, o))
         return self.visibility.log_probability(distance, bearing, soft=soft)
 
-    def robot_start(self, seen: PlanarDetections, x: Array, o: Array) -> Array:
+    def robot_start(self, detections: PlanarDetections, x: Array, o: Array) -> Array:
         """Keep the heading, stand where the object is seen as measured."""
-        direction = x[:, 2] + seen.bearing_rad
+        direction = x[:, 2] + detections.bearing_rad
         start = x.copy()
-        start[:, 0] = np.where(seen.has_range, o[:, 0] - seen.range_m * np.cos(direction), x[:, 0])
-        start[:, 1] = np.where(seen.has_range, o[:, 1] - seen.range_m * np.sin(direction), x[:, 1])
+        start[:, 0] = np.where(detections.has_range, o[:, 0] - detections.range_m * np.cos(direction), x[:, 0])
+        start[:, 1] = np.where(detections.has_range, o[:, 1] - detections.range_m * np.sin(direction), x[:, 1])
         return start
 
     def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
@@ -168,8 +175,8 @@ class PlanarObservation:
         """Range and bearing; a bearing alone, from a camera off the body's origin, is a custom factor."""
         if detection.has_range:
             return range_factor(detection, keys)
-        seen = self.collect([detection])
-        return bearing_factor(POSES, lambda x, o: self.geometry(seen, x, o), keys)
+        collected = self.collect([detection])
+        return bearing_factor(POSES, lambda x, o: self.geometry(collected, x, o), keys)
 
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """Standard deviation of the bearing, from the covariance of the object in the body frame."""
@@ -185,12 +192,12 @@ class PlanarObservation:
         return np.asarray(np.sqrt(np.maximum(spread, 0.0)) / polar(d)[0])
 
     def least_cost(
-        self, seen: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
+        self, detections: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
     ) -> tuple[Array, float]:
         """Range and bearing each on its own, at the deviation that makes it cheapest."""
-        shape = (len(x), len(seen.range_m), o.shape[1], 3)
+        shape = (len(x), len(detections.range_m), o.shape[1], 3)
         body = object_in_body(np.broadcast_to(x[:, None, None], shape), np.broadcast_to(o[:, None], shape))
-        return least_cost(seen, covariance, body, sigmas)
+        return least_cost(detections, covariance, body, sigmas)
 
     def view_change(self, before: Array, now: Array) -> Array:
         """Change of the view's direction or heading [rad], from poses of objects in the robot's frame."""
@@ -198,23 +205,23 @@ class PlanarObservation:
         moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
         return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
 
-    def _noise(self, prediction: Prediction, seen: PlanarDetections) -> tuple[Array, Array]:
+    def _noise(self, prediction: Prediction, detections: PlanarDetections) -> tuple[Array, Array]:
         """Root of the covariance that the residual counts with, and (B,) log normaliser.
 
         The roots are (B / S, S, F, F), or (1, S, F, F) where the model's covariance is the same everywhere.
         The covariance S is that of the model and of the dropout passes; N(z; h, S)^(1 / N) has residuals as under N S
         and the N-th part of log N(h; h, S): the determinant must not count fully in every view either.
         """
-        own, count = prediction.covariance, len(seen.feature)
-        by_detection = own[:1, None] if own.strides[0] == 0 else _per_detection(own, count)
-        root = cholesky(by_detection + seen.feature_covariance)
+        predicted, count = prediction.covariance, len(detections.feature)
+        by_detection = predicted[:1, None] if predicted.strides[0] == 0 else _per_detection(predicted, count)
+        root = cholesky(by_detection + detections.feature_covariance)
         logdet = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
-        log_peak = (-logdet - 0.5 * seen.feature.shape[1] * LOG_2PI) / self.tempering
-        return np.sqrt(self.tempering) * root, broadcast_copy(log_peak, (len(own) // count, count)).reshape(-1)
+        log_peak = (-logdet - 0.5 * detections.feature.shape[1] * LOG_2PI) / self.tempering
+        return np.sqrt(self.tempering) * root, broadcast_copy(log_peak, (len(predicted) // count, count)).reshape(-1)
 
-    def _feature_residual(self, prediction: Prediction, seen: PlanarDetections) -> Array:
+    def _feature_residual(self, prediction: Prediction, detections: PlanarDetections) -> Array:
         """(B / S, S, F) of the mean against the features."""
-        return _per_detection(prediction.mean, len(seen.feature)) - seen.feature
+        return _per_detection(prediction.mean, len(detections.feature)) - detections.feature
 
     def _predict(self, classes: Classes, azimuth: Array, distance: Array) -> Prediction:
         assert self.model is not None
@@ -225,34 +232,34 @@ class PlanarObservation:
 class _Rows:
     """Robots and objects (B / S, S, 3) beside S detections, which repeat."""
 
-    seen: PlanarDetections
+    detections: PlanarDetections
     x: Array
     o: Array
 
     @classmethod
-    def of(cls, seen: PlanarDetections, x: Array, o: Array) -> "_Rows":
-        count = len(seen.range_m)
-        return cls(seen, _per_detection(x, count), _per_detection(o, count))
+    def of(cls, detections: PlanarDetections, x: Array, o: Array) -> "_Rows":
+        count = len(detections.range_m)
+        return cls(detections, _per_detection(x, count), _per_detection(o, count))
 
     def polar_residual(self) -> tuple[Array, Array, Array, Array]:
         """(..., 2) object in the body frame and from the detection's origin, its (...,) distance, (..., 2) residual."""
-        seen, body = self.seen, object_in_body(self.x, self.o)
-        d = body - seen.origin
+        detections, body = self.detections, object_in_body(self.x, self.o)
+        d = body - detections.origin
         distance, bearing = polar(d)
-        by_range, turn = distance - seen.range_m, wrap_angle(bearing - seen.bearing_rad)
+        by_range, turn = distance - detections.range_m, wrap_angle(bearing - detections.bearing_rad)
         whitened = np.empty(d.shape)
-        whitened[..., 0] = seen.whiten[..., 0, 0] * by_range
-        whitened[..., 1] = seen.whiten[..., 1, 0] * by_range + seen.whiten[..., 1, 1] * turn
+        whitened[..., 0] = detections.whiten[..., 0, 0] * by_range
+        whitened[..., 1] = detections.whiten[..., 1, 0] * by_range + detections.whiten[..., 1, 1] * turn
         return body, d, distance, whitened
 
     def by_polar(self, d: Array, distance: Array) -> Array:
         """(..., 2, 2) derivative of the residual by the point ``d``."""
         radial, turn = polar_jacobian(d, distance)
-        whiten = self.seen.whiten
-        found = np.empty((*d.shape, 2))
-        found[..., 0, :] = whiten[..., 0, :1] * radial
-        found[..., 1, :] = whiten[..., 1, :1] * radial + whiten[..., 1, 1:] * turn
-        return found
+        whiten = self.detections.whiten
+        derivative = np.empty((*d.shape, 2))
+        derivative[..., 0, :] = whiten[..., 0, :1] * radial
+        derivative[..., 1, :] = whiten[..., 1, :1] * radial + whiten[..., 1, 1:] * turn
+        return derivative
 
 
 def object_in_body(x: Array, o: Array) -> Array:
@@ -300,28 +307,28 @@ def _turned_back(sin: Array, cos: Array, x: Array, y: Array) -> Array:
 
 def by_pose(by_point: Array, point: Array) -> Array:
     """(..., m, 3) derivatives by the pose of the frame that ``point`` (..., 2) is given in: by_point [-I, -S point]."""
-    found = np.empty((*by_point.shape[:-1], 3))
-    np.negative(by_point, out=found[..., :2])
-    found[..., 2] = by_point[..., 0] * point[..., None, 1] - by_point[..., 1] * point[..., None, 0]
-    return found
+    derivative = np.empty((*by_point.shape[:-1], 3))
+    np.negative(by_point, out=derivative[..., :2])
+    derivative[..., 2] = by_point[..., 0] * point[..., None, 1] - by_point[..., 1] * point[..., None, 0]
+    return derivative
 
 
 def by_position(by_point: Array, sin: Array, cos: Array) -> Array:
     """(..., m, 3) derivatives by a pose of which only the position counts, turned against the frame."""
     sin, cos = sin[..., None], cos[..., None]
-    found = np.empty((*by_point.shape[:-1], 3))
-    found[..., 0] = by_point[..., 0] * cos + by_point[..., 1] * sin
-    found[..., 1] = by_point[..., 1] * cos - by_point[..., 0] * sin
-    found[..., 2] = 0.0
-    return found
+    derivative = np.empty((*by_point.shape[:-1], 3))
+    derivative[..., 0] = by_point[..., 0] * cos + by_point[..., 1] * sin
+    derivative[..., 1] = by_point[..., 1] * cos - by_point[..., 0] * sin
+    derivative[..., 2] = 0.0
+    return derivative
 
 
 def by_camera(by_point: Array, angle: Array, sensor: Array) -> Array:
     """(B, m, 3) derivatives by the robot's pose, its camera at ``sensor``: by_point R [I, S s]."""
-    found = by_position(by_point, *sine_cosine(angle))
+    derivative = by_position(by_point, *sine_cosine(angle))
     if sensor.any():
-        found[..., 2] = _about_camera(found, _repeated(sensor, len(found)))
-    return found
+        derivative[..., 2] = _about_camera(derivative, _repeated(sensor, len(derivative)))
+    return derivative
 
 
 def _about_camera(by_camera: Array, sensor: Array) -> Array:

@@ -41,28 +41,33 @@ class PointObservation:
         """Detections as arrays."""
         return PlanarDetections.of(detections)
 
-    def geometry(self, seen: PlanarDetections, x: Array, o: Array) -> Linearisation:
+    def geometry(self, detections: PlanarDetections, x: Array, o: Array) -> Linearisation:
         """Residual of [range, bearing], the range's 0 where there is only a bearing."""
-        seen = _repeated(seen, len(x))
+        detections = _repeated(detections, len(x))
         relative = self.spaces.relative_position(x, o)
-        d = relative.point - seen.origin
+        d = relative.point - detections.origin
         distance, _ = polar(d)
-        by_point = seen.whiten @ np.stack(polar_jacobian(d, distance), axis=-2)
+        by_point = detections.whiten @ np.stack(polar_jacobian(d, distance), axis=-2)
         by_robot, by_landmark = by_point @ relative.by_robot, by_point @ relative.by_landmark
-        return Linearisation(_residual(seen, d), by_robot, by_landmark, seen.log_normaliser.copy())
+        return Linearisation(
+            residual=_residual(detections, d),
+            jacobian_robot=by_robot,
+            jacobian_object=by_landmark,
+            log_normaliser=detections.log_normaliser.copy(),
+        )
 
-    def semantics(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
+    def semantics(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
         """Raises NotImplementedError: points have no classes."""
         raise NotImplementedError("points have no classes; set semantic_model.kind: none")
 
-    def log_likelihood(self, seen: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
+    def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
-        seen = _repeated(seen, len(x))
-        residual = _residual(seen, self.spaces.relative_position(x, o).point - seen.origin)
-        return np.asarray(seen.log_normaliser - 0.5 * squared_norms(residual))
+        detections = _repeated(detections, len(x))
+        residual = _residual(detections, self.spaces.relative_position(x, o).point - detections.origin)
+        return np.asarray(detections.log_normaliser - 0.5 * squared_norms(residual))
 
     def best_heading(
-        self, seen: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
+        self, detections: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
         """Raises NotImplementedError: points have no heading."""
         raise NotImplementedError("points have no heading; set semantic_model.kind: none")
@@ -71,11 +76,11 @@ class PointObservation:
         """P(beta | x, o) of Eq. 4.18."""
         return self.visibility.log_probability(*polar(self.spaces.relative_position(x, o).point), soft=soft)
 
-    def robot_start(self, seen: PlanarDetections, x: Array, o: Array) -> Array:
+    def robot_start(self, detections: PlanarDetections, x: Array, o: Array) -> Array:
         """Keep the heading, stand where the point is seen as measured."""
-        seen, start = _repeated(seen, len(x)), x.copy()
-        ahead = self.spaces.robot.displacement(x, _measured(seen.range_m, seen.bearing_rad), x[:, :2])
-        start[:, :2] = np.where(seen.has_range[:, None], o - ahead, x[:, :2])
+        detections, start = _repeated(detections, len(x)), x.copy()
+        ahead = self.spaces.robot.displacement(x, _measured(detections.range_m, detections.bearing_rad), x[:, :2])
+        start[:, :2] = np.where(detections.has_range[:, None], o - ahead, x[:, :2])
         return start
 
     def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
@@ -90,8 +95,8 @@ class PointObservation:
         """Range and bearing; a bearing alone, from a camera off the body's origin, is a custom factor."""
         if detection.has_range:
             return point_range_factor(detection, keys)
-        seen = self.collect([detection])
-        return bearing_factor(self.spaces, lambda x, o: self.geometry(seen, x, o), keys)
+        collected = self.collect([detection])
+        return bearing_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys)
 
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """Standard deviation of the bearing, from the covariance of the point in the body frame."""
@@ -106,19 +111,19 @@ class PointObservation:
         return np.asarray(np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1]) / distance)
 
     def least_cost(
-        self, seen: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
+        self, detections: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
     ) -> tuple[Array, float]:
         """Range and bearing each on its own, at the deviation that makes it cheapest."""
         robots = np.broadcast_to(x[:, None], (*o.shape[:2], x.shape[-1]))
         body = self.spaces.relative_position(robots, o).point
-        return least_cost(seen, covariance, np.repeat(body[:, None], len(seen.range_m), axis=1), sigmas)
+        return least_cost(detections, covariance, np.repeat(body[:, None], len(detections.range_m), axis=1), sigmas)
 
 
-def _residual(seen: PlanarDetections, d: Array) -> Array:
+def _residual(detections: PlanarDetections, d: Array) -> Array:
     """(B, 2) whitened residual of range and bearing of points ``d`` in the body frame."""
     distance, bearing = polar(d)
-    off = np.stack([distance - seen.range_m, wrap_angle(bearing - seen.bearing_rad)], axis=-1)
-    return np.asarray((seen.whiten @ off[..., None])[..., 0])
+    off = np.stack([distance - detections.range_m, wrap_angle(bearing - detections.bearing_rad)], axis=-1)
+    return np.asarray((detections.whiten @ off[..., None])[..., 0])
 
 
 def _measured(range_m: Array, bearing_rad: Array) -> Array:
@@ -126,7 +131,7 @@ def _measured(range_m: Array, bearing_rad: Array) -> Array:
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=-1)
 
 
-def _repeated(seen: PlanarDetections, count: int) -> PlanarDetections:
+def _repeated(detections: PlanarDetections, count: int) -> PlanarDetections:
     """(S,) detections for ``count`` rows, of which row b is of detection b mod S."""
-    number = len(seen.range_m)
-    return seen if number == count else seen.take(np.arange(count) % max(number, 1))
+    number = len(detections.range_m)
+    return detections if number == count else detections.take(np.arange(count) % max(number, 1))

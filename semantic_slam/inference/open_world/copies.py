@@ -145,8 +145,8 @@ class Copies:
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
         known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
         confirmed = np.array([item.confirms for item in recent], dtype=bool).reshape(len(likely), -1)
-        seen = zip(candidates.associations[likely], recent, strict=True)
-        second = [[n in item.tentative for n in association] for association, item in seen]
+        associated = zip(candidates.associations[likely], recent, strict=True)
+        second = [[n in item.tentative for n in association] for association, item in associated]
         now = np.array(second, dtype=bool).reshape(len(likely), -1)
         return MergeCandidates(
             poses=candidates.poses[likely],
@@ -178,26 +178,28 @@ class Copies:
         registry: ObjectRegistry,
     ) -> None:
         """Where the objects of the survivors' recent detections are; ``objects`` are over those ``reported``."""
-        self._recent = {n: self._recently(own.lineage, objects[n], reported, registry) for n, own in live.items()}
+        self._recent = {
+            n: self._recently(survivor.lineage, objects[n], reported, registry) for n, survivor in live.items()
+        }
 
     def _recently(
         self, lineage: Sequence[LineageStep], objects: Placed, reported: ReportedObjects, registry: ObjectRegistry
     ) -> RecentAssociations:
         first_new = registry.first_new_id(max(0, len(lineage) - self.settings.merge_keyframes))
         steps = lineage[-self.settings.merge_keyframes :]
-        seen = np.array([n for step in steps for n in step.association], dtype=np.int64)
+        associated = np.array([n for step in steps for n in step.association], dtype=np.int64)
         classes = np.array([c for step in steps for c in step.class_assignment], dtype=int)
         padded = np.concatenate([objects.object_poses[:, :3], np.full((1, 3), np.nan)])
         times: Counter[int] = Counter()
-        confirms = np.zeros(len(seen), dtype=bool)
-        for row, found in enumerate(seen.tolist()):
-            confirms[row] = found >= first_new and times[found] == 1
-            times[found] += 1
-        tentative = {found for found, count in times.items() if found >= first_new and count == 1}
+        confirms = np.zeros(len(associated), dtype=bool)
+        for row, object_id in enumerate(associated.tolist()):
+            confirms[row] = object_id >= first_new and times[object_id] == 1
+            times[object_id] += 1
+        tentative = {object_id for object_id, count in times.items() if object_id >= first_new and count == 1}
         likely = () if self.settings.merge_ghosts else np.flatnonzero(objects.existence > SURE)
         sure = {reported.ids[row]: objects.object_poses[row, :3] for row in likely}
         return RecentAssociations(
-            objects=padded[reported.rows(seen)],
+            objects=padded[reported.rows(associated)],
             classes=classes,
             confirms=confirms,
             sure=sure,

@@ -64,8 +64,8 @@ def _relative_covariance(relative: Array, prediction: PredictedObjects, covarian
     cos, sin = np.cos(relative[..., 2]), np.sin(relative[..., 2])
     by_object[..., 0, 0], by_object[..., 0, 1], by_object[..., 1, 0], by_object[..., 1, 1] = cos, -sin, sin, cos
     together = by_robot + by_object @ prediction.gain
-    own = by_object @ prediction.remainder @ np.swapaxes(by_object, -1, -2)
-    return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + own)
+    by_remainder = by_object @ prediction.remainder @ np.swapaxes(by_object, -1, -2)
+    return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + by_remainder)
 
 
 def undetected_share(region: SensorRegion, runs: MissRuns, trail: Array, points: Array) -> Array:

@@ -41,8 +41,8 @@ class ExistenceAccounts:
             detected = self._detected(prediction, assignments.take(rows))
             log_missed, after = missed(prediction.existence, detected)
             for at, row in enumerate(rows.tolist()):
-                own = at if len(detected) > 1 else 0
-                if_missed = detected[own], log_missed[own], after[own].copy()
+                candidate = at if len(detected) > 1 else 0
+                if_missed = detected[candidate], log_missed[candidate], after[candidate].copy()
                 added, updates[row] = self._account(prediction, object_ids[row], *if_missed)
                 factors[row] += added
         return factors, [updates[row] for row in range(len(assignments))]
@@ -78,8 +78,8 @@ class ExistenceAccounts:
         is_new = association >= self._born[0] if len(self._born) else np.zeros(0, dtype=bool)
         observed = prediction.component.objects.rows(association[~is_new])
         least = np.maximum(detected[observed], least_detected(self._settings))
-        found = np.log(np.maximum(prediction.existence[observed] * least, LEAST_PROBABILITY))
-        total = float(log_missed.sum() + (found - log_missed[observed]).sum())
+        log_detected = np.log(np.maximum(prediction.existence[observed] * least, LEAST_PROBABILITY))
+        total = float(log_missed.sum() + (log_detected - log_missed[observed]).sum())
         after[observed] = 1.0
         new = np.flatnonzero(is_new)
         total += sum(prediction.births[n].log_area - prediction.births[n].log_stand_in for n in new)

@@ -21,8 +21,9 @@ def open_keyframe_problem(
     predicted = _padded(problem.spaces.storage, predictions, object_ids[: len(object_ids) - num_births], num_births)
     if problem.model.num_classes == 0:
         predicted = _without_headings(predicted, problem.spaces.landmark.heading)
-    seen, own = problem.model.collect(step.detections), Assignments(parents=rows.parents, objects=rows.objects)
-    return KeyframeProblem.of(problem.spaces, problem.model, predicted, seen, own)
+    detections = problem.model.collect(step.detections)
+    candidates = Assignments(parents=rows.parents, objects=rows.objects)
+    return KeyframeProblem.of(problem.spaces, problem.model, predicted, detections, candidates)
 
 
 def _padded(storage: Layout, predictions: list[Prediction], known: Index, num_births: int) -> PredictedBelief:
@@ -32,10 +33,10 @@ def _padded(storage: Layout, predictions: list[Prediction], known: Index, num_bi
     covariance = np.tile(np.eye(layout.size(count)), (len(predictions), 1, 1))
     births = 1 + len(known) + np.arange(num_births)
     for parent, prediction in enumerate(predictions):
-        own = np.concatenate([[0], 1 + np.searchsorted(known, prediction.near_ids), births]).astype(int)
-        places = layout.rows(own)
+        columns = np.concatenate([[0], 1 + np.searchsorted(known, prediction.near_ids), births]).astype(int)
+        places = layout.rows(columns)
         states, spread = _with_births(storage, prediction)
-        mean[parent, own] = states
+        mean[parent, columns] = states
         covariance[parent, places[:, None], places] = spread
     return PredictedBelief(layout, mean, covariance)
 

@@ -67,22 +67,27 @@ class OpenAssociation:
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """Each parent on its own."""
         spaces, model = self.problem.spaces, self.problem.model
-        seen = [component.sensed(step.detections) for component in parents.components]
+        sensed = [component.sensed(step.detections) for component in parents.components]
         predictions = [
             self.predictor.predict(component, step.motion, detections)
-            for component, detections in zip(parents.components, seen, strict=True)
+            for component, detections in zip(parents.components, sensed, strict=True)
         ]
         pairs = [
             pair_densities(
-                spaces, model, own.detections, own.predicted.mean[0], own.predicted.covariance[0], own.errors
+                spaces,
+                model,
+                prediction.detections,
+                prediction.predicted.mean[0],
+                prediction.predicted.covariance[0],
+                prediction.errors,
             )
-            for own in predictions
+            for prediction in predictions
         ]
         if path is not None:
             columns = self._columns(step, predictions[0], path)
             ranked = [RankedAssignments(columns, np.zeros(1), -np.inf)]
         else:
-            ranked = [self.ranked(*own) for own in zip(predictions, pairs, strict=True)]
+            ranked = [self.ranked(prediction, pair) for prediction, pair in zip(predictions, pairs, strict=True)]
         return OpenKeyframe(
             problem=self.problem,
             registry=self.registry,

@@ -99,9 +99,9 @@ class ClassTables:
             view = Viewpoints(*(value[azimuths[[int(after[best].argmax())]]] for value in vars(self._around).values()))
             covered = inside and bool(self._model.in_coverage(np.array([best]), view)[0])
             record = ObjectViews(
-                by_class,
-                float(mutual_information(class_posterior(prior, draws))),
-                covered and (before is None or before.in_coverage),
+                log_likelihood=by_class,
+                mutual_information=float(mutual_information(class_posterior(prior, draws))),
+                in_coverage=covered and (before is None or before.in_coverage),
                 recent=(after,),
             )
             seen.known[key] = (evidence, record)

@@ -159,12 +159,12 @@ class CorrelatedViews:
         nearby = Viewpoints(azimuth, np.zeros_like(azimuth), np.ones_like(azimuth))
         covered = self._model.independent.in_coverage(np.full(len(azimuth), best), nearby).mean() >= 0.5
         record = ObjectViews(
-            likelihood,
-            self._epistemic(base, tracked, evidence, log_prior),
-            tracked.flag and bool(covered) and (before is None or before.in_coverage),
-            recent,
-            log_dropped,
-            dropped,
+            log_likelihood=likelihood,
+            mutual_information=self._epistemic(base, tracked, evidence, log_prior),
+            in_coverage=tracked.flag and bool(covered) and (before is None or before.in_coverage),
+            recent=recent,
+            log_dropped=log_dropped,
+            dropped=dropped,
         )
         return record, log_sum_exp(log_prior + by_track)
 

@@ -55,7 +55,10 @@ def update_unoriented(
     different = list(first.values())
     sightings = [
         DirectionalView(
-            views[at].start, views[at].number, STEP_RAD * round(views[at].bearing_rad / STEP_RAD), views[at].sigma_rad
+            modes=views[at].start,
+            view=views[at].number,
+            bearing_rad=STEP_RAD * round(views[at].bearing_rad / STEP_RAD),
+            sigma_rad=views[at].sigma_rad,
         )
         for at in different
     ]
@@ -103,9 +106,9 @@ def _record(heading: HeadingRecord, likelihood: Array, inside: bool, before: Obj
         entering, heading = heading.pending, HeadingRecord(heading.modes, ())
         mean, variance = best[:-1], np.diag(covariance)[:-1]
     return ObjectViews(
-        likelihood,
-        float("nan"),
-        inside and (before is None or before.in_coverage),
+        log_likelihood=likelihood,
+        mutual_information=float("nan"),
+        in_coverage=inside and (before is None or before.in_coverage),
         descriptor=DescriptorRecord(
             mean=mean, variance=variance, direction_sigma_rad=sigma, entering=entering, heading_rad=float(best[-1])
         ),

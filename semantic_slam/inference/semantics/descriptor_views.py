@@ -138,9 +138,9 @@ class DescriptorViews:
             if before is None:
                 before = given.parents[given.stack.rows.parents[rows[row]]].views.get(object_id)
             records[object_id] = ObjectViews(
-                likelihood[at],
-                float(epistemic[at]),
-                bool(given.step.in_coverage[index]) and (before is None or before.in_coverage),
+                log_likelihood=likelihood[at],
+                mutual_information=float(epistemic[at]),
+                in_coverage=bool(given.step.in_coverage[index]) and (before is None or before.in_coverage),
                 descriptor=DescriptorRecord(
                     mean=belief.mean[at],
                     variance=belief.sigma[at] ** 2,

@@ -16,7 +16,7 @@ TOLERANCE = 0.05
 """Nats that a further step may be expected to bring where a mode counts as found."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DirectionalView:
     """One view of an object whose modes are known; F."""
 

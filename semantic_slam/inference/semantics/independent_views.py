@@ -134,6 +134,8 @@ class IndependentViews:
         inside &= given.step.in_coverage[used]
         inside &= np.array([record is None or record.in_coverage for record in before], dtype=bool)
         doubt = mutual_information(class_posterior((prior + known)[:, None], exact))
-        records = zip(known + likelihoods, doubt.tolist(), inside.tolist(), strict=True)
-        for row, object_id, record in zip(rows.tolist(), object_ids, records, strict=True):
-            views[row][object_id] = ObjectViews(*record)
+        records = zip(rows.tolist(), object_ids, known + likelihoods, doubt.tolist(), inside.tolist(), strict=True)
+        for row, object_id, log_likelihood, information, covered in records:
+            views[row][object_id] = ObjectViews(
+                log_likelihood=log_likelihood, mutual_information=information, in_coverage=covered
+            )

@@ -58,10 +58,7 @@ class SemanticInput:
 
     def take(self, rows: Index) -> "SemanticInput":
         """Semantic input of the chosen candidates."""
-        problem, mode = self.candidates.solved()
-        assignments = self.candidates.assignments.take(rows)
-        some = replace(self.candidates, assignments=assignments, problem=problem.select(rows), mode=mode.take(rows))
-        return replace(self, candidates=some)
+        return replace(self, candidates=self.candidates.take(rows))
 
 
 @dataclass(frozen=True, kw_only=True)

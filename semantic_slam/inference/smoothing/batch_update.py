@@ -84,12 +84,12 @@ def update_all(
     """
     steady = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
     remains = {row: _Remains.of(steady[row]) for row in consumed if row in steady}
-    mine = {row: own if row in remains else own.fork() for row, own in steady.items()}
-    found = _iterated(_begun(mine, {row: extensions[row] for row in steady}))
+    mine = {row: smoother if row in remains else smoother.fork() for row, smoother in steady.items()}
+    outcomes = _iterated(_begun(mine, {row: extensions[row] for row in steady}))
     for row, extension in enumerate(extensions):
-        if extension.jumped or isinstance(found[row], LostComponentError):
-            found[row] = _attempt(_jumped, smoothers[row], extension, remains.get(row))
-    return [found[row] for row in range(len(smoothers))]
+        if extension.jumped or isinstance(outcomes[row], LostComponentError):
+            outcomes[row] = _attempt(_jumped, smoothers[row], extension, remains.get(row))
+    return [outcomes[row] for row in range(len(smoothers))]
 
 
 def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) -> Smoother:
@@ -117,12 +117,12 @@ def _begun(
     """Forks after one update, which consumes the smoothers and renews what has moved since it was made."""
     if not smoothers:
         return {}
-    before, own = list(smoothers.values()), list(extensions.values())
-    semantics, points = before[0].semantics, [LinearisationPoints.of(one.measurements, one.start) for one in own]
-    stale = [each.rows for each in _stale(before, [one.start.keys() for one in own])]
+    before, additions = list(smoothers.values()), list(extensions.values())
+    semantics, points = before[0].semantics, [LinearisationPoints.of(one.measurements, one.start) for one in additions]
+    stale = [each.rows for each in _stale(before, [one.start.keys() for one in additions])]
     now = [one.points(rows) if rows else NO_POINTS for one, rows in zip(before, stale, strict=True)]
     again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
-    made = semantics.make([one.measurements for one in own], points)
+    made = semantics.make([one.measurements for one in additions], points)
 
     def begin(smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors) -> _Fork:
         updated = smoother.updated(extension.graph, extension.values, added, renewal)
@@ -131,9 +131,11 @@ def _begun(
             extension=extension, smoother=updated, converged=updated.converged(), exact=updated.exact_rows(certain)
         )
 
-    added = [AddedFactors(one.measurements, factors, at) for one, factors, at in zip(own, made, points, strict=True)]
+    added = [
+        AddedFactors(one.measurements, factors, at) for one, factors, at in zip(additions, made, points, strict=True)
+    ]
     renewals = [RelinearisedFactors(*parts) for parts in zip(stale, again, now, strict=True)]
-    rows = zip(smoothers, before, own, added, renewals, strict=True)
+    rows = zip(smoothers, before, additions, added, renewals, strict=True)
     return {row: _attempt(begin, *parts) for row, *parts in rows}
 
 
@@ -142,19 +144,21 @@ def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outc
 
     Exact factors of descriptors that have been seen so well that new ones are linear become linear.
     """
-    found: dict[int, Outcome] = {row: fork for row, fork in forks.items() if isinstance(fork, LostComponentError)}
+    outcomes: dict[int, Outcome] = {row: fork for row, fork in forks.items() if isinstance(fork, LostComponentError)}
     pending = {row: fork for row, fork in forks.items() if isinstance(fork, _Fork)}
     for number in range(MAX_UPDATES + 1):
         rows = {row: [*stale, *pending[row].exact] for row, stale in _to_renew(pending).items()}
         done = [row for row, fork in pending.items() if fork.converged and not rows[row]]
-        found |= {row: pending.pop(row).smoother for row in done}
+        outcomes |= {row: pending.pop(row).smoother for row in done}
         if not pending or number == MAX_UPDATES:
             break
         renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
-        found |= {row: fork for row, fork in renewed.items() if isinstance(fork, LostComponentError)}
+        outcomes |= {row: fork for row, fork in renewed.items() if isinstance(fork, LostComponentError)}
         pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
     # Poses at rest, and descriptors on their way: the next keyframe goes on.
-    return found | {row: fork.smoother if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()}
+    return outcomes | {
+        row: fork.smoother if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()
+    }
 
 
 def _whole(fork: _Fork) -> Smoother:
@@ -166,7 +170,7 @@ def _whole(fork: _Fork) -> Smoother:
 def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
     """Starts of an optimisation: the extension's states, and its ``other_start``; all others are at ``origin``."""
     states = [extension.start, extension.other_start] if extension.other_start else [extension.start]
-    return [changed(smoother.spaces, origin, own) for own in states]
+    return [changed(smoother.spaces, origin, start) for start in states]
 
 
 def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
@@ -180,26 +184,26 @@ def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
     smoothers = [fork.smoother for fork in going.values()]
     stale = _stale(smoothers, [fork.extension.start.keys() for fork in going.values()])
     due = {
-        row: own.rows
-        for (row, fork), own in zip(going.items(), stale, strict=True)
-        if own.urgent or fork.exact or not fork.converged
+        row: moved.rows
+        for (row, fork), moved in zip(going.items(), stale, strict=True)
+        if moved.urgent or fork.exact or not fork.converged
     }
     return {row: [] for row in forks} | due
 
 
 def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[_Stale]:
     """Which linear factors of what was observed are no longer where they were made; of all where the map floats."""
-    stale = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(smoothers, observed, strict=True)])
-    floating = [row for row, own in enumerate(stale) if own.floats]
+    stale = _moved(smoothers, [each.linear_rows(keys) for each, keys in zip(smoothers, observed, strict=True)])
+    floating = [row for row, moved in enumerate(stale) if moved.floats]
     afloat = [smoothers[row] for row in floating]
-    for row, own in zip(floating, _moved(afloat, [one.linear_rows() for one in afloat]), strict=True):
-        stale[row] = own
+    for row, moved in zip(floating, _moved(afloat, [each.linear_rows() for each in afloat]), strict=True):
+        stale[row] = moved
     return stale
 
 
 def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]:
     """Linear factors among ``rows`` whose linearisation points have moved so far that they are to be made anew."""
-    some = [number for number, own in enumerate(rows) if len(own)]
+    some = [number for number, linear in enumerate(rows) if len(linear)]
     stale = [_Stale() for _ in rows]
     if not some:
         return stale
@@ -208,9 +212,9 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]
     change, floating = smoothers[0].semantics.change(before, now)
     ends = np.cumsum([len(rows[n]) for n in some])
     for place in np.unique(np.searchsorted(ends, np.flatnonzero(change > 1.0), side="right")).tolist():
-        own, n = slice(ends[place] - len(rows[some[place]]), ends[place]), some[place]
-        urgent = bool((change[own] > CONVERGED).any())
-        stale[n] = _Stale(rows[n][change[own] > 1.0].tolist(), bool(floating[own].any()), urgent)
+        span, n = slice(ends[place] - len(rows[some[place]]), ends[place]), some[place]
+        urgent = bool((change[span] > CONVERGED).any())
+        stale[n] = _Stale(rows[n][change[span] > 1.0].tolist(), bool(floating[span].any()), urgent)
     return stale
 
 
@@ -220,17 +224,17 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
     Gauss-Newton through a decoder may swing about its optimum.
     """
     semantics = forks[0].smoother.semantics
-    measurements = [fork.smoother.linear(own) for fork, own in zip(forks, rows, strict=True)]
+    measurements = [fork.smoother.linear(chosen) for fork, chosen in zip(forks, rows, strict=True)]
     points = [
-        _halfway(fork.smoother.points(own), fork, what)
-        for fork, own, what in zip(forks, rows, measurements, strict=True)
+        _halfway(fork.smoother.points(chosen), fork, what)
+        for fork, chosen, what in zip(forks, rows, measurements, strict=True)
     ]
     made = semantics.make(measurements, points)
 
     def renew(
-        fork: _Fork, own: list[int], what: list[SemanticFactor], factors: Sequence[Any], at: LinearisationPoints
+        fork: _Fork, chosen: list[int], what: list[SemanticFactor], factors: Sequence[Any], at: LinearisationPoints
     ) -> _Fork:
-        renewed = fork.smoother.renewed(RelinearisedFactors(own, factors, at))
+        renewed = fork.smoother.renewed(RelinearisedFactors(chosen, factors, at))
         keys = [item.descriptor_key for item in what if item.descriptor_key is not None]
         made_at = {**fork.made_at, **dict(zip(keys, at.descriptors, strict=False))}
         return _Fork(extension=fork.extension, smoother=renewed, converged=renewed.converged(), made_at=made_at)

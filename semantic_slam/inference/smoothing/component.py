@@ -93,9 +93,12 @@ class Component:
         for key, correction in self._corrections():
             if key in keys:
                 row = keys.index(key)
-                own = self.spaces.of(key)
-                at, block = (row, slice(own.storage_size)), (row, slice(own.tangent_size), slice(own.tangent_size))
-                states[at], covariances[block] = correction.applied(own, states[at], covariances[block])
+                space = self.spaces.of(key)
+                at, block = (
+                    (row, slice(space.storage_size)),
+                    (row, slice(space.tangent_size), slice(space.tangent_size)),
+                )
+                states[at], covariances[block] = correction.applied(space, states[at], covariances[block])
         return states, covariances
 
     def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:
@@ -141,7 +144,7 @@ class Component:
         classes, views = self.classes | update.assigned_classes, self.views | update.views
         if not update.existence.kept.all():
             classes = {n: cls for n, cls in classes.items() if n in objects.id_set}
-            views = {n: own for n, own in views.items() if n in objects.id_set}
+            views = {n: record for n, record in views.items() if n in objects.id_set}
         tracked = self.tracked
         if tracked is not None:
             tracked = tracked_after(smoother, keyframe, tracked, objects.ids, update, max_fresh)

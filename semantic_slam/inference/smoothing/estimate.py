@@ -14,7 +14,7 @@ from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.states.spaces import Spaces
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Estimate:
     """n poses and m descriptors, whose keys come first."""
 
@@ -28,7 +28,12 @@ class Estimate:
         """The estimate in GTSAM's values, whose other variables come before these."""
         descriptors = gtsam.utilities.extractVectors(values, DESCRIPTOR) if num_descriptors else np.zeros((0, 0))
         poses, keys = spaces.states(values), tuple(values.keys())
-        return cls(keys[len(keys) - len(poses) - len(descriptors) :], descriptors, poses, spaces.storage)
+        return cls(
+            keys=keys[len(keys) - len(poses) - len(descriptors) :],
+            descriptors=descriptors,
+            poses=poses,
+            storage=spaces.storage,
+        )
 
     def states(self, keys: Sequence[int]) -> Array:
         """(B, s) estimated states of robots and objects by their keys. Raises KeyError."""

@@ -89,14 +89,27 @@ def classed_measurements(component: Component, update: ComponentUpdate) -> list[
     """The semantic measurements of the next keyframe under an enumerated class."""
     key = robot_key(component.keyframe + 1)
     classed = [item for item in update.observed if item.assigned_class >= 0]
-    return [SemanticFactor(key, object_key(item.object_id), item.detection, item.assigned_class) for item in classed]
+    return [
+        SemanticFactor(
+            robot_key=key,
+            object_key=object_key(item.object_id),
+            detection=item.detection,
+            assigned_class=item.assigned_class,
+        )
+        for item in classed
+    ]
 
 
 def descriptor_measurements(views: Mapping[int, ObjectViews]) -> list[SemanticFactor]:
     """The semantic measurements that enter the graph with new records of objects."""
     return [
         SemanticFactor(
-            robot_key(keyframe), object_key(number), detection, -1, descriptor_key(number), record.descriptor.is_bent
+            robot_key=robot_key(keyframe),
+            object_key=object_key(number),
+            detection=detection,
+            assigned_class=-1,
+            descriptor_key=descriptor_key(number),
+            exact=record.descriptor.is_bent,
         )
         for number, record in views.items()
         if record.descriptor is not None
@@ -120,8 +133,8 @@ def _with_descriptors(
             continue
         states[key] = guess.mean
         if guess.heading_rad is not None:
-            own = object_key(number)
-            states[own] = np.append(start[own][:-1], guess.heading_rad)
+            pose_key = object_key(number)
+            states[pose_key] = np.append(start[pose_key][:-1], guess.heading_rad)
         if not component.smoother.has(key):
             prior = component.smoother.semantics.descriptor_prior(number)
             graph.add(gtsam.PriorFactorVector(key, prior.mean[0], gtsam.noiseModel.Diagonal.Sigmas(prior.sigma[0])))
@@ -135,12 +148,12 @@ def _turned_only(component: Component, views: Mapping[int, ObjectViews]) -> dict
     """Where descriptors and the objects that their views turn begin, if all else stays as it was."""
     states: dict[int, Array] = {}
     for number, record in views.items():
-        guess, own = record.descriptor, object_key(number)
+        guess, pose_key = record.descriptor, object_key(number)
         if guess is None or not guess.entering:
             continue
         states[descriptor_key(number)] = guess.mean
-        if guess.heading_rad is not None and component.smoother.has(own):
-            states[own] = np.append(component.states([own])[0, :-1], guess.heading_rad)
+        if guess.heading_rad is not None and component.smoother.has(pose_key):
+            states[pose_key] = np.append(component.states([pose_key])[0, :-1], guess.heading_rad)
     return states
 
 

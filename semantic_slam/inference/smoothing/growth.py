@@ -59,8 +59,8 @@ def _converged(
         [parent.smoother for parent in parents], extensions, only_children(parents) if in_place else ()
     )
     return [
-        own if isinstance(own, LostComponentError) else _attempt(parent.child, update, own, None, max_fresh)
-        for parent, update, own in zip(parents, updates, smoothers, strict=True)
+        outcome if isinstance(outcome, LostComponentError) else _attempt(parent.child, update, outcome, None, max_fresh)
+        for parent, update, outcome in zip(parents, updates, smoothers, strict=True)
     ]
 
 
@@ -114,8 +114,8 @@ def _shared(parents: Sequence[Component], motion: Motion) -> dict[int, KeyframeF
     """The factors of the keyframe under each of the noises that odometry may have."""
     by_noise = {parent.noise: parent for parent in parents}
     return {
-        noise: KeyframeFactors(own.spaces, own.model, own.keyframe + 1, own.scaled(motion))
-        for noise, own in by_noise.items()
+        noise: KeyframeFactors(component.spaces, component.model, component.keyframe + 1, component.scaled(motion))
+        for noise, component in by_noise.items()
     }
 
 

@@ -90,19 +90,19 @@ class LocalMap:
         covariance[rows, rows] += noise
         return replace(self, covariance=covariance, num_errors=len(matrix))
 
-    def updated(self, seen: list[LocalDetection]) -> "LocalMap":
+    def updated(self, detections: list[LocalDetection]) -> "LocalMap":
         """The map after detections of objects that are in it."""
-        if not seen:
+        if not detections:
             return self
-        size = seen[0].by_robot.shape[1]
-        jacobian = np.zeros((sum(len(item.by_robot) for item in seen), len(self.covariance)))
+        size = detections[0].by_robot.shape[1]
+        jacobian = np.zeros((sum(len(item.by_robot) for item in detections), len(self.covariance)))
         at = 0
-        for item in seen:
+        for item in detections:
             rows = slice(at, at + len(item.by_robot))
             jacobian[rows, :size] = item.by_robot
             jacobian[rows, self.errors] = item.by_errors
-            own = self.rows(np.array([item.object_id]))[size:]
-            jacobian[rows, own] = item.by_object
+            landmark = self.rows(np.array([item.object_id]))[size:]
+            jacobian[rows, landmark] = item.by_object
             at = rows.stop
         cross = jacobian @ self.covariance
         innovation = cross @ jacobian.T + np.eye(at)
@@ -113,6 +113,6 @@ class LocalMap:
         slopes = np.zeros((len(gain), len(self.covariance)))
         slopes[:, : self.layout.robot], slopes[:, self.errors] = gain, by_errors
         cross = slopes @ self.covariance
-        own = cross @ slopes.T + noise
-        covariance = np.block([[self.covariance, cross.T], [cross, own]])
+        new = cross @ slopes.T + noise
+        covariance = np.block([[self.covariance, cross.T], [cross, new]])
         return replace(self, ids=np.append(self.ids, object_id), covariance=covariance)

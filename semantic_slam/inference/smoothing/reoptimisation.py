@@ -74,10 +74,10 @@ def _tied(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[gtsa
         return graph, values
     factors = [graph.at(i) for i in range(graph.size())]
     keys = [factor.keys() for factor in factors]
-    known = set[int]().union(*(own for own in keys if len(own) > 1))
+    known = set[int]().union(*(factor_keys for factor_keys in keys if len(factor_keys) > 1))
     part, states = gtsam.NonlinearFactorGraph(), gtsam.Values(values)
-    for factor, own in zip(factors, keys, strict=True):
-        if known.issuperset(own):
+    for factor, factor_keys in zip(factors, keys, strict=True):
+        if known.issuperset(factor_keys):
             part.add(factor)
     for key in set(values.keys()) - known:
         states.erase(key)

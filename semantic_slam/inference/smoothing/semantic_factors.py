@@ -29,7 +29,7 @@ RELINEARISED_DESCRIPTOR = 0.1
 """Change, in the same unit, from which on iSAM2 relinearises it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SemanticFactor:
     """A semantic measurement under a class, or with a descriptor."""
 
@@ -133,15 +133,17 @@ class SemanticFactorMaker:
 
         In one set a variable is at one place, whichever measurement it is of.
         """
-        every = [item for own in measurements for item in own]
+        every = [item for factor_set in measurements for item in factor_set]
         if not every:
             return [[] for _ in measurements]
         at = LinearisationPoints.joined(points)
-        values = linearisation_points(self.spaces, [[item.keys for item in own] for own in measurements], at.states)
-        repeated = [value for own, value in zip(measurements, values, strict=True) for _ in own]
+        values = linearisation_points(
+            self.spaces, [[item.keys for item in factor_set] for factor_set in measurements], at.states
+        )
+        repeated = [value for factor_set, value in zip(measurements, values, strict=True) for _ in factor_set]
         make = self._classed if self.latent is None else self._latent
         factors = iter(make(every, at, repeated))
-        return [[next(factors) for _ in own] for own in measurements]
+        return [[next(factors) for _ in factor_set] for factor_set in measurements]
 
     def change(self, before: LinearisationPoints, now: LinearisationPoints) -> tuple[Array, NDArray[np.bool_]]:
         """(n,) how far from where linear factors were made, 1 being as far as they hold, and whether the map floats."""
@@ -157,9 +159,9 @@ class SemanticFactorMaker:
     def _classed(
         self, measurements: Sequence[SemanticFactor], at: LinearisationPoints, points: Sequence[Any]
     ) -> list[Any]:
-        seen = self.model.collect([item.detection for item in measurements])
+        detections = self.model.collect([item.detection for item in measurements])
         classes = np.array([item.assigned_class for item in measurements])
-        part = self.model.semantics(seen, at.robots, at.objects, classes)
+        part = self.model.semantics(detections, at.robots, at.objects, classes)
         jacobians = [part.jacobian_robot, part.jacobian_object]
         return linear_factors([item.keys for item in measurements], jacobians, part.residual, points)
 
@@ -185,7 +187,7 @@ class SemanticFactorMaker:
     ) -> list[Any]:
         """Linear factors on robot, object and descriptor, one for each measurement."""
         assert self.latent is not None
-        seen = DetectionFeatures.of([item.detection for item in measurements])
-        part = self.latent.linearise(seen, at.robots, at.objects, at.descriptors)
+        features = DetectionFeatures.of([item.detection for item in measurements])
+        part = self.latent.linearise(features, at.robots, at.objects, at.descriptors)
         jacobians = [part.by_robot, part.by_object, part.by_descriptor]
         return linear_factors([item.keys for item in measurements], jacobians, part.residual, points)

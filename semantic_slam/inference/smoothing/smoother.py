@@ -288,8 +288,8 @@ class Smoother:
         """Which semantic measurements, of some objects' keys or of all, have linear factors."""
         linear = ~self.factor_table.exact
         if objects is not None and len(linear):
-            own = self.factor_table.keys[:, 1]
-            linear &= np.logical_or.reduce([own == key for key in objects])
+            object_keys = self.factor_table.keys[:, 1]
+            linear &= np.logical_or.reduce([object_keys == key for key in objects])
         return linear.nonzero()[0]
 
     def linear(self, rows: Sequence[int]) -> list[SemanticFactor]:

@@ -40,15 +40,15 @@ class HeadingMixture:
     @classmethod
     def about(cls, belief: DescriptorBelief, heading_rad: float, sigma_rad: float) -> "HeadingMixture":
         """A heading that a map tells."""
-        found = cls.all_around(belief)
+        mixture = cls.all_around(belief)
         if sigma_rad >= CELL_SIGMA_RAD * CELLS / 2.0:
-            return found
+            return mixture
         centred = np.append(belief.mean[0], heading_rad)
         if sigma_rad < 2.0 * CELL_SIGMA_RAD:
             covariance = np.diag(np.append(belief.sigma[0], sigma_rad) ** 2)
             return cls(np.zeros(1), centred[None], covariance[None])
-        away = wrap_angle(found.mean[:, -1] - heading_rad)
-        return found.weighted(-0.5 * (away / sigma_rad) ** 2)
+        away = wrap_angle(mixture.mean[:, -1] - heading_rad)
+        return mixture.weighted(-0.5 * (away / sigma_rad) ** 2)
 
     def weighted(self, log_factor: Array) -> "HeadingMixture":
         """Multiplied by (M,) factors, normalised, the light ones left out."""
@@ -75,5 +75,5 @@ class HeadingMixture:
         """(L,) mean and variance over all directions."""
         weight, length = np.exp(self.log_weight), self.mean.shape[1] - 1
         mean = weight @ self.mean[:, :length]
-        own = np.einsum("mii->mi", self.covariance)[:, :length]
-        return mean, weight @ (own + (self.mean[:, :length] - mean) ** 2)
+        variances = np.einsum("mii->mi", self.covariance)[:, :length]
+        return mean, weight @ (variances + (self.mean[:, :length] - mean) ** 2)

@@ -59,7 +59,7 @@ class Layout:
         if self.is_even:
             return rows_of_blocks(places, self.robot)
         blocks = map(self.block, places.tolist())
-        return np.array([row for own in blocks for row in range(own.start, own.stop)], dtype=int)
+        return np.array([row for block in blocks for row in range(block.start, block.stop)], dtype=int)
 
     def rows_of_slots(self, places: Index) -> Index:
         """(B, r + n l) coordinates that a robot and n slots read, (B, 1 + n) places, the robot's being 0.
@@ -86,11 +86,11 @@ class Layout:
             return values.reshape(*shape[:axis], shape[axis] // self.width, self.width, *after)
         joined = np.moveaxis(values, axis, -1)
         count = self.count(joined.shape[-1])
-        found = np.zeros((*joined.shape[:-1], 1 + count, self.width))
-        found[..., 0, : self.robot] = joined[..., : self.robot]
+        padded = np.zeros((*joined.shape[:-1], 1 + count, self.width))
+        padded[..., 0, : self.robot] = joined[..., : self.robot]
         landmarks = joined[..., self.robot :]
-        found[..., 1:, : self.landmark] = landmarks.reshape(*landmarks.shape[:-1], count, self.landmark)
-        return np.moveaxis(found, (-2, -1), (axis - 1, axis))
+        padded[..., 1:, : self.landmark] = landmarks.reshape(*landmarks.shape[:-1], count, self.landmark)
+        return np.moveaxis(padded, (-2, -1), (axis - 1, axis))
 
     def joined(self, blocks: Array, axis: int = -1) -> Array:
         """(..., r + n l, ...) of (..., 1 + n, w, ...), the negative ``axis`` being that of a block's columns."""
@@ -112,20 +112,20 @@ class Layout:
         if self.is_even:
             return np.asarray(np.einsum("bnpnq->bnpq", self.square_blocks(matrices)))
         r, count = self.robot, self.count(matrices.shape[-1])
-        found = np.zeros((len(matrices), 1 + count, self.width, self.width))
-        found[:, 0, :r, :r] = matrices[:, :r, :r]
+        padded = np.zeros((len(matrices), 1 + count, self.width, self.width))
+        padded[:, 0, :r, :r] = matrices[:, :r, :r]
         landmarks = matrices[:, r:, r:].reshape(len(matrices), count, self.landmark, count, self.landmark)
-        found[:, 1:, : self.landmark, : self.landmark] = np.einsum("bnpnq->bnpq", landmarks)
-        return found
+        padded[:, 1:, : self.landmark, : self.landmark] = np.einsum("bnpnq->bnpq", landmarks)
+        return padded
 
     def stacked_squares(self, robot: Array, landmarks: Array) -> Array:
         """(1 + n, w, w) blocks, zero where unused, of a robot's (r, r) and landmarks' (n, l, l) covariances."""
         if self.is_even:
             return np.concatenate([robot[None], landmarks])
-        found = np.zeros((1 + len(landmarks), self.width, self.width))
-        found[0, : self.robot, : self.robot] = robot
-        found[1:, : self.landmark, : self.landmark] = landmarks
-        return found
+        padded = np.zeros((1 + len(landmarks), self.width, self.width))
+        padded[0, : self.robot, : self.robot] = robot
+        padded[1:, : self.landmark, : self.landmark] = landmarks
+        return padded
 
     def stacked(self, robots: Array, landmarks: Array) -> Array:
         """(..., a + n, w) of (..., a, r) and (..., n, l), or of what is in blocks already."""
@@ -134,9 +134,9 @@ class Layout:
         return np.concatenate([self._wide(robots), self._wide(landmarks)], axis=-2)
 
     def _wide(self, values: Array) -> Array:
-        found = np.zeros((*values.shape[:-1], self.width))
-        found[..., : values.shape[-1]] = values
-        return found
+        padded = np.zeros((*values.shape[:-1], self.width))
+        padded[..., : values.shape[-1]] = values
+        return padded
 
 
 def rows_of_blocks(places: Sequence[int] | Index, size: int) -> Index:

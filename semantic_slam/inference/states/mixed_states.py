@@ -46,18 +46,18 @@ class MixedStates:
         moved, chart = np.zeros((*tangent.shape[:-1], stored)), np.zeros((*tangent.shape[:-1], width, width))
         for space, rows in self._kinds(tangent.shape[-2]):
             size = space.tangent_size
-            found = space.exp_and_jacobian(tangent[..., rows, :size])
-            moved[..., rows, : space.storage_size], chart[..., rows, :size, :size] = found
+            mapped = space.exp_and_jacobian(tangent[..., rows, :size])
+            moved[..., rows, : space.storage_size], chart[..., rows, :size, :size] = mapped
         return moved, chart
 
     def _each(self, name: str, result: str, *operands: tuple[Array, str]) -> Array:
         """A method of each space for its own rows and columns of the operands, each with what its columns are."""
         leading = np.broadcast_shapes(*(values.shape[:-1] for values, _ in operands))
-        found = np.zeros((*leading, self._width(result)))
+        results = np.zeros((*leading, self._width(result)))
         for space, rows in self._kinds(leading[-1]):
             parts = (values[..., rows, : getattr(space, kind)] for values, kind in operands)
-            found[..., rows, : getattr(space, result)] = getattr(space, name)(*parts)
-        return found
+            results[..., rows, : getattr(space, result)] = getattr(space, name)(*parts)
+        return results
 
     def _kinds(self, count: int) -> list[tuple[StateSpace, list[int]]]:
         """Robot and landmark space, each with its rows among ``count`` states."""

@@ -40,7 +40,7 @@ class HeadingRecord:
     pending: tuple[tuple[int, Any], ...]  # keyframe and detection of the views that have no factors yet
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObjectViews:
     """The semantic record of one object in one hypothesis; C classes."""
 

@@ -84,13 +84,13 @@ class PlanarPoses:
 
     def in_frame(self, state: Array, point: Array) -> tuple[Array, Array, Array]:
         sin, cos = se2.sine_cosine(state[..., 2])
-        seen = self.turned_back(state, point - state[..., :2])
-        by_point = np.empty((*seen.shape, 2))
+        point_in_frame = self.turned_back(state, point - state[..., :2])
+        by_point = np.empty((*point_in_frame.shape, 2))
         by_point[..., 0, 0], by_point[..., 0, 1], by_point[..., 1, 0], by_point[..., 1, 1] = cos, sin, -sin, cos
-        by_state = np.zeros((*seen.shape, 3))  # [-I, -S seen]
+        by_state = np.zeros((*point_in_frame.shape, 3))  # [-I, -S seen]
         by_state[..., 0, 0] = by_state[..., 1, 1] = -1.0
-        by_state[..., 0, 2], by_state[..., 1, 2] = seen[..., 1], -seen[..., 0]
-        return seen, by_state, by_point
+        by_state[..., 0, 2], by_state[..., 1, 2] = point_in_frame[..., 1], -point_in_frame[..., 0]
+        return point_in_frame, by_state, by_point
 
     def poses(self, states: Array) -> Array:
         return pose_vector_from_planar(states)
@@ -118,6 +118,6 @@ class PlanarPoses:
 
 def _beside(ahead: Array, left: Array, like: Array) -> Array:
     """(..., q) of two components, and of the heights in ``like`` (..., q), which no yaw changes."""
-    found = np.empty((*np.shape(ahead), like.shape[-1]))
-    found[..., 0], found[..., 1], found[..., 2:] = ahead, left, like[..., 2:]
-    return found
+    vector = np.empty((*np.shape(ahead), like.shape[-1]))
+    vector[..., 0], vector[..., 1], vector[..., 2:] = ahead, left, like[..., 2:]
+    return vector

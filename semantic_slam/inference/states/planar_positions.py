@@ -64,16 +64,16 @@ class PlanarPositions:
         return _identity(state)
 
     def displacement(self, state: Array, point: Array, origin: Array) -> Array:
-        found = np.empty((*np.broadcast_shapes(state.shape[:-1], point.shape[:-1]), point.shape[-1]))
-        found[..., :2], found[..., 2:] = state - origin + point[..., :2], point[..., 2:]
-        return found
+        moved = np.empty((*np.broadcast_shapes(state.shape[:-1], point.shape[:-1]), point.shape[-1]))
+        moved[..., :2], moved[..., 2:] = state - origin + point[..., :2], point[..., 2:]
+        return moved
 
     def turned_back(self, state: Array, vector: Array) -> Array:
         return vector
 
     def in_frame(self, state: Array, point: Array) -> tuple[Array, Array, Array]:
-        seen = point - state
-        return seen, -_identity(seen), _identity(seen)
+        point_in_frame = point - state
+        return point_in_frame, -_identity(point_in_frame), _identity(point_in_frame)
 
     def poses(self, states: Array) -> Array:
         """(..., 7) pose vectors of positions, without rotation."""

@@ -86,9 +86,11 @@ class Spaces:
             return self.robot.states(values)
         keys = values.keys()
         robots, landmarks = (sum(map(kind, keys)) for kind in (is_robot, is_object))
-        found = self.landmark.states(values) if landmarks else np.zeros((0, self.storage.landmark))
+        landmark_states = self.landmark.states(values) if landmarks else np.zeros((0, self.storage.landmark))
         # Variables of the same type that are neither come before all of these.
-        return self.storage.stacked(found[len(found) - landmarks :], self.robot.states(values)[-robots:])
+        return self.storage.stacked(
+            landmark_states[len(landmark_states) - landmarks :], self.robot.states(values)[-robots:]
+        )
 
     def are_within(self, changes: Array, count: int) -> bool:
         """Whether changes of ``count`` variables, landmarks first, are below their thresholds; not where one is NaN."""
@@ -141,10 +143,10 @@ class Spaces:
     def in_map(self, states: Array, covariances: Array) -> tuple[Array, Array]:
         """(..., n, 7) pose vectors and (..., n, 6, 6) covariances of (..., n, w) states, the robot's first."""
         poses, spreads = [], []
-        for own, rows in self.kinds(states.shape[-2]):
-            part, size = states[..., rows, : own.storage_size], own.tangent_size
-            poses.append(own.poses(part))
-            spreads.append(own.covariances(part, covariances[..., rows, :size, :size]))
+        for space, rows in self.kinds(states.shape[-2]):
+            part, size = states[..., rows, : space.storage_size], space.tangent_size
+            poses.append(space.poses(part))
+            spreads.append(space.covariances(part, covariances[..., rows, :size, :size]))
         return _joined(poses, -2), _joined(spreads, -3)
 
 

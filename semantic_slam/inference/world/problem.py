@@ -1,7 +1,7 @@
 """What a run is about: models, priors and settings, built once from the run's configuration."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from semantic_slam.configuration import (
     RevisionConfiguration,
     WeightsConfiguration,
 )
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.noise_settings import NoiseSettings
@@ -28,7 +29,7 @@ from semantic_slam.inference.world.objects import ObjectEntry
 class KeyframeReader(Protocol):
     """Turns keyframes into steps: the only place that knows the keyframe's content."""
 
-    def step(self, keyframe: Any) -> Step:
+    def step(self, keyframe: Keyframe) -> Step:
         """The step of a keyframe."""
 
 

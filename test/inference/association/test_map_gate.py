@@ -26,7 +26,14 @@ LOST = Noise(robot=(0.5, 0.5, 0.01))
 
 
 def detection(range_m: float, bearing_rad: float, sensor: tuple[float, float] = (0.0, 0.0)) -> PlanarDetection:
-    return PlanarDetection(range_m, bearing_rad, np.diag([0.04, 0.01]), np.array(sensor), np.zeros(0), np.zeros((0, 0)))
+    return PlanarDetection(
+        range_m=range_m,
+        bearing_rad=bearing_rad,
+        covariance=np.diag([0.04, 0.01]),
+        sensor=np.array(sensor),
+        feature=np.zeros(0),
+        feature_covariance=np.zeros((0, 0)),
+    )
 
 
 @pytest.mark.parametrize("sensor", [(0.0, 0.0), (0.4, -0.2)])

@@ -109,7 +109,14 @@ def test_what_is_far_off_is_dropped_and_counted() -> None:
 def sighting(place: np.ndarray) -> PlanarDetection:
     """From the origin, nothing amiss."""
     distance, bearing = float(np.hypot(*place[:2])), float(np.arctan2(place[1], place[0]))
-    return PlanarDetection(distance, bearing, np.diag([0.1, 0.02]) ** 2, np.zeros(2), np.zeros(0), np.zeros((0, 0)))
+    return PlanarDetection(
+        range_m=distance,
+        bearing_rad=bearing,
+        covariance=np.diag([0.1, 0.02]) ** 2,
+        sensor=np.zeros(2),
+        feature=np.zeros(0),
+        feature_covariance=np.zeros((0, 0)),
+    )
 
 
 def every(count: int, num_objects: int) -> tuple[np.ndarray, np.ndarray]:

@@ -71,7 +71,14 @@ def test_samples_approach_the_closed_form() -> None:
 
 
 def planar_stack(covariance: np.ndarray, visibility: PlanarVisibility, semantics: bool = True) -> KeyframeProblem:
-    detection = PlanarDetection(2.0, 0.1, np.diag([0.01, 0.0025]), np.zeros(2), np.array([0.9, 0.1]), np.zeros((2, 2)))
+    detection = PlanarDetection(
+        range_m=2.0,
+        bearing_rad=0.1,
+        covariance=np.diag([0.01, 0.0025]),
+        sensor=np.zeros(2),
+        feature=np.array([0.9, 0.1]),
+        feature_covariance=np.zeros((2, 2)),
+    )
     model = PlanarObservation(ParametricModel(0.5, 15.0) if semantics else None, visibility)
     mean = np.array([[[0.0, 0.0, 0.1], [2.2, 0.1, 1.0]]])
     rows = Assignments(

@@ -18,7 +18,14 @@ OBJECTS = np.array([[4.0, 1.0, 0.0], [3.0, -2.0, 0.0], [5.0, 2.5, 0.0]])
 
 
 def detection(range_m: float, bearing_rad: float) -> PlanarDetection:
-    return PlanarDetection(range_m, bearing_rad, NOISE, np.zeros(2), np.zeros(0), np.zeros((0, 0)))
+    return PlanarDetection(
+        range_m=range_m,
+        bearing_rad=bearing_rad,
+        covariance=NOISE,
+        sensor=np.zeros(2),
+        feature=np.zeros(0),
+        feature_covariance=np.zeros((0, 0)),
+    )
 
 
 def problem_of(detections: list[PlanarDetection], rows: list[list[int]], sigma: float) -> KeyframeProblem:
@@ -71,7 +78,16 @@ def test_clutter_and_new_objects_count_nothing() -> None:
 
 
 def test_a_bearing_alone_has_one_degree_of_freedom() -> None:
-    seen = [PlanarDetection(np.nan, np.arctan2(1.0, 4.0) + 0.1, NOISE, np.zeros(2), np.zeros(0), np.zeros((0, 0)))]
+    seen = [
+        PlanarDetection(
+            range_m=np.nan,
+            bearing_rad=np.arctan2(1.0, 4.0) + 0.1,
+            covariance=NOISE,
+            sensor=np.zeros(2),
+            feature=np.zeros(0),
+            feature_covariance=np.zeros((0, 0)),
+        )
+    ]
     problem = problem_of(seen, [[0]], 1e-6)
     assert innovation_nees(problem, np.zeros((1, 6)), 3)[0] == pytest.approx((0.1 / 0.05) ** 2, rel=1e-6)
 

@@ -52,7 +52,14 @@ def detection(
     viewpoint = Viewpoints(np.array([azimuth]), np.zeros(1), np.array([range_m]))
     assert model.model is not None
     feature = model.model.predict(np.zeros(1, dtype=int), viewpoint).mean[0]
-    return PlanarDetection(range_m, bearing, np.diag([0.01, 0.0025]), np.zeros(2), feature, np.zeros((2, 2)))
+    return PlanarDetection(
+        range_m=range_m,
+        bearing_rad=bearing,
+        covariance=np.diag([0.01, 0.0025]),
+        sensor=np.zeros(2),
+        feature=feature,
+        feature_covariance=np.zeros((2, 2)),
+    )
 
 
 def history(root: Component, detections: Sequence[PlanarDetection], control: np.ndarray) -> Window:

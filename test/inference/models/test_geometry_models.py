@@ -18,7 +18,14 @@ NONE = np.zeros(0)
 
 
 def sighting(range_m: float, bearing_rad: float) -> PlanarDetection:
-    return PlanarDetection(range_m, bearing_rad, COVARIANCE, np.array([0.2, -0.1]), NONE, np.zeros((0, 0)))
+    return PlanarDetection(
+        range_m=range_m,
+        bearing_rad=bearing_rad,
+        covariance=COVARIANCE,
+        sensor=np.array([0.2, -0.1]),
+        feature=NONE,
+        feature_covariance=np.zeros((0, 0)),
+    )
 
 
 def robots(random: np.random.Generator, count: int) -> np.ndarray:

@@ -30,7 +30,15 @@ def detection(number: int) -> PlanarDetection:
     random = np.random.default_rng(number)
     feature = random.normal(size=MODEL.num_features)
     spread = 0.01 * np.diag(1.0 + random.uniform(size=MODEL.num_features))
-    return PlanarDetection(2.0, 0.3, 0.01 * np.eye(2), np.array([0.2, -0.1]), feature, spread, 0.2)
+    return PlanarDetection(
+        range_m=2.0,
+        bearing_rad=0.3,
+        covariance=0.01 * np.eye(2),
+        sensor=np.array([0.2, -0.1]),
+        feature=feature,
+        feature_covariance=spread,
+        elevation_rad=0.2,
+    )
 
 
 DETECTIONS = [detection(number) for number in range(COUNT)]
@@ -98,7 +106,10 @@ def test_the_density_is_tempered() -> None:
 
 def test_both_factors_linearise_alike() -> None:
     symbols = [tuple(gtsam.symbol(letter, row) for letter in "xoe") for row in range(COUNT)]
-    measurements = [SemanticFactor(*own[:2], DETECTIONS[row], -1, own[2]) for row, own in enumerate(symbols)]
+    measurements = [
+        SemanticFactor(robot_key=x, object_key=o, detection=detection, assigned_class=-1, descriptor_key=e)
+        for (x, o, e), detection in zip(symbols, DETECTIONS, strict=True)
+    ]
     factors = SemanticFactorMaker(Spaces.same(PlanarPoses()), PlanarObservation(None, PlanarVisibility()), LATENT)
     linear = factors.make([measurements], [LinearisationPoints.stacked(X, O, E)])[0]
     for row in range(COUNT):
@@ -156,11 +167,25 @@ def _orbit():
             key, KEYS[1], gtsam.Rot2.fromAngle(0.0), 2.0, gtsam.noiseModel.Isotropic.Sigma(2, 0.05)
         )
         graph.add(bearing)
-        blank = PlanarDetection(2.0, 0.0, 0.01 * np.eye(2), np.zeros(2), np.zeros(8), np.zeros((8, 8)))
+        blank = PlanarDetection(
+            range_m=2.0,
+            bearing_rad=0.0,
+            covariance=0.01 * np.eye(2),
+            sensor=np.zeros(2),
+            feature=np.zeros(8),
+            feature_covariance=np.zeros((8, 8)),
+        )
         seen = DetectionFeatures.of([blank])
         mean = latent.linearise(seen, x[None], target[None], TRUE_DESCRIPTOR[None]).residual[0] * MODEL.noise
         feature = mean + MODEL.noise * random.normal(size=8)
-        view = PlanarDetection(2.0, 0.0, 0.01 * np.eye(2), np.zeros(2), feature, np.zeros((8, 8)))
+        view = PlanarDetection(
+            range_m=2.0,
+            bearing_rad=0.0,
+            covariance=0.01 * np.eye(2),
+            sensor=np.zeros(2),
+            feature=feature,
+            feature_covariance=np.zeros((8, 8)),
+        )
         graph.add(exact_factor(latent, view, (key, KEYS[1], KEYS[2])))
         for n in range(graph.size()):
             whole.add(graph.at(n))

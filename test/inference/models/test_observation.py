@@ -26,12 +26,12 @@ MODEL = PlanarObservation(ParametricModel(0.5, 15.0), PlanarVisibility())
 def detection(with_range: bool) -> PlanarDetection:
     covariance = np.array([[0.1, 0.01], [0.01, 0.05]])
     return PlanarDetection(
-        2.0 if with_range else float("nan"),
-        0.3,
-        covariance,
-        np.array([0.2, -0.1]),
-        np.array([0.6, 0.4]),
-        0.01 * np.eye(2),
+        range_m=2.0 if with_range else float("nan"),
+        bearing_rad=0.3,
+        covariance=covariance,
+        sensor=np.array([0.2, -0.1]),
+        feature=np.array([0.6, 0.4]),
+        feature_covariance=0.01 * np.eye(2),
     )
 
 
@@ -64,7 +64,8 @@ def test_factors_are_the_likelihood(with_range: bool) -> None:
     factors = [
         MODEL.geometry_factor(z, (0, 1)),
         *SemanticFactorMaker(Spaces.same(PlanarPoses()), MODEL).make(
-            [[SemanticFactor(0, 1, z, 1)]], [LinearisationPoints.stacked(X[:1], O[:1], np.zeros((1, 0)))]
+            [[SemanticFactor(robot_key=0, object_key=1, detection=z, assigned_class=1)]],
+            [LinearisationPoints.stacked(X[:1], O[:1], np.zeros((1, 0)))],
         )[0],
     ]
     values = gtsam.Values()

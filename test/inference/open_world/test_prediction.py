@@ -40,7 +40,14 @@ def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3) -> 
 
 def detection(range_m: float) -> PlanarDetection:
     """Straight ahead, where number 12 is."""
-    return PlanarDetection(range_m, 0.0, np.diag([0.01, 0.001]), np.zeros(2), np.zeros(0), np.zeros((0, 0)))
+    return PlanarDetection(
+        range_m=range_m,
+        bearing_rad=0.0,
+        covariance=np.diag([0.01, 0.001]),
+        sensor=np.zeros(2),
+        feature=np.zeros(0),
+        feature_covariance=np.zeros((0, 0)),
+    )
 
 
 @pytest.mark.parametrize("range_m", [3.0, np.nan], ids=["range", "bearing alone"])

@@ -9,6 +9,7 @@ from worlds.planar_world import World, beliefs, make_world
 from worlds.same_beliefs import assert_same
 from worlds.solved_candidates import candidates_of
 
+from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.inference.association.closed_keyframe import predict
@@ -36,7 +37,6 @@ from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.viewpoint.correlated import CorrelatedModel
 from semantic_slam.viewpoint.gaussian_process import GRID, GaussianProcessModel, kernel, posterior
-from semantic_slam.viewpoint.load import load_model
 
 CORRELATED = {"semantic_model": {"kind": "gp_correlated"}}
 MANIFOLD = PlanarPoses()
@@ -64,7 +64,14 @@ def tracks_of(correlated: CorrelatedModel, num_tracks: int, window: int = 20, av
 
 def detection(feature: np.ndarray, spread: float = 0.02, range_m: float = 2.0) -> PlanarDetection:
     covariance = np.diag([0.1, 0.05]) ** 2
-    return PlanarDetection(range_m, 0.0, covariance, np.zeros(2), feature, spread**2 * np.eye(len(feature)))
+    return PlanarDetection(
+        range_m=range_m,
+        bearing_rad=0.0,
+        covariance=covariance,
+        sensor=np.zeros(2),
+        feature=feature,
+        feature_covariance=spread**2 * np.eye(len(feature)),
+    )
 
 
 def step_of(index: int, item: PlanarDetection, control: np.ndarray, sigma: float) -> Step:

@@ -106,7 +106,14 @@ def detection(x: np.ndarray, feature: np.ndarray) -> PlanarDetection:
     size = len(feature)
     noise = np.diag([0.1, 0.05]) ** 2
     spread = 0.01 * np.eye(size) if size == 2 else np.zeros((size, size))
-    return PlanarDetection(np.hypot(*d[:2]), np.arctan2(d[1], d[0]), noise, np.zeros(2), feature, spread)
+    return PlanarDetection(
+        range_m=np.hypot(*d[:2]),
+        bearing_rad=np.arctan2(d[1], d[0]),
+        covariance=noise,
+        sensor=np.zeros(2),
+        feature=feature,
+        feature_covariance=spread,
+    )
 
 
 def step(k: int, measurements: list[SemanticFactor], seen: PlanarDetection, guess: np.ndarray) -> Extension:
@@ -121,7 +128,10 @@ def classed(k: int, offset: float, jumped: bool = False) -> Extension:
     x = path(k + 1)
     seen = detection(x, np.array([0.3 + offset, 0.2]))
     extension = step(
-        k, [SemanticFactor(ROBOT[k + 1], TARGET, seen, 0)], seen, se2.compose(x, np.array([offset, 0.0, 0.0]))
+        k,
+        [SemanticFactor(robot_key=ROBOT[k + 1], object_key=TARGET, detection=seen, assigned_class=0)],
+        seen,
+        se2.compose(x, np.array([offset, 0.0, 0.0])),
     )
     return replace(extension, jumped=jumped)
 
@@ -232,7 +242,12 @@ def test_half_way_ends_a_swing(damped: bool, monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.setattr(batch_update, "_halfway", lambda now, fork, measurements: now)
     latent = LatentObservation(Bent())
     seen = detection(path(1), np.array([0.0, -0.7]))
-    extension = step(0, [SemanticFactor(ROBOT[1], TARGET, seen, -1, LOOK)], seen, path(1))
+    extension = step(
+        0,
+        [SemanticFactor(robot_key=ROBOT[1], object_key=TARGET, detection=seen, assigned_class=-1, descriptor_key=LOOK)],
+        seen,
+        path(1),
+    )
     begin = np.array([0.3])
     extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
     extension.values.insert(LOOK, begin)
@@ -251,7 +266,12 @@ def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
 ) -> None:
     latent = LatentObservation(Bent())
     seen = detection(path(1), np.array([0.0, -0.7]))
-    extension = step(0, [SemanticFactor(ROBOT[1], TARGET, seen, -1, LOOK)], seen, path(1))
+    extension = step(
+        0,
+        [SemanticFactor(robot_key=ROBOT[1], object_key=TARGET, detection=seen, assigned_class=-1, descriptor_key=LOOK)],
+        seen,
+        path(1),
+    )
     extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
     extension.values.insert(LOOK, np.zeros(1))
     began = {**extension.start, LOOK: np.zeros(1)}
@@ -310,7 +330,16 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
         x = path(k + 1)
         views = SPACES.viewpoints(x[None], OBJECT[None], np.zeros(2))
         seen = detection(x, model.predict(views, true[None]).mean[0] + 0.02)
-        extension = step(k, [SemanticFactor(ROBOT[k + 1], TARGET, seen, -1, LOOK)], seen, x)
+        extension = step(
+            k,
+            [
+                SemanticFactor(
+                    robot_key=ROBOT[k + 1], object_key=TARGET, detection=seen, assigned_class=-1, descriptor_key=LOOK
+                )
+            ],
+            seen,
+            x,
+        )
         begin = np.array([start]) if k == 0 else smoother.descriptors([LOOK])[0]
         if k == 0:
             prior = latent.prior_of(0)
@@ -351,7 +380,7 @@ def test_a_robot_that_stands_on_an_object_is_not_lost() -> None:
     at = se2.compose(OBJECT, np.array([-1e-4, 0.0, 0.0]))
     MANIFOLD.insert(values, ROBOT[2], at)
     seen = classed(1, 0.0).measurements[0].detection
-    measurements = [SemanticFactor(ROBOT[2], TARGET, seen, 0)]
+    measurements = [SemanticFactor(robot_key=ROBOT[2], object_key=TARGET, detection=seen, assigned_class=0)]
     extension = Extension(graph=graph, values=values, measurements=measurements, start={ROBOT[2]: at, TARGET: OBJECT})
     with pytest.raises(RuntimeError, match="Indeterminate"):
         gtsam.ISAM2(smoother.isam).update(graph, values)
@@ -399,7 +428,10 @@ def test_objects_that_nobody_has_seen_need_not_be_optimised(monkeypatch: pytest.
         MANIFOLD.insert(values, key, mean)
     smoother = Smoother.of(SPACES, semantics, graph, values)
     seen = detection(np.array([0.4, -0.3, 0.2]), np.array([0.6, 0.4]))
-    extension = replace(step(0, [SemanticFactor(ROBOT[1], TARGET, seen, 1)], seen, STEP), jumped=True)
+    extension = replace(
+        step(0, [SemanticFactor(robot_key=ROBOT[1], object_key=TARGET, detection=seen, assigned_class=1)], seen, STEP),
+        jumped=True,
+    )
     part = extend(smoother, extension)
     monkeypatch.setattr("semantic_slam.inference.smoothing.reoptimisation.FEW_VARIABLES", 1000)
     whole = extend(smoother, extension)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, cast
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from semantic_slam.evaluation.mixture import heaviest_position_error, position_d
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.inputs.planar_reader import PlanarReader
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
@@ -25,6 +24,7 @@ from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.viewpoint.parametric import ParametricModel
+from semantic_slam_lab.prepared_steps import PreparedSteps
 from semantic_slam_lab.studies.ch4.simulation import Frame, Run, features
 
 History = tuple[tuple[int, ...], ...]
@@ -73,17 +73,9 @@ class Followed:
     fault: str  # why it was lost, "" when it was not
 
 
-class HandMadeReader(PlanarReader):
-    """The keyframes are steps already; poses as in the nodes."""
-
-    def step(self, keyframe: Any) -> Step:
-        return cast(Step, keyframe)
-
-
 def follow(run: Run, method: Method, seed: int) -> Followed:
     """The beliefs of all keyframes of ``run``; ``seed`` is that of the engine's own draws."""
     problem = problem_of(run, method, seed)
-    model = problem.model.model if isinstance(problem.model, PlanarObservation) else None
     blank = RunConfiguration(
         run_id="chapter_4",
         stamp_ns=0,
@@ -95,11 +87,10 @@ def follow(run: Run, method: Method, seed: int) -> Followed:
     )
     manager = Engine.of_run(blank, InProcessPool(1, problem), problem)
     moments: list[Moment] = []
-    for k, frame in enumerate(run.frames):
-        step = _step(run, k, frame, model if isinstance(model, ParametricModel) else None)
-        begun = perf_counter()
+    for k in range(len(run.frames)):
+        keyframe, begun = Keyframe.planar(k), perf_counter()
         try:
-            belief = manager.process(step)
+            belief = manager.process(keyframe)
         except SemanticSlamError as fault:
             return Followed(tuple(moments), f"k = {k + 1}: {fault}")
         moments.append(_moment(run, k, belief, manager, perf_counter() - begun))
@@ -116,7 +107,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
     return Problem(
         spaces=Spaces.same(PlanarPoses()),
         model=PlanarObservation(model, PlanarVisibility(scenario.max_range_m, scenario.field_of_view_rad)),
-        reader=HandMadeReader(0 if model is None else model.num_features),
+        reader=PreparedSteps([_step(run, k, frame, model) for k, frame in enumerate(run.frames)]),
         robot=GaussianPrior(scenario.start_mean, np.diag(scenario.start_variance)),
         objects=tuple(
             ObjectEntry(object_id=n, name=f"O{n + 1}", prior=GaussianPrior(mean, covariance), class_prior=uniform)
@@ -136,7 +127,14 @@ def _step(run: Run, k: int, frame: Frame, model: ParametricModel | None) -> Step
     semantic = features(frame, model) if model is not None else np.zeros((count, 2))
     geometric = np.diag(run.scenario.range_bearing_variance)
     detections = [
-        PlanarDetection(float(z[0]), float(z[1]), geometric, np.zeros(2), feature, np.zeros((2, 2)))
+        PlanarDetection(
+            range_m=float(z[0]),
+            bearing_rad=float(z[1]),
+            covariance=geometric,
+            sensor=np.zeros(2),
+            feature=feature,
+            feature_covariance=np.zeros((2, 2)),
+        )
         for z, feature in zip(frame.range_bearing, semantic, strict=True)
     ]
     return Step(

@@ -160,7 +160,13 @@ class Drive:
         """Factor without range or bearing, for the feature and the elevation of its view alone."""
         size = len(feature)
         detection = PlanarDetection(
-            np.nan, np.nan, np.eye(2), np.zeros(2), feature, np.zeros((size, size)), float(self.elevation_rad[number])
+            range_m=np.nan,
+            bearing_rad=np.nan,
+            covariance=np.eye(2),
+            sensor=np.zeros(2),
+            feature=feature,
+            feature_covariance=np.zeros((size, size)),
+            elevation_rad=float(self.elevation_rad[number]),
         )
         factor: gtsam.NonlinearFactor = exact_factor(LatentObservation(model), detection, (_x(number), _O, _E))
         return factor

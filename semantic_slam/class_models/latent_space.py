@@ -4,7 +4,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from semantic_slam.class_models import ClassModelKind, class_model_kind
+from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.latent.model import DescriptorModel

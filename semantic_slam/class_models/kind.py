@@ -41,6 +41,6 @@ def class_model_kind(settings: "SemanticModelConfiguration") -> ClassModelKind:
     if not isinstance(kind, ClassModelKind):
         raise InputError(
             f"class model '{settings.kind}' is a {type(kind).__name__}; announce a"
-            " semantic_slam.class_models.ClassModelKind"
+            " semantic_slam.class_models.kind.ClassModelKind"
         )
     return kind

@@ -3,7 +3,7 @@
 from importlib import resources
 from pathlib import Path
 
-from semantic_slam.class_models import ClassModelKind, class_model_kind
+from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel

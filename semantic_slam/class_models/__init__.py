@@ -1,0 +1,1 @@
+"""What a value of ``semantic_model.kind`` stands for, and what loads the models."""
