@@ -49,13 +49,28 @@ class KeyframeProblem:
     States are in blocks (B, 1 + n, s), tangent vectors (B, 1 + n, w), as wide as the wider of robot and landmark.
     """
 
-    def __init__(self, spaces: Spaces, model: ObservationModel, seen: Any, rows: Assignments, mean: Array, root: Array):
-        """``seen``: the n detections as ``model`` collects them; ``root`` (B, r + n l, r + n l)."""
+    def __init__(
+        self,
+        spaces: Spaces,
+        model: ObservationModel,
+        seen: Any,
+        rows: Assignments,
+        mean: Array,
+        root: Array,
+        log_clutter: Array | None = None,
+    ):
+        """``seen``: the n detections as ``model`` collects them; ``root`` (B, r + n l, r + n l).
+
+        ``log_clutter`` (n,): log density of each detection where it is of no object; None: it counts nothing.
+        """
         self.spaces, self.layout, self.model, self.rows = spaces, spaces.layout, model, rows
         self._joint = spaces.joint
         self.seen = seen
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
+        self.log_clutter = np.zeros(len(self.active))  # (B,) of the detections that are of no object
+        if log_clutter is not None:
+            self.log_clutter = row_sums(np.where(self.active, 0.0, log_clutter))
         self._full = bool(self.active.all())
         self._distinct = bool((self.slots == np.arange(self.slots.shape[1])).all())
         self._frames, self.root = self._joint.frame(mean), root
@@ -63,7 +78,13 @@ class KeyframeProblem:
 
     @classmethod
     def of(
-        cls, spaces: Spaces, model: ObservationModel, predicted: PredictedBelief, seen: Any, rows: Assignments
+        cls,
+        spaces: Spaces,
+        model: ObservationModel,
+        predicted: PredictedBelief,
+        seen: Any,
+        rows: Assignments,
+        log_clutter: Array | None = None,
     ) -> "KeyframeProblem":
         """Problem of the candidates, with the priors of their states from those of their parents."""
         own = (rows.objects >= 0) & (_first_occurrence(rows.objects) == np.arange(rows.objects.shape[1]))
@@ -75,7 +96,7 @@ class KeyframeProblem:
             free = spaces.layout.repeated(~used)
             covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
         root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        return cls(spaces, model, seen, rows, predicted.mean[rows.parents[:, None], blocks], root)
+        return cls(spaces, model, seen, rows, predicted.mean[rows.parents[:, None], blocks], root, log_clutter)
 
     def with_classes(self, selection: Index, classes: Index) -> "KeyframeProblem":
         """The problem of the chosen candidates, with (B, n) classes of their objects."""
@@ -94,6 +115,7 @@ class KeyframeProblem:
         part = copy.copy(self)
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
+        part.log_clutter = self.log_clutter[selection]
         return part
 
     @property
@@ -147,7 +169,7 @@ class KeyframeProblem:
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
         x, o = self._pairs(self._states(y))
-        return row_sums(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())))
+        return self.log_clutter + row_sums(self._by_row(self.model.log_likelihood(self.seen, x, o, self._classes())))
 
     def log_joint(self, y: Array) -> Array:
         """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
@@ -157,7 +179,7 @@ class KeyframeProblem:
         many = self._of(np.repeat(np.arange(len(y)), y.shape[1]))
         x, o = many._pairs(states)
         logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(self.seen, x, o, many._classes())
-        return row_sums(many._by_row(logs)).reshape(y.shape[:2]) - 0.5 * squared_norms(y)
+        return (many.log_clutter + row_sums(many._by_row(logs))).reshape(y.shape[:2]) - 0.5 * squared_norms(y)
 
     def energy(self, y: Array) -> Array:
         """(B,) energy that a mode minimises: -log P(Z | y) + |y|^2 / 2."""
@@ -166,7 +188,7 @@ class KeyframeProblem:
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
-        energy = 0.5 * squared_norms(y)
+        energy = 0.5 * squared_norms(y) - self.log_clutter
         moved, chart = self._joint.exp_and_jacobian(tangent)
         parts = self._parts(self._joint.placed(self._frames, moved))
         if not parts:
@@ -219,7 +241,7 @@ class KeyframeProblem:
     def _classes(self) -> Index | None:
         if self.rows.classes is None or self.model.num_classes == 0:
             return None
-        return np.maximum(self.rows.classes, 0).ravel()
+        return np.where(self.active, self.rows.classes, 0).ravel()
 
     def _parts(self, states: Array) -> list[Linearisation]:
         if not self.rows.objects.shape[1]:

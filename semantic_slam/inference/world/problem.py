@@ -6,11 +6,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from semantic_slam.configuration import (
+    ClosedWorldConfiguration,
     DetectionErrorsConfiguration,
     OpenWorldConfiguration,
     PruningConfiguration,
     WeightsConfiguration,
 )
+from semantic_slam.inference.models.clutter import Clutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.observation import ObservationModel
@@ -49,6 +51,8 @@ class Problem:
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
+    clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
+    closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     num_biases: int = 0  # of odometry, that are estimated with the poses
     noise_factors: tuple[float, ...] = (1.0,)  # on odometry's covariance, in an open world one for each hypothesis
 
