@@ -43,6 +43,12 @@ class SemanticModelConfiguration:
         minimum=1.0,
         formerly="correlated_views",
     )
+    outlier_share: float = parameter(
+        0.05,
+        "parametric, gp_independent: share of views whose scores tell nothing of the object's class; 0: there are none",
+        minimum=0.0,
+        maximum=0.5,
+    )
     sigma_view: float = parameter(
         0.03, "gp_correlated: standard deviation of a score between views from the same direction", minimum=1e-3
     )
@@ -214,6 +220,22 @@ class RevisionConfiguration:
 
 
 @dataclass(frozen=True)
+class ClosedWorldConfiguration:
+    clutter_per_frame: float = parameter(
+        0.02,
+        "enumerated: detections expected in a frame of nothing that the map has, even over open_world's region;"
+        " 0: every detection is of an object of the map",
+        minimum=0.0,
+    )
+    wrong_identity_share: float = parameter(
+        0.005,
+        "given: share of identities that are wrong, their detections being of no object; 0: none is",
+        minimum=0.0,
+        maximum=0.5,
+    )
+
+
+@dataclass(frozen=True)
 class InitialPoseConfiguration:
     mean: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else"
@@ -317,6 +339,7 @@ class Configuration:
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
+    closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)

@@ -1,6 +1,7 @@
 """A run's configuration as it is announced, and the problem that follows from it."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,12 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar
 from semantic_slam.inference.association.strategy import AssociationStrategy
+from semantic_slam.inference.models.clutter import EvenClutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
+from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import NO_SCORES, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
@@ -28,6 +31,7 @@ from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingB
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.registry import ASSOCIATIONS, OBSERVATIONS, SEMANTICS
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
+from semantic_slam.viewpoint.outliers import OutlierScores
 
 LEAST_CLASS_SHARE = 0.01
 """Share of the uniform distribution in every prior over classes."""
@@ -136,7 +140,8 @@ def problem_of(run: RunConfiguration) -> Problem:
     settings = configuration.semantic_model
     tempering = _tempering(settings)
     model, descriptors = load_model(settings), load_latent_model(settings)
-    sensing = _sensing(configuration, model, descriptors)
+    outliers = _outliers(model, settings)
+    sensing = _sensing(configuration, model, descriptors, outliers)
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
     objects = tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects)
     latent = _latent(descriptors, tempering, prior, objects) if descriptors is not None else None
@@ -153,7 +158,9 @@ def problem_of(run: RunConfiguration) -> Problem:
         seed=configuration.seed,
         association=configuration.association,
         semantics=semantics.of(
-            ClassModels(configuration=configuration, viewpoint=model, latent=latent, tempering=tempering)
+            ClassModels(
+                configuration=configuration, viewpoint=model, latent=latent, tempering=tempering, outliers=outliers
+            )
         ),
         latent=latent,
         distinct=configuration.distinct_assignment,
@@ -162,6 +169,8 @@ def problem_of(run: RunConfiguration) -> Problem:
         open_world=configuration.open_world,
         detection_errors=configuration.detection_errors,
         revision=configuration.revision,
+        clutter=_clutter(configuration, model),
+        closed_world=configuration.closed_world,
     )
 
 
@@ -181,8 +190,35 @@ def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
     return Reference(configuration, problem.objects, scores)
 
 
+def _clutter(configuration: Configuration, model: ViewpointModel | None) -> EvenClutter | None:
+    """What detections of no object look like; None where views have evidence without a floor, which it would replace.
+
+    Those are views that share their errors, and descriptors.
+    """
+    kind = class_model_kind(configuration.semantic_model)
+    if kind.viewpoint is None and kind.descriptors is None:
+        return EvenClutter.of(configuration.open_world, None)
+    if model is None or not kind.has_factors:
+        return None
+    broad, tempering = OutlierScores.of(model, 0.0), _tempering(configuration.semantic_model)
+
+    def log_scores(detections: Sequence[PlanarDetection]) -> Array:
+        seen = PlanarDetections.of(detections)
+        return broad.log_density(seen.feature, seen.feature_covariance) / tempering
+
+    return EvenClutter.of(configuration.open_world, log_scores)
+
+
+def _outliers(model: ViewpointModel | None, settings: SemanticModelConfiguration) -> OutlierScores | None:
+    """What a view's score may be besides what the class models say; None: no view is an outlier."""
+    return OutlierScores.of(model, settings.outlier_share) if model is not None and settings.outlier_share else None
+
+
 def _sensing(
-    configuration: Configuration, model: ViewpointModel | None, descriptors: DescriptorModel | None
+    configuration: Configuration,
+    model: ViewpointModel | None,
+    descriptors: DescriptorModel | None,
+    outliers: OutlierScores | None,
 ) -> Sensing:
     """The state space, and the observation model over it, with the class models where views enter by factors."""
     explained = model or descriptors
@@ -192,6 +228,7 @@ def _sensing(
             configuration=configuration,
             class_model=model if _views_are_factors(configuration) else None,
             tempering=_tempering(configuration.semantic_model),
+            outliers=outliers,
             num_features=explained.num_features if explained is not None else 0,
             feature_names=feature_names(model) if model is not None else (),
         )

@@ -64,6 +64,9 @@ def state_belief(
     weights = np.exp(mixture.log_weights)
     object_ids = mixture.associations()
     associations = reported.rows(object_ids)
+    clutter = np.full(len(step.names), np.nan)  # in an open world it may be a new object
+    if first_new_id is None:
+        clutter = weights @ (object_ids < 0)
     known = associations if first_new_id is None else np.where(object_ids < first_new_id, associations, -1)
     return HybridBelief(
         stamp_ns=step.stamp_ns,
@@ -87,6 +90,7 @@ def state_belief(
         discarded_mass=discarded_mass,
         dropped=step.dropped,
         association_probabilities=association_probabilities(weights, known, len(reported.ids)),
+        outlier_probability=clutter,
         state_space="planar",
         **marginals(weights, mixture.objects),
     )

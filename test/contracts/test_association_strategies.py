@@ -58,7 +58,7 @@ class TestEnumeratedPoints(AssociationStrategyContract):
 class TestGivenPoints(AssociationStrategyContract):
     association = "given"
     others = {"observation": "points"}  # noqa: RUF012
-    rebuilt_within = TestGiven.rebuilt_within
+    rebuilt_within = 1e-8
 
 
 class TestOpenWithMerging(AssociationStrategyContract):

@@ -76,6 +76,6 @@ def test_what_no_model_fills_yet_is_nan(closed: tuple[Engine, list[HybridBelief]
     belief = closed[1][-1]
     count = len(belief.object_ids)
     assert belief.object_velocities.shape == (count, 6) and belief.moving.shape == (count,)
-    for values in (belief.object_velocities, belief.moving, belief.moved, belief.missing, belief.outlier_probability):
+    for values in (belief.object_velocities, belief.moving, belief.moved, belief.missing):
         assert np.isnan(values).all()
     assert belief.state_space == "planar" and belief.noise_names == ()

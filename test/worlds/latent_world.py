@@ -71,7 +71,7 @@ def latent_problem_of(run: RunConfiguration, model: HarmonicModel) -> Problem:
     observation = LatentObservation(model)
     plain = problem_of(run)
     reader = PlanarReader(model.num_features)
-    return replace(plain, reader=reader, semantics=DescriptorViews(observation), latent=observation)
+    return replace(plain, reader=reader, semantics=DescriptorViews(observation), latent=observation, clutter=None)
 
 
 def _with_features(frame: Keyframe, x: np.ndarray, seen: list[int], descriptors, model, random) -> Keyframe:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -13,6 +14,7 @@ from semantic_slam.inference.association.enumeration import (
     enumerate_classes,
     fixed_association,
 )
+from semantic_slam.inference.association.first_views import log_first_inliers
 from semantic_slam.inference.association.map_gate import FEW_OBJECTS, MapGate, map_gate
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
@@ -21,6 +23,7 @@ from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
 from semantic_slam.inference.evidence.mode_splitting import UnsplitCandidates, split_modes
 from semantic_slam.inference.evidence.prior_samples import sample_evidence
+from semantic_slam.inference.models.observation import ModelsOutliers
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component import Component
@@ -46,6 +49,7 @@ class ClosedKeyframe:
     used: Index  # (n,)
     known: Sequence[int]  # ids of the objects on the map that detections may be of
     identities: Sequence[int] | None = None  # n ids, where they are given
+    log_clutter: Array | None = None  # (n,) log odds times density of a detection of no object; None: each is of one
     new: Sequence[dict[int, GaussianPrior]] = field(default_factory=tuple)  # P: objects that this keyframe introduces
 
     def associate(self) -> Candidates:
@@ -66,10 +70,7 @@ class ClosedKeyframe:
     def weigh(self, candidates: Candidates) -> Candidates:
         """Classes, then modes, then evidence by the configured method; candidates of several modes are split."""
         if self.problem.model.num_classes > 0 and len(self.used):
-            candidates = enumerate_classes(self._enumeration(candidates.object_ids, None), candidates)
-            assert candidates.problem is not None and candidates.start is not None
-            mode = find_modes(candidates.problem, candidates.start, tolerance=WEIGHING_TOLERANCE)
-            candidates = replace(candidates, mode=mode)
+            candidates = self._with_classes(candidates)
         return replace(self._with_evidence(candidates), num_new=len(self._new[0])).at_modes()
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
@@ -84,13 +85,17 @@ class ClosedKeyframe:
         )
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Existence factors (all one) and updates: a closed world misses no object; detections alone introduce them."""
+        """Factors of the scores of clutter, and updates: a closed world misses no object; detections introduce them."""
+        factors = np.zeros(len(candidates.assignments))
+        if self.log_clutter is not None and self.problem.clutter is not None:
+            scores = self.problem.clutter.log_scores([self.step.detections[i] for i in self.used])
+            factors = np.where(candidates.assignments.objects < 0, scores, 0.0).sum(axis=1)
         updates = [
             ExistenceUpdate.starting(component.objects, list(new))
             for component, new in zip(self.parents.components, self._new, strict=True)
         ]
         parents = candidates.assignments.parents
-        return np.zeros(len(parents)), [updates[parent] for parent in parents.tolist()]
+        return factors, [updates[parent] for parent in parents.tolist()]
 
     def updates(
         self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
@@ -139,7 +144,8 @@ class ClosedKeyframe:
         objects = [(number, prior[number].covariance) for number in self.known]
         detections = [self.step.detections[i] for i in self.used]
         spaces, model = self.problem.spaces, self.problem.model
-        return map_gate(spaces, model, self.step, detections, self.parents.components, objects, gate)
+        found = map_gate(spaces, model, self.step, detections, self.parents.components, objects, gate)
+        return replace(found, has_clutter=self.log_clutter is not None)
 
     def _associated(self, near: Sequence[int], gate: MapGate | None) -> Candidates:
         object_ids = np.array([*near, *self._new[0]], dtype=int)
@@ -147,8 +153,13 @@ class ClosedKeyframe:
         predicted = predict(self.parents.components, self.step.motion, near, self._new)
         if self.identities is None:
             return enumerate_associations(setting, predicted)
-        places = object_ids.tolist()
-        return fixed_association(setting, predicted, np.array([places.index(n) for n in self.identities], dtype=int))
+        named = np.array(self.identities, dtype=int)[:, None] == object_ids  # (n, O)
+        if self.log_clutter is None:
+            return fixed_association(setting, predicted, named.argmax(axis=1))
+        admitted = np.broadcast_to(named, (len(self.parents), *named.shape))
+        found = enumerate_associations(replace(setting, admitted=admitted, distinct=False), predicted)
+        assert found.problem is not None and found.start is not None
+        return replace(found, mode=find_modes(found.problem, found.start))
 
     def _best(self, candidates: Candidates) -> Array:
         """(P,) geometric evidence of the best association of each parent."""
@@ -170,23 +181,38 @@ class ClosedKeyframe:
             max_candidates=self.problem.weights.max_candidates,
             path=self._path(object_ids.tolist()),
             admitted=gate.admitted[:, :, gate.columns()] if gate is not None else None,
+            log_clutter=self.log_clutter,
         )
 
     def _path(self, object_ids: list[int]) -> tuple[Index, Index] | None:
         """(n,) objects and (n,) classes of the continuation that is wanted."""
         if self.path is None:
             return None
-        objects = [object_ids.index(self.path.association[i]) for i in self.used]
+        wanted = [self.path.association[i] for i in self.used]
+        objects = [object_ids.index(n) if n >= 0 else -1 for n in wanted]
         return np.array(objects, dtype=int), np.array([self.path.class_assignment[i] for i in self.used], dtype=int)
 
     def _log_class_prior(self, object_ids: Index) -> Array:
         """(O, C) log prior class probabilities of the objects."""
         return self.registry.log_class_prior_of(object_ids.tolist())
 
+    def _with_classes(self, candidates: Candidates) -> Candidates:
+        """Candidates times the classes of the objects that they observe, at their modes."""
+        setting, log_outlier = self._enumeration(candidates.object_ids, None), self._log_outlier
+        found = enumerate_classes(setting, candidates, log_outlier)
+        assert found.problem is not None and found.start is not None
+        mode = find_modes(found.problem, found.start, tolerance=WEIGHING_TOLERANCE)
+        found = replace(found, mode=mode)
+        if log_outlier is None:
+            return found
+        prior = found.assignments.column("log_class_prior") + log_first_inliers(setting, found, log_outlier)
+        return found.gaining(log_class_prior=prior)
+
     def _with_evidence(self, candidates: Candidates) -> Candidates:
         """Candidates with evidence by samples and mode splitting, by Laplace's approximation, or by prior samples."""
         weights, (problem, mode) = self.problem.weights, candidates.solved()
-        if weights.method == "importance":
+        method = "laplace" if weights.method == "importance" and self._has_named_rivals else weights.method
+        if method == "importance":
             unsplit = UnsplitCandidates(
                 step=self.step,
                 parents=self.parents.components,
@@ -196,13 +222,30 @@ class ClosedKeyframe:
                 new=self._new,
             )
             return split_modes(unsplit, weights, self.path.mode if self.path is not None else None)
-        if weights.method == "laplace":
+        if method == "laplace":
             log_evidence = mode.log_evidence + problem.log_visibility(mode.y, soft=True)
             return candidates.gaining(
                 log_evidence=log_evidence, effective_sample_sizes=np.full(len(log_evidence), np.nan)
             )
         log_evidence, effective = sample_evidence(problem, weights.num_samples, self._generators(candidates))
         return candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
+
+    @property
+    def _has_named_rivals(self) -> bool:
+        """Whether candidates differ in what they make of identities, or of a view of an object that is named first.
+
+        A named object that was seen once is too broad to be sampled; its mode is weighed by Laplace's approximation.
+        """
+        if self.identities is None:
+            return False
+        return self.log_clutter is not None or (any(self._new) and self._log_outlier is not None)
+
+    @cached_property
+    def _log_outlier(self) -> Array | None:
+        """(n,) log density of each view as an outlier, its share included; None: no view is one."""
+        model = self.problem.model
+        seen = model.collect([self.step.detections[i] for i in self.used])
+        return model.log_outlier(seen) if isinstance(model, ModelsOutliers) else None
 
     def _generators(self, candidates: Candidates) -> list[np.random.Generator]:
         """One for each candidate, keyed by its identity."""

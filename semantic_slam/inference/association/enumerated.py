@@ -1,8 +1,11 @@
 """Association with a known map: every assignment of the detections to its objects that the gates admit."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
-from semantic_slam.geometry.arrays import Index
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.closed_keyframe import ClosedKeyframe
 from semantic_slam.inference.association.closed_world import ClosedWorld, expected_along
 from semantic_slam.inference.association.strategy import Parents
@@ -12,7 +15,7 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 
 
 class EnumeratedAssociation(ClosedWorld):
-    """The map prior holds all objects; a detection is of one of them."""
+    """A detection is of an object of the map prior, or of none: a false alarm, or an object that the map lacks."""
 
     needs_map, wants_identities = True, False
 
@@ -23,19 +26,27 @@ class EnumeratedAssociation(ClosedWorld):
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> ClosedKeyframe:
         """Along a ``path`` through a large map, the objects of that path alone."""
         known = [n for n in self.registry.known.ids if n in parents.components[0].object_ids]
-        known = expected_along(path, known)
+        known, used = expected_along(path, known), self._used(step)
         return ClosedKeyframe(
             problem=self.problem,
             registry=self.registry,
             step=step,
             parents=parents,
             path=path,
-            used=self._used(step),
+            used=used,
             known=known,
+            log_clutter=self._log_clutter([step.detections[i] for i in used]),
         )
 
+    def _log_clutter(self, detections: Sequence[Any]) -> Array | None:
+        """(n,) log of the density of clutter at each detection; an object in sight is detected as likely as not."""
+        rate, clutter = self.problem.closed_world.clutter_per_frame, self.problem.clutter
+        return np.log(rate) + clutter.log_place(detections) if clutter is not None and rate > 0.0 else None
+
     def _used(self, step: Step) -> Index:
-        """The best-scored detections where there are more than objects."""
+        """All detections; the best-scored ones where there are more than objects and each is of one."""
+        if self.problem.clutter is not None and self.problem.closed_world.clutter_per_frame > 0.0:
+            return np.arange(len(step.names))
         num_objects = len(self.registry.known.ids)
         limit = num_objects if self.problem.distinct else (len(step.names) if num_objects else 0)
         order = np.argsort(-step.scores, kind="stable")

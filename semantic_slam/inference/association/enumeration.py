@@ -34,6 +34,10 @@ from semantic_slam.inference.evidence.laplace import (
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
+CLUTTER_GATE = 2.0 / 3.0
+"""Share of the gate behind which an association with clutter is not followed any more: there is one in every keyframe.
+Of 15 nats 10 are left, what the floor of a view's likelihood can make up for and what pruning forgives."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EnumerationProblem:
@@ -50,6 +54,11 @@ class EnumerationProblem:
     max_candidates: int  # per parent
     path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
     admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
+    log_clutter: Array | None = None  # (D,) log density of a detection of no object, -inf: it is of one; None: each is
+
+    def first_clutter(self, count: int) -> Array | None:
+        """What the first ``count`` detections weigh where they are of no object."""
+        return None if self.log_clutter is None else self.log_clutter[:count]
 
     @cached_property
     def collected(self) -> Any:
@@ -69,17 +78,22 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
     mode = _of_prior(num_parents, setting.spaces.layout.robot)
     for number in range(len(setting.detections)):
         origin, objects = _next_objects(setting, prefixes.rows, predicted.mean.shape[1] - 1)
-        screened = screen(prefixes, mode, origin, objects, setting.model, setting.first(number + 1), setting.gate)
+        seen, log_clutter = setting.first(number + 1), setting.first_clutter(number + 1)
+        screened = screen(prefixes, mode, origin, objects, setting.model, seen, setting.gate, log_clutter)
         parents = screened.prefixes.rows.parents
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:
             mode = find_modes(screened.stack, screened.mode.y, tolerance=WEIGHING_TOLERANCE)
         else:
             mode = _ranking(screened)
-        keep, dropped = _gated(parents, mode.log_evidence, setting.gate, num_parents, setting.max_candidates)
+        gate: Array | float = setting.gate
+        if last and setting.log_clutter is not None:
+            has_clutter = (screened.prefixes.rows.objects < 0).any(axis=1)
+            gate = np.where(has_clutter, CLUTTER_GATE * setting.gate, setting.gate)
+        keep, dropped = _gated(parents, mode.log_evidence, gate, num_parents, setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
         prefixes, mode = screened.prefixes.take(keep), mode.take(keep)
-    return _associated(setting, prefixes.stack(setting.model, setting.collected), mode, left_out)
+    return _associated(setting, prefixes.stack(setting.model, setting.collected, setting.log_clutter), mode, left_out)
 
 
 def _associated(setting: EnumerationProblem, problem: KeyframeProblem, mode: Mode, log_left_out: Array) -> Candidates:
@@ -114,21 +128,32 @@ def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, o
     return _associated(setting, problem, mode, np.full(len(parents), -np.inf))
 
 
-def enumerate_classes(setting: EnumerationProblem, associated: Candidates) -> Candidates:
-    """Every class for the objects a hypothesis had not observed, the known one for the others."""
+def enumerate_classes(
+    setting: EnumerationProblem, associated: Candidates, log_outlier: Array | None = None
+) -> Candidates:
+    """Every class for the objects a hypothesis had not observed, the known one for the others.
+
+    ``log_outlier`` (D,): log density of each view as an outlier, its share included. Such a view leaves the class of an
+    object that has none yet open, class -1; each class stands for what it makes of the view itself. Where the class is
+    known, the likelihood holds both. None: no view is one.
+    """
     stack, mode = associated.solved()
     bounds, turns = _semantic_profiles(setting, stack, mode.y)  # (B, D, C) each
+    open_class = setting.model.num_classes if log_outlier is not None else None  # the column of the outlier
     num_parents, left_out = len(setting.known_classes), associated.log_left_out
     index, score, prior = np.arange(len(mode.y)), mode.log_evidence, np.zeros(len(mode.y))
     chosen = np.zeros((len(index), 0), dtype=int)
     for number in range(len(setting.detections)):
         options = _class_options(setting, stack, index, chosen, number)  # (B, C) log prior, -inf where excluded
-        new = _is_new(setting, stack, index, number)
+        new = is_new(setting, stack, index, chosen, number)
+        bound = bounds[index, number]
+        if log_outlier is not None:
+            bound, options = _with_outlier(setting, bound, options, new, float(log_outlier[number]), number)
         row, cls = np.nonzero(np.isfinite(options))
-        score = score[row] + np.where(stack.active[index[row], number], bounds[index[row], number, cls], 0.0)
+        score = score[row] + np.where(stack.active[index[row], number], bound[row, cls], 0.0)
         added = np.where(new[row], options[row, cls], 0.0)
         score, prior = score + added, prior[row] + added
-        chosen = np.concatenate([chosen[row], cls[:, None]], axis=1)
+        chosen = np.concatenate([chosen[row], np.where(cls == open_class, -1, cls)[:, None]], axis=1)
         index = index[row]
         parents = stack.rows.parents[index]
         keep, dropped = _gated(parents, score, setting.gate, num_parents, setting.max_candidates)
@@ -153,20 +178,24 @@ def _of_prior(count: int, size: int) -> Mode:
 
 
 def _next_objects(setting: EnumerationProblem, rows: Assignments, num_objects: int) -> tuple[Index, Index]:
-    """Every row with every object that its next detection may be of: the row each one came from, and the object."""
+    """Every row with every object that its next detection may be of: the row each one came from, and the object.
+
+    None is -1, after all objects.
+    """
     number = rows.objects.shape[1]
-    allowed = np.ones((len(rows.parents), num_objects), dtype=bool)
+    allowed = np.ones((len(rows.parents), num_objects + 1), dtype=bool)
     if setting.admitted is not None:
-        allowed = setting.admitted[rows.parents, number]
-    if setting.path is not None:
-        allowed[:, np.arange(num_objects) != setting.path[0][number]] = False
+        allowed[:, :-1] = setting.admitted[rows.parents, number]
     if setting.distinct and number:
         np.put_along_axis(allowed, rows.objects, False, axis=1)
+    allowed[:, -1] = setting.log_clutter is not None and np.isfinite(setting.log_clutter[number])
+    if setting.path is not None:
+        allowed[:, np.append(np.arange(num_objects), -1) != setting.path[0][number]] = False
     origin, objects = np.nonzero(allowed)
-    return origin, objects
+    return origin, np.where(objects == num_objects, -1, objects)
 
 
-def _gated(parents: Index, score: Array, gate: float, num_parents: int, limit: int) -> tuple[Index, Array]:
+def _gated(parents: Index, score: Array, gate: Array | float, num_parents: int, limit: int) -> tuple[Index, Array]:
     """Rows to keep, and per parent the log of the rest relative to the parent's best."""
     best = np.full(num_parents, -np.inf)
     np.maximum.at(best, parents, score)
@@ -226,12 +255,7 @@ def _class_options(
     classes = np.arange(setting.model.num_classes)
     options = setting.log_class_prior[np.maximum(objects, 0)].copy()
     known = np.where(objects >= 0, setting.known_classes[parents, objects], 0)  # clutter: one option, which is ignored
-    slot = stack.slots[index, number]
-    if number:
-        repeated = slot < number
-        known = np.where(
-            repeated, np.take_along_axis(chosen, np.minimum(slot, number - 1)[:, None], axis=1)[:, 0], known
-        )
+    known = np.maximum(known, _chosen_before(stack, index, chosen, number))
     fixed = known >= 0
     options[fixed] = np.where(classes == known[fixed, None], 0.0, -np.inf)
     if setting.path is not None:
@@ -239,8 +263,38 @@ def _class_options(
     return np.asarray(options)
 
 
-def _is_new(setting: EnumerationProblem, stack: KeyframeProblem, index: Index, number: int) -> NDArray[np.bool_]:
-    """(B,) whether detection ``number`` is the first ever of an object whose class is still open."""
+def _with_outlier(
+    setting: EnumerationProblem, bound: Array, options: Array, new: NDArray[np.bool_], log_outlier: float, number: int
+) -> tuple[Array, Array]:
+    """(B, C + 1) bounds and log priors with the class that stays open last, where an object has none (B,) yet."""
+    bound = np.where(new[:, None], log_of_inlier(bound, log_outlier), bound)
+    options = np.where(new[:, None] & ~np.isfinite(bound), -np.inf, options)
+    stays_open = new
+    if setting.path is not None:
+        stays_open = new & (setting.path[1][number] < 0)
+        options = np.where(stays_open[:, None], -np.inf, options)
+    column = np.where(stays_open, 0.0, -np.inf)[:, None]
+    bound = np.concatenate([bound, np.full((len(bound), 1), log_outlier)], axis=1)
+    return bound, np.concatenate([options, column], axis=1)
+
+
+def log_of_inlier(log_mixed: Array, log_outlier: float) -> Array:
+    """Log of what is left of (1 - e) p + e p_out without the second part."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(log_mixed + np.log(-np.expm1(np.minimum(log_outlier - log_mixed, 0.0))))
+
+
+def is_new(
+    setting: EnumerationProblem, stack: KeyframeProblem, index: Index, chosen: Index, number: int
+) -> NDArray[np.bool_]:
+    """(B,) whether detection ``number`` is of an object whose class is open, before it and in the frame's (B, number)
+    classes ``chosen`` so far."""
     objects, parents = stack.rows.objects[index, number], stack.rows.parents[index]
-    first = stack.slots[index, number] == number
-    return np.asarray(first & (objects >= 0) & (setting.known_classes[parents, objects] < 0))
+    known = np.maximum(setting.known_classes[parents, objects], _chosen_before(stack, index, chosen, number))
+    return np.asarray((objects >= 0) & (known < 0))
+
+
+def _chosen_before(stack: KeyframeProblem, index: Index, chosen: Index, number: int) -> Index:
+    """(B,) class that an earlier detection of the frame gives to the object of detection ``number``; -1: none does."""
+    same = stack.slots[index, :number] == stack.slots[index, number][:, None]
+    return np.asarray(np.where(same, chosen, -1).max(axis=1, initial=-1))

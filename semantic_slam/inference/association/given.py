@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Index
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.closed_keyframe import ClosedKeyframe
 from semantic_slam.inference.association.closed_world import ClosedWorld, expected_along
 from semantic_slam.inference.association.strategy import Parents
@@ -14,7 +14,10 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 
 
 class GivenAssociation(ClosedWorld):
-    """Each detection names its object; a new name is a new object, and a detection without a name is clutter."""
+    """Each detection names its object; a new name is a new object, and a detection without a name is clutter.
+
+    So is one whose name is wrong, which each may be.
+    """
 
     needs_map, wants_identities = False, True
 
@@ -41,8 +44,23 @@ class GivenAssociation(ClosedWorld):
             used=used,
             known=known,
             identities=[identities[i] for i in used],
+            log_clutter=self._log_clutter(step, used, identities, unknown),
             new=[self._priors(component, step, used, identities, unknown) for component in parents.components],
         )
+
+    def _log_clutter(self, step: Step, used: Index, identities: list[int], unknown: list[int]) -> Array | None:
+        """(n,) log odds that an identity is wrong, times the density of its detection if it is.
+
+        The first detection of an object is taken at its word: it is all that tells where the object is.
+        """
+        share, clutter = self.problem.closed_world.wrong_identity_share, self.problem.clutter
+        if clutter is None or share <= 0.0:
+            return None
+        odds = np.log(share) - np.log1p(-share)
+        log_odds = np.asarray(odds + clutter.log_place([step.detections[i] for i in used]))
+        named = [identities[i] for i in used]
+        log_odds[[named.index(n) for n in unknown]] = -np.inf
+        return log_odds
 
     def _priors(
         self, component: Component, step: Step, used: Index, identities: list[int], unknown: list[int]

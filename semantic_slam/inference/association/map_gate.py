@@ -32,6 +32,7 @@ class MapGate:
     cost: Array  # (P, D, O) nats that the detection costs at least if it is of the object
     log_peak: float  # log density of all detections where nothing costs anything
     admitted: Flags  # (P, D, O) what is enumerated
+    has_clutter: bool = False  # a detection may be of no object, too
 
     def columns(self) -> Index:
         """Objects that are enumerated for some parent."""
@@ -45,7 +46,7 @@ class MapGate:
     def log_left_out(self, best: Array) -> Array:
         """(P,) bound on the mass of all associations with an object not admitted, relative to the best one."""
         _, detections, objects = self.cost.shape
-        others = (detections - 1) * np.log(objects)  # every way to associate the other detections
+        others = (detections - 1) * np.log(objects + self.has_clutter)  # every way to associate the other detections
         bounds = np.where(self.admitted, -np.inf, self.log_peak - self.cost - best[:, None, None])
         return np.asarray(others + np.logaddexp.reduce(bounds.reshape(len(best), -1), axis=1))
 

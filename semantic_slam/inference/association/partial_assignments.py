@@ -53,13 +53,14 @@ class PartialAssignments:
     def extended(self, origin: Index, objects: Index) -> "PartialAssignments":
         """K with one detection more, each going on from its ``origin`` (K,) with one of the ``objects`` (K,).
 
-        An object that its prefix has already needs no state of its own: the block is an independent standard normal.
+        An object that its prefix has already, and none (-1), needs no state of its own: the block is an independent
+        standard normal.
         """
         parents, before = self.rows.parents[origin], self.rows.objects[origin]
         size, known, place = self.spaces.layout.landmark, self.root.shape[1], 1 + objects
         gain = np.ascontiguousarray(np.swapaxes(self.cross_blocks[origin, :, place, :size], 1, 2))  # (K, l, m)
         left = self.predicted.blocks[parents, place, :size, place, :size] - gain @ np.swapaxes(gain, 1, 2)
-        again = (before == objects[:, None]).any(axis=1)
+        again = (before == objects[:, None]).any(axis=1) | (objects < 0)
         gain[again], left[again] = 0.0, np.eye(size)
         root = np.zeros((len(origin), known + size, known + size))
         root[:, :known, :known], root[:, known:, :known] = self.root[origin], gain
@@ -89,7 +90,7 @@ class PartialAssignments:
         gain = np.ascontiguousarray(self.root[:, known:, :known])
         prior = layout.blocks(self.predicted.covariance, -2)[parents, 1 + objects][:, : layout.landmark]
         added = forward(self.root[:, known:, known:], prior - gain @ before)
-        added[(self.rows.objects[:, :-1] == objects[:, None]).any(axis=1)] = 0.0
+        added[(self.rows.objects[:, :-1] == objects[:, None]).any(axis=1) | (objects < 0)] = 0.0
         return np.concatenate([before, added], axis=1)
 
     @cached_property
@@ -97,6 +98,9 @@ class PartialAssignments:
         """(B, m, 1 + O, w) whitened cross covariances of :attr:`cross`, in blocks by state."""
         return self.spaces.layout.blocks(self.cross)
 
-    def stack(self, model: ObservationModel, detections: object) -> KeyframeProblem:
-        """The small problems of these associations, ``detections`` being their n detections."""
-        return KeyframeProblem(self.spaces, model, detections, self.rows, self.mean, self.root)
+    def stack(self, model: ObservationModel, detections: object, log_clutter: Array | None = None) -> KeyframeProblem:
+        """The small problems of these associations, ``detections`` being their n detections.
+
+        ``log_clutter`` (n,): log density of each where it is of no object.
+        """
+        return KeyframeProblem(self.spaces, model, detections, self.rows, self.mean, self.root, log_clutter)

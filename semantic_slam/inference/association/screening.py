@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import backward
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
@@ -47,16 +47,20 @@ def screen(
     model: ObservationModel,
     detections: Any,
     gate: float,
+    log_clutter: Array | None = None,
 ) -> ScreenedAssignments:
     """Drop candidates whose evidence one step from where they were puts far behind, where that step can be trusted.
 
     ``previous`` are modes of the prefixes; candidate b goes on from ``origin[b]``, the newest of the detections
-    ``detections`` being of ``objects[b]``. Of those not dropped, the steady ones start at that step, lost ones at what
-    explains most, the rest where they were.
+    ``detections`` being of ``objects[b]``, or of none, -1, with ``log_clutter`` (n,). Of those not dropped, the steady
+    ones start at that step, lost ones at what explains most, the rest where they were.
     """
     known = np.asarray(np.linalg.inv(previous.hessian))
     expected = _expected(prefixes, previous, known)
-    newest = _newest(expected, origin, objects, model, detections.take([prefixes.rows.objects.shape[1]]))
+    number = prefixes.rows.objects.shape[1]
+    newest = _newest(expected, origin, np.maximum(objects, 0), model, detections.take([number]))
+    if log_clutter is not None:
+        newest = newest.but(objects < 0, float(log_clutter[number]))
     linear, parents = newest.sigma < STEADY_RAD, prefixes.rows.parents[origin]
     evidence = previous.log_evidence[origin] + newest.log_density
     best = np.full(len(prefixes.predicted.mean), -np.inf)
@@ -67,7 +71,7 @@ def screen(
     np.logaddexp.at(left_out, parents[dropped], behind[dropped])
     kept = np.flatnonzero(~dropped)
     longer = prefixes.extended(origin[kept], objects[kept])
-    stack = longer.stack(model, detections)
+    stack = longer.stack(model, detections, log_clutter)
     start, step, hessian = _stepped(stack, previous.take(origin[kept]), known[origin[kept]], newest.take(kept))
     start[linear[kept]] += step[linear[kept]]
     lost = np.flatnonzero(newest.sigma[kept] > LOST_RAD)
@@ -146,6 +150,16 @@ class _Newest:
 
     def take(self, rows: Index) -> "_Newest":
         return take(self, rows)
+
+    def but(self, clutter: Flags, log_density: float) -> "_Newest":
+        """As it is where the detection is of an object; as ``clutter`` (B,) it moves nothing, and nothing bends it."""
+        return _Newest(
+            jacobian=np.where(clutter[:, None, None], 0.0, self.jacobian),
+            gain=np.where(clutter[:, None], 0.0, self.gain),
+            log_density=np.where(clutter, log_density, self.log_density),
+            sigma=np.where(clutter, 0.0, self.sigma),
+            off=np.where(clutter, 0.0, self.off),
+        )
 
 
 def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, detection: Any) -> _Newest:

@@ -50,14 +50,27 @@ class KeyframeProblem:
     """
 
     def __init__(
-        self, spaces: Spaces, model: ObservationModel, detections: Any, rows: Assignments, mean: Array, root: Array
+        self,
+        spaces: Spaces,
+        model: ObservationModel,
+        detections: Any,
+        rows: Assignments,
+        mean: Array,
+        root: Array,
+        log_clutter: Array | None = None,
     ):
-        """``detections``: all n as ``model`` collects them; ``root`` (B, r + n l, r + n l)."""
+        """``detections``: the n detections as ``model`` collects them; ``root`` (B, r + n l, r + n l).
+
+        ``log_clutter`` (n,): log density of each detection where it is of no object; None: it counts nothing.
+        """
         self.spaces, self.layout, self.model, self.rows = spaces, spaces.layout, model, rows
         self._joint = spaces.joint
         self.detections = detections
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
+        self.log_clutter = np.zeros(len(self.active))  # (B,) of the detections that are of no object
+        if log_clutter is not None:
+            self.log_clutter = row_sums(np.where(self.active, 0.0, log_clutter))
         self._full = bool(self.active.all())
         self._distinct = bool((self.slots == np.arange(self.slots.shape[1])).all())
         self._frames, self.root = self._joint.frame(mean), root
@@ -65,7 +78,13 @@ class KeyframeProblem:
 
     @classmethod
     def of(
-        cls, spaces: Spaces, model: ObservationModel, predicted: PredictedBelief, detections: Any, rows: Assignments
+        cls,
+        spaces: Spaces,
+        model: ObservationModel,
+        predicted: PredictedBelief,
+        detections: Any,
+        rows: Assignments,
+        log_clutter: Array | None = None,
     ) -> "KeyframeProblem":
         """Problem of the candidates, with the priors of their states from those of their parents."""
         is_first = (rows.objects >= 0) & (_first_occurrence(rows.objects) == np.arange(rows.objects.shape[1]))
@@ -77,7 +96,7 @@ class KeyframeProblem:
             free = spaces.layout.repeated(~used)
             covariance = np.where(free[:, :, None] | free[:, None, :], np.eye(columns.shape[1]), covariance)
         root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        return cls(spaces, model, detections, rows, predicted.mean[rows.parents[:, None], blocks], root)
+        return cls(spaces, model, detections, rows, predicted.mean[rows.parents[:, None], blocks], root, log_clutter)
 
     def with_classes(self, selection: Index, classes: Index) -> "KeyframeProblem":
         """The problem of the chosen candidates, with (B, n) classes of their objects."""
@@ -96,6 +115,7 @@ class KeyframeProblem:
         part = copy.copy(self)
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
+        part.log_clutter = self.log_clutter[selection]
         return part
 
     @property
@@ -149,7 +169,9 @@ class KeyframeProblem:
         if not self.rows.objects.shape[1]:
             return np.zeros(len(y))
         x, o = self._pairs(self._states(y))
-        return row_sums(self._by_row(self.model.log_likelihood(self.detections, x, o, self._classes())))
+        return self.log_clutter + row_sums(
+            self._by_row(self.model.log_likelihood(self.detections, x, o, self._classes()))
+        )
 
     def log_joint(self, y: Array) -> Array:
         """(B, N) log P(Z, beta | x, O, C) - |y|^2 / 2 at N states of each candidate, y (B, N, size)."""
@@ -161,7 +183,7 @@ class KeyframeProblem:
         logs = self.model.log_visibility(x, o, soft=False) + self.model.log_likelihood(
             self.detections, x, o, many._classes()
         )
-        return row_sums(many._by_row(logs)).reshape(y.shape[:2]) - 0.5 * squared_norms(y)
+        return (many.log_clutter + row_sums(many._by_row(logs))).reshape(y.shape[:2]) - 0.5 * squared_norms(y)
 
     def energy(self, y: Array) -> Array:
         """(B,) energy that a mode minimises: -log P(Z | y) + |y|^2 / 2."""
@@ -170,7 +192,7 @@ class KeyframeProblem:
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, size) and Gauss-Newton Hessian (B, size, size) in y."""
         tangent = self.tangent(y)
-        energy = 0.5 * squared_norms(y)
+        energy = 0.5 * squared_norms(y) - self.log_clutter
         moved, chart = self._joint.exp_and_jacobian(tangent)
         parts = self._parts(self._joint.placed(self._frames, moved))
         if not parts:
@@ -223,7 +245,7 @@ class KeyframeProblem:
     def _classes(self) -> Index | None:
         if self.rows.classes is None or self.model.num_classes == 0:
             return None
-        return np.maximum(self.rows.classes, 0).ravel()
+        return np.where(self.active, self.rows.classes, 0).ravel()
 
     def _parts(self, states: Array) -> list[Linearisation]:
         if not self.rows.objects.shape[1]:

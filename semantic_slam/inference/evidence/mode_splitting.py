@@ -179,7 +179,7 @@ def _collected(
         for at, mode in enumerate(modes):
             origin.append(row)
             number.append(1 + at)
-            evidence.append(mode.log_evidence - before)
+            evidence.append(mode.log_evidence - before + float(expanded.stack.log_clutter[row]))
             sizes.append(mode.effective_share * mode.num_samples)
             refined.append(mode)
             windows.append(mode.window)
@@ -189,7 +189,8 @@ def _collected(
             evidence.append(float(log_evidence[row]))
             sizes.append(float(effective[row]))
             refined.append(None)
-            windows.append(_carried(expanded, row, log_evidence[row], weights.max_history))
+            explained = float(log_evidence[row] - expanded.stack.log_clutter[row])
+            windows.append(_carried(expanded, row, explained, weights.max_history))
     columns = {
         "numbers": np.array(number, dtype=int),
         "log_evidence": np.array(evidence),

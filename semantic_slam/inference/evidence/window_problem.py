@@ -33,7 +33,7 @@ class AnchorPrior:
     mean: Array  # (K, 1 + O, s), the robot's first
     covariance: Array  # (K, r + O l, r + O l)
     places: Index  # (K, S) among the objects
-    classes: Index  # (K, S), -1: no semantics; the same S have some in every hypothesis
+    classes: Index  # (K, S), -1: no semantics, or an outlier where classes are enumerated
 
 
 class WindowProblem:
@@ -57,7 +57,7 @@ class WindowProblem:
         self.size = self.motion_rows(len(links)).start
         self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
         collected = model.collect([detection for link in links for detection in link.detections])
-        named = self.classes[0] >= 0
+        named = np.full(len(self._times), model.num_classes > 0)
         self._parts = [  # detections with and without semantics
             (
                 collected if rows.all() else collected.take(np.flatnonzero(rows)),

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,14 @@ class Detections(Protocol):
 
     def take(self, index: Selection) -> "Detections":
         """Rows of a selection."""
+
+
+@runtime_checkable
+class ModelsOutliers(Protocol):
+    """An observation model whose classes are -1 where a view's score tells nothing of the object's class."""
+
+    def log_outlier(self, seen: Any) -> Array | None:
+        """(S,) log of the share of outliers times the density of the score as one; None: no view is an outlier."""
 
 
 class ObservationModel(Protocol):

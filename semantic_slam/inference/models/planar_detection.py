@@ -100,6 +100,7 @@ class PlanarDetections:
     sensor: Array  # (B, 2)
     feature: Array  # (B, F)
     feature_covariance: Array  # (B, F, F)
+    log_outlier: Array  # (B,) log density of the feature as an outlier, 0 where none is one
 
     @classmethod
     def of(cls, detections: Sequence[PlanarDetection]) -> "PlanarDetections":
@@ -120,6 +121,7 @@ class PlanarDetections:
             sensor=sensor,
             feature=np.array([item.feature for item in detections]).reshape(count, size),
             feature_covariance=np.array([item.feature_covariance for item in detections]).reshape(count, size, size),
+            log_outlier=np.zeros(count),
         )
 
     def take(self, index: Selection) -> "PlanarDetections":

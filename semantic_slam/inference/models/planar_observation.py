@@ -8,7 +8,7 @@ where S turns by a quarter.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
+from semantic_slam.viewpoint.outliers import OutlierScores
 
 POSES = Spaces.same(PlanarPoses())
 LEAST_WINDOW_RAD = 0.6
@@ -46,9 +47,14 @@ class PlanarObservation:
         visibility: PlanarVisibility,
         new_objects: NewObjectConfiguration | None = None,
         tempering: float = 1.0,
+        outliers: OutlierScores | None = None,
     ):
-        """``tempering`` N: so many views tell as much as one, each density enters with the power 1 / N."""
+        """``tempering`` N: so many views tell as much as one, each density enters with the power 1 / N.
+
+        ``outliers``: what a view's score may be besides what the class model says; None: no view is an outlier.
+        """
         self.model = model
+        self.outliers = outliers
         self.tempering = tempering
         self.visibility = visibility
         self.new_objects = new_objects or NewObjectConfiguration()
@@ -58,7 +64,7 @@ class PlanarObservation:
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
         """Detections as arrays; the same ones are asked for by one hypothesis after the other."""
         if self._collected is None or self._collected[0] is not detections:
-            self._collected = detections, PlanarDetections.of(detections)
+            self._collected = detections, self._with_outliers(PlanarDetections.of(detections))
         return self._collected[1]
 
     def geometry(self, detections: PlanarDetections, x: Array, o: Array) -> Linearisation:
@@ -76,7 +82,11 @@ class PlanarObservation:
         )
 
     def semantics(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
-        """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes."""
+        """Residual of the feature under Eq. 4.2, its covariance being that of the model and of the dropout passes.
+
+        Where views may be outliers the residual counts with the square root of the posterior that this one is none,
+        which has the gradient of the mixture's log density; the normaliser makes up for the rest.
+        """
         v = camera_in_object(x, o, _repeated(detections.sensor, len(x)))
         distance, azimuth = polar(v)
         prediction = self._predict(classes, azimuth, distance)
@@ -90,12 +100,13 @@ class PlanarObservation:
         by_view = whitened[..., 1:2] * turn[:, None]
         by_view += whitened[..., 2:] * radial[:, None]
         by_robot = by_camera(by_view, x[:, 2] - o[:, 2], detections.sensor)
-        return Linearisation(
+        part = Linearisation(
             residual=whitened[..., 0],
             jacobian_robot=by_robot,
             jacobian_object=by_pose(by_view, v),
             log_normaliser=log_normaliser,
         )
+        return part if self.outliers is None else self._robust(self.outliers, part, detections, classes)
 
     def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
@@ -108,7 +119,10 @@ class PlanarObservation:
         prediction = self._predict(classes, azimuth, distance)
         root, log_normaliser = self._noise(prediction, detections)
         residual = forward(root, self._feature_residual(prediction, detections)[..., None])[..., 0]
-        return np.asarray(total + log_normaliser - 0.5 * squared_norms(residual).reshape(-1))
+        cost = 0.5 * squared_norms(residual).reshape(-1)
+        if self.outliers is None:
+            return np.asarray(total + log_normaliser - cost)
+        return np.asarray(total + self._mixed(self.outliers, _classed(log_normaliser - cost, classes), detections)[0])
 
     def best_heading(
         self, detections: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
@@ -146,7 +160,16 @@ class PlanarObservation:
         )
         root, log_normaliser = self._noise(prediction, repeated)
         whitened = forward(root, self._feature_residual(prediction, repeated)[..., None])[..., 0]
-        return (log_normaliser - 0.5 * squared_norms(whitened).reshape(-1)).reshape(turns.shape), turns
+        profile = log_normaliser - 0.5 * squared_norms(whitened).reshape(-1)
+        if self.outliers is not None:
+            profile = self._mixed(self.outliers, profile, repeated)[0]
+        return profile.reshape(turns.shape), turns
+
+    def log_outlier(self, seen: PlanarDetections) -> Array | None:
+        """(S,) log of the share of outliers times the density of the score as one; None: no view is an outlier."""
+        if self.outliers is None:
+            return None
+        return np.asarray(np.log(self.outliers.share) + seen.log_outlier / self.tempering)
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
@@ -204,6 +227,31 @@ class PlanarObservation:
         distance, _ = polar(before)
         moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
         return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
+
+    def _with_outliers(self, detections: PlanarDetections) -> PlanarDetections:
+        if self.outliers is None or self.model is None or not len(detections.feature):
+            return detections
+        return replace(
+            detections, log_outlier=self.outliers.log_density(detections.feature, detections.feature_covariance)
+        )
+
+    def _mixed(self, outliers: OutlierScores, log_inlier: Array, detections: PlanarDetections) -> tuple[Array, Array]:
+        """(B,) log density of features that may be outliers, and (B,) posterior that they are none."""
+        log_outlier = np.tile(detections.log_outlier / self.tempering, len(log_inlier) // len(detections.log_outlier))
+        return outliers.mixed(log_inlier, log_outlier)
+
+    def _robust(
+        self, outliers: OutlierScores, part: Linearisation, detections: PlanarDetections, classes: Classes
+    ) -> Linearisation:
+        squared = squared_norms(part.residual)
+        log_mixed, inlier = self._mixed(outliers, _classed(part.log_normaliser - 0.5 * squared, classes), detections)
+        share = np.sqrt(inlier)[:, None]
+        return Linearisation(
+            residual=share * part.residual,
+            jacobian_robot=share[..., None] * part.jacobian_robot,
+            jacobian_object=share[..., None] * part.jacobian_object,
+            log_normaliser=log_mixed + 0.5 * inlier * squared,
+        )
 
     def _noise(self, prediction: Prediction, detections: PlanarDetections) -> tuple[Array, Array]:
         """Root of the covariance that the residual counts with, and (B,) log normaliser.
@@ -296,6 +344,11 @@ def _repeated(values: Array, count: int) -> Array:
     """(S, 2) of the detections as (count, 2)."""
     shape = (count // max(len(values), 1), *values.shape)
     return broadcast_copy(values, shape).reshape(-1, *values.shape[1:])
+
+
+def _classed(log_inlier: Array, classes: Classes) -> Array:
+    """(B,) log densities, none where the view is an outlier, which is class -1."""
+    return np.where(classes < 0, -np.inf, log_inlier)
 
 
 def _turned_back(sin: Array, cos: Array, x: Array, y: Array) -> Array:

@@ -22,6 +22,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
+from semantic_slam.viewpoint.outliers import OutlierScores
 
 HEADINGS = 72
 """Cells of a table all around: 5 degrees each."""
@@ -40,9 +41,9 @@ class _Seen:
 class ClassTables:
     """Evidence of views under tables over class and heading."""
 
-    def __init__(self, model: ViewpointModel, tempering: float) -> None:
-        """``tempering``: so many views tell as much as one."""
-        self._model, self._likelihoods = model, ClassLikelihoods(model, tempering)
+    def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
+        """``tempering``: so many views tell as much as one; ``outliers``: None if there are none."""
+        self._model, self._likelihoods = model, ClassLikelihoods(model, tempering, outliers)
         angles: Array = STEP_RAD * np.arange(HEADINGS, dtype=np.float64)
         self._around = Viewpoints(angles, np.zeros(HEADINGS), np.ones(HEADINGS))
 
@@ -50,7 +51,7 @@ class ClassTables:
     def of(cls, models: ClassModels) -> Self:
         """From the configured viewpoint model, which the kind of class models must have."""
         assert models.viewpoint is not None
-        return cls(models.viewpoint, models.tempering)
+        return cls(models.viewpoint, models.tempering, models.outliers)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the views of each candidate, and the objects' records after it."""

@@ -14,6 +14,7 @@ from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvi
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
+from semantic_slam.viewpoint.outliers import OutlierScores
 
 NUM_OFFSETS = 50
 """Draws of a measurement from the network's uncertainty about it."""
@@ -60,9 +61,9 @@ class DrawnFeatures:
 class ClassLikelihoods:
     """Densities of semantic measurements under every class of a viewpoint model."""
 
-    def __init__(self, model: ViewpointModel, tempering: float) -> None:
-        """``tempering``: so many views tell as much as one, as in the factors."""
-        self._model, self._power = model, 1.0 / tempering
+    def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
+        """``tempering``: so many views tell as much as one; ``outliers``: None if there are none; as in the factors."""
+        self._model, self._power, self._outliers = model, 1.0 / tempering, outliers
 
     def of(self, drawn: DrawnFeatures, viewpoints: Viewpoints) -> tuple[Array, Array]:
         """(K, C) of K measurements, each from its own viewpoint, and up to a constant (K, M, C) of draws of them."""
@@ -78,21 +79,38 @@ class ClassLikelihoods:
         moved = forward(root, np.swapaxes(residual[:, None] + offsets, 1, 2))  # (K C, F, M)
         scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
         exact = (-0.5 * (moved**2).sum(axis=1) - scale[:, None]).reshape(count, num_classes, -1)
-        return self._power * together.reshape(count, num_classes), self._power * np.swapaxes(exact, 1, 2)
+        together, exact = together.reshape(count, num_classes), np.swapaxes(exact, 1, 2)
+        if self._outliers is not None:
+            return self._mixed(self._outliers, drawn, together, exact)
+        return self._power * together, self._power * exact
+
+    def _mixed(
+        self, outliers: OutlierScores, drawn: DrawnFeatures, together: Array, exact: Array
+    ) -> tuple[Array, Array]:
+        """Densities (K, C) and (K, M, C) of views that may be outliers; of all draws of one view each is, or none."""
+        count, draws, size = drawn.offsets.shape
+        log_outlier = outliers.log_density(drawn.features, drawn.covariances)[:, None]
+        moved = (drawn.features[:, None] + drawn.offsets).reshape(-1, size)
+        log_moved = outliers.log_density(moved, np.zeros((len(moved), size, size))).reshape(count, draws, 1)
+        exact = exact - 0.5 * size * np.log(2.0 * np.pi)
+        return (
+            outliers.mixed(self._power * together, self._power * log_outlier)[0],
+            outliers.mixed(self._power * exact, self._power * log_moved)[0],
+        )
 
 
 class IndependentViews:
     """Class likelihoods at the modes, to tell the epistemic part and the coverage; no weight of its own."""
 
-    def __init__(self, model: ViewpointModel, tempering: float) -> None:
-        """``tempering``: so many views tell as much as one, as in the factors."""
-        self._model, self._likelihoods = model, ClassLikelihoods(model, tempering)
+    def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
+        """``tempering``: so many views tell as much as one; ``outliers``: None if there are none; as in the factors."""
+        self._model, self._likelihoods = model, ClassLikelihoods(model, tempering, outliers)
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
         """From the configured viewpoint model, which the kind of class models must have."""
         assert models.viewpoint is not None
-        return cls(models.viewpoint, models.tempering)
+        return cls(models.viewpoint, models.tempering, models.outliers)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Records alone: these measurements have factors."""

@@ -19,6 +19,7 @@ from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.viewpoint.model import ViewpointModel
+from semantic_slam.viewpoint.outliers import OutlierScores
 
 Records = Callable[[Sequence[int]], list[dict[int, ObjectViews]]]
 """For some candidates: object id -> record of its views, for the objects of this keyframe."""
@@ -99,6 +100,7 @@ class ClassModels:
     viewpoint: ViewpointModel | None  # P(z | c, viewpoint)
     latent: LatentObservation | None  # P(f | viewpoint, e)
     tempering: float  # so many views tell as much as one
+    outliers: OutlierScores | None = None  # scores that no class explains; None: there are none, or no such models
 
 
 class Semantics(Protocol):

@@ -29,7 +29,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
     new_objects, visibility = configuration.new_objects, _visibility(configuration)
     return Sensing(
         spaces=Spaces.same(PlanarPoses()),
-        model=PlanarObservation(settings.class_model, visibility, new_objects, settings.tempering),
+        model=PlanarObservation(settings.class_model, visibility, new_objects, settings.tempering, settings.outliers),
         reader=_reader(settings),
         robot_prior=planar_prior,
         object_prior=planar_prior,

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from semantic_slam.configuration import (
+    ClosedWorldConfiguration,
     DetectionErrorsConfiguration,
     OpenWorldConfiguration,
     PruningConfiguration,
@@ -13,6 +14,7 @@ from semantic_slam.configuration import (
     WeightsConfiguration,
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.clutter import Clutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.noise_settings import NoiseSettings
@@ -53,6 +55,8 @@ class Problem:
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
+    clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
+    closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     num_biases: int = 0  # of odometry, that are estimated with the poses
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
 

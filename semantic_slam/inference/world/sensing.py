@@ -11,6 +11,7 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.problem import KeyframeReader
 from semantic_slam.viewpoint.model import ViewpointModel
+from semantic_slam.viewpoint.outliers import OutlierScores
 
 PriorReader = Callable[[Array, Array], GaussianPrior]
 """From a (7,) pose in map and its (6, 6) covariance along the axes of map to a prior of the estimated state."""
@@ -23,6 +24,7 @@ class SensingSettings:
     configuration: Configuration
     class_model: ViewpointModel | None  # whose views enter the graphs by factors; None: detections are places alone
     tempering: float  # so many views tell as much as one
+    outliers: OutlierScores | None = None  # scores that no class explains; None: there are none
     num_features: int  # F of every detection's feature, 0 where nothing looks at it
     feature_names: tuple[str, ...]  # (F,) or () where the models do not name their features
 

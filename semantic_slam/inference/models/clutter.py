@@ -1,0 +1,53 @@
+"""Detections of nothing that a map knows: false alarms, objects that it lacks, identities that are wrong.
+
+Their places are even over the region that the sensor covers, an annular sector on the ground; beyond its largest range
+the density goes on as it is. Their scores are those of outliers.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
+
+ScoreDensity = Callable[[Sequence[Any]], Array]
+"""(n,) log densities of the scores of n detections of no object, tempered as those of objects are."""
+
+
+class Clutter(Protocol):
+    """Densities of n detections that are of no object, in the units of the observation model."""
+
+    def log_place(self, detections: Sequence[Any]) -> Array:
+        """(n,) log density of what the geometry measures."""
+
+    def log_scores(self, detections: Sequence[Any]) -> Array:
+        """(n,) log density of the scores, 0 where nothing looks at them."""
+
+
+@dataclass(frozen=True)
+class EvenClutter:
+    """Clutter of planar detections: per metre and radian of range and bearing, or per radian of a bearing alone."""
+
+    area_m2: float
+    field_of_view_rad: float
+    scores: ScoreDensity | None = None
+
+    @classmethod
+    def of(cls, region: OpenWorldConfiguration, scores: ScoreDensity | None) -> "EvenClutter":
+        """Over the region that the configuration states."""
+        area = 0.5 * region.field_of_view_rad * (region.max_range_m**2 - region.min_range_m**2)
+        return cls(area, region.field_of_view_rad, scores)
+
+    def log_place(self, detections: Sequence[Any]) -> Array:
+        """(n,) log densities; a ring's area grows with its range."""
+        even = 1.0 / self.field_of_view_rad
+        shares = [max(item.range_m, LEAST_DISTANCE_M) / self.area_m2 if item.has_range else even for item in detections]
+        return np.asarray(np.log(np.array(shares, dtype=np.float64)))
+
+    def log_scores(self, detections: Sequence[Any]) -> Array:
+        """(n,) log densities, 0 without class models."""
+        return np.zeros(len(detections)) if self.scores is None or not len(detections) else self.scores(detections)
