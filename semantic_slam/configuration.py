@@ -143,6 +143,11 @@ class OpenWorldConfiguration:
     )
     min_range_m: float = parameter(0.3, "least range of the region", minimum=0.0)
     max_range_m: float = parameter(5.0, "largest range of the region", minimum=1e-3)
+    learn_region: bool = parameter(
+        False,
+        "the region reaches as far as the detections so far, in place of field_of_view_rad, direction_rad, min_range_m"
+        " and max_range_m, which then bound nothing",
+    )
     occluder_radius_m: float = parameter(
         0.25,
         "radius of a detected object, which hides what is behind it; 0: neither it nor the depth image hides anything",

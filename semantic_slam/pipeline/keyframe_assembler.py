@@ -178,6 +178,8 @@ class KeyframeAssembler:
         """In an open world without detections from outside its region, where births are not told from known objects."""
         if not self._association.counts_misses:
             return measurements
+        if self._configuration.open_world.learn_region:
+            return measurements
         outside = ~self._region.holds(measurements.ranges_m, measurements.bearings_rad)
         if not outside.any():
             return measurements

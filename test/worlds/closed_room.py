@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from semantic_slam.viewpoint.load import load_model
 
+from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector, pose_vector_from_planar

@@ -13,6 +13,7 @@ from semantic_slam.inference.inputs.score_features import score_features
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.perception.measurement import SemanticMeasurements
 
@@ -30,15 +31,19 @@ class PlanarReader:
         bias_sigmas: Sequence[float] = (),
         feature_names: tuple[str, ...] = (),
         noise: ConfiguredNoise | None = None,
+        *,
+        learns_region: bool = False,
     ):
         self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
         self.feature_names, self.noise = feature_names, noise or ConfiguredNoise()
+        self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError when the measurements' features are not those of the class models."""
         measurements = self._with_features(keyframe.measurements)
         covariances = self.noise.of_detections(measurements.ranges_m, measurements.geometric_covariances)
         return Step(
+            sensed=self._region_after(keyframe),
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
             motion=self._motion(keyframe),
@@ -50,6 +55,15 @@ class PlanarReader:
             dropped=measurements.dropped,
             free_range_scan=measurements.free_range_scan,
         )
+
+    def _region_after(self, keyframe: Keyframe) -> SensedRegion | None:
+        """What the detections up to this keyframe have shown of the sensor's region, where it is learned."""
+        if self._sensed is None:
+            return None
+        del self._sensed[keyframe.index :]  # the newest keyframe may come again
+        measurements, before = keyframe.measurements, self._sensed[-1] if self._sensed else None
+        self._sensed.append(SensedRegion.of(measurements.ranges_m, measurements.bearings_rad, before))
+        return self._sensed[-1]
 
     def _with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """The measurements, with class scores as their features where they have none. Raises InputError."""

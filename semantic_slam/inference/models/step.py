@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.sensed_region import SensedRegion
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Step:
     scores: Array  # (D,) detector's confidence
     names: tuple[str, ...]  # (D,) identities given, "" for none
     in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
+    sensed: SensedRegion | None = None  # of the detections so far, where the sensor's region is learned
     dropped: int = 0  # inputs not used so far
     free_range_scan: Array = field(
         default_factory=lambda: np.zeros((0, 2))

@@ -69,7 +69,7 @@ class OpenAssociation:
         spaces, model = self.problem.spaces, self.problem.model
         sensed = [component.sensed(step.detections) for component in parents.components]
         predictions = [
-            self.predictor.predict(component, step.motion, detections)
+            self.predictor.predict(component, step.motion, detections, step.sensed)
             for component, detections in zip(parents.components, sensed, strict=True)
         ]
         pairs = [

@@ -18,6 +18,7 @@ from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.planar_observation import object_in_body
+from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.births import Birth, birth_of
 from semantic_slam.inference.open_world.detection_probability import (
@@ -118,12 +119,16 @@ class Predictor:
     def __init__(self, model: ObservationModel, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration):
         self.model, self.settings, self.errors = model, settings, errors
         self._region = sensor_region(settings)
-        self._clutter = settings.clutter_per_frame / self._region.area_m2
 
-    def predict(self, component: Component, motion: Motion, detections: Sequence[Any]) -> Prediction:
-        """Under the noises that the component takes robot and sensor to have. Raises LostComponentError."""
+    def predict(
+        self, component: Component, motion: Motion, detections: Sequence[Any], sensed: SensedRegion | None = None
+    ) -> Prediction:
+        """Under the noises that the component takes robot and sensor to have. Raises LostComponentError.
+
+        ``sensed``: the sensor's region where it is learned.
+        """
         motion, space, tracked = component.scaled(motion), component.spaces.robot, _tracked(component)
-        region = self._region_of(component)
+        region = self._region_of(component, sensed)
         runs = MissRuns(region.detection_probability, self.settings.miss_persistence)
         control = _control(component, motion)
         robot = space.compose(tracked.robot, control)
@@ -137,7 +142,7 @@ class Predictor:
         sigma = float(position_sigmas(spread[None])[0])
         margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
         reach = np.flatnonzero(_distances(tracked.states, robot) < region.max_range_m + margin)
-        near, beyond = self._near(component, robot, spread, births, detections, reach)
+        near, beyond = self._near(component, region, robot, spread, births, detections, reach)
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(wider, transition, motion.covariance)
@@ -171,10 +176,19 @@ class Predictor:
             region=region,
         )
 
-    def _region_of(self, component: Component) -> SensorRegion:
+    def _region_of(self, component: Component, sensed: SensedRegion | None) -> SensorRegion:
+        region = self._region
+        if sensed is not None:
+            region = replace(
+                region,
+                min_range_m=sensed.min_range_m,
+                max_range_m=sensed.max_range_m,
+                field_of_view_rad=sensed.field_of_view_rad,
+                direction_rad=sensed.direction_rad,
+            )
         if component.settings is None:
-            return self._region
-        return replace(self._region, detection_probability=component.settings.detection_probability)
+            return region
+        return replace(region, detection_probability=component.settings.detection_probability)
 
     def _with_errors(
         self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]
@@ -194,9 +208,15 @@ class Predictor:
         )
 
     def _near(
-        self, component: Component, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any],
+        self,
+        component: Component,
+        region: SensorRegion,
+        robot: Array,
+        spread: Array,
+        births: list[Birth],
+        detections: Sequence[Any],
         reach: Index,
-    ) -> tuple[Index, Array]:  # fmt: skip
+    ) -> tuple[Index, Array]:
         """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
 
         Those that fit best where they are too many, and (D,) a bound on what the others would weigh. Errors of robot
@@ -213,7 +233,7 @@ class Predictor:
         order = np.argsort(excess, kind="stable")
         order = order[excess[order] < gate]
         peaks = np.array([detection.log_normaliser for detection in detections])
-        detected = objects.existence[order[limit:]] * self._region_of(component).detection_probability
+        detected = objects.existence[order[limit:]] * region.detection_probability
         weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
@@ -235,7 +255,9 @@ class Predictor:
         if least < 1.0:
             share = undetected_share(region, runs, tracked.trail, points)
         density = self.settings.birth_density * np.maximum(share, least)
-        intensity, existence = birth(density, self._clutter, region.detection_probability)
+        intensity, existence = birth(
+            density, self.settings.clutter_per_frame / region.area_m2, region.detection_probability
+        )
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
         return np.log(np.where(ranged, intensity, intensity * region.area_m2)), existence
 

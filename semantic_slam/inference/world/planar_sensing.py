@@ -75,4 +75,5 @@ def _reader(settings: SensingSettings) -> PlanarReader:
     configuration = settings.configuration
     biases = bias_sigmas(configuration.odometry).tolist()
     noise = ConfiguredNoise(configuration.odometry, configuration.perception)
-    return PlanarReader(settings.num_features, biases, settings.feature_names, noise)
+    learns_region = configuration.open_world.learn_region
+    return PlanarReader(settings.num_features, biases, settings.feature_names, noise, learns_region=learns_region)
