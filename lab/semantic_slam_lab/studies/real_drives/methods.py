@@ -1,0 +1,82 @@
+"""The methods of the study: what each changes in the configuration for a robot that nobody calibrated."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration, OdometryConfiguration, load_configuration
+from semantic_slam.errors import InputError
+from semantic_slam.shipped import configuration_file
+
+OURS, GIVEN, BATCH = "ours", "given", "batch_cauchy"
+BASELINES = ("one_hypothesis", "nearest_neighbour", "jcbb")
+PLAIN = (OURS, GIVEN, *BASELINES, BATCH)
+"""Run without being asked for by name, ours first: it chooses the noise that the others are given."""
+WITH_ROBOTS = "with_robots"
+"""Ours with the sightings of other robots, where the drive has them."""
+ABLATIONS: dict[str, str] = {
+    "without_correlation": "",
+    "without_outliers": "",
+    "without_estimated_noise": "odometry.noise_factors and estimate_bias",
+    "without_clusters": "",
+    "without_revision": "",
+    "without_check": "",
+    "without_motion": "",
+}
+"""Name -> what of today's configuration it switches off, "" where the engine has nothing to switch off."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The noise of odometry that ours settled on."""
+
+    odometry_factor: float = 1.0  # on the covariance
+
+
+def configuration() -> Configuration:
+    """``config/uncalibrated.yaml``."""
+    return load_configuration(configuration_file("uncalibrated"))
+
+
+def offered(everything: bool) -> list[str]:
+    """Methods that run where none are named."""
+    return [*PLAIN, *(name for name, switch in ABLATIONS.items() if switch), WITH_ROBOTS] if everything else [*PLAIN]
+
+
+def checked(names: list[str]) -> list[str]:
+    """The methods of these names, ours before all others. Raises InputError for one that cannot be run."""
+    for name in names:
+        if ABLATIONS.get(name) == "":
+            raise InputError(f"real_drives: method '{name}' has nothing to switch off in this version; leave it out")
+        if name.endswith("_calibrated"):
+            raise InputError(f"real_drives: method '{name}' needs a calibration, which this version has not; leave it out")
+        if name not in offered(everything=True):
+            raise InputError(f"real_drives: no method '{name}'; there are {', '.join(offered(everything=True))}")
+    return [OURS, *(name for name in dict.fromkeys(names) if name != OURS)]
+
+
+def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Configuration:
+    """Configuration of a method that the engine runs; all but ours and ablations get the noise that ours chose."""
+    if method in (OURS, WITH_ROBOTS):
+        return base
+    if method == "without_estimated_noise":
+        return replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
+    told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor))
+    if method == GIVEN:  # a bias is estimated in open worlds alone
+        return replace(told, association=GIVEN, odometry=replace(told.odometry, estimate_bias=False))
+    association = "open" if method == "one_hypothesis" else method
+    return replace(told, association=association, pruning=replace(told.pruning, max_hypotheses=1))
+
+
+def scaled(noise: OdometryConfiguration, factor: float) -> OdometryConfiguration:
+    """Odometry whose covariance is ``factor`` times that of ``noise``, and which is not to be chosen any more."""
+    root = float(np.sqrt(factor))
+    return replace(
+        noise,
+        sigma_translation_per_m=root * noise.sigma_translation_per_m,
+        sigma_rotation_per_m=root * noise.sigma_rotation_per_m,
+        sigma_rotation_per_rad=root * noise.sigma_rotation_per_rad,
+        sigma_translation_floor_m=root * noise.sigma_translation_floor_m,
+        sigma_rotation_floor_rad=root * noise.sigma_rotation_floor_rad,
+        noise_factors=(1.0,),
+    )
