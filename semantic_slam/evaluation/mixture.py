@@ -32,8 +32,9 @@ def log_density(log_weights: Array, means: Array, covariances: Array, pose: Arra
 
     ``log_weights`` (H,), ``means`` (H, 7), ``covariances`` (H, 6, 6); NaN when a covariance is singular.
     """
-    errors = -pose_error(means, pose)[:, list(axes)]
-    spread = covariances[np.ix_(np.arange(len(means)), list(axes), list(axes))]
+    chosen = np.asarray(axes, dtype=int)
+    errors = -pose_error(means, pose)[:, chosen]
+    spread = covariances[:, chosen[:, None], chosen]
     sign, log_determinant = np.linalg.slogdet(2.0 * np.pi * spread)
     if (sign <= 0.0).any():
         return float("nan")

@@ -62,8 +62,8 @@ def run_bag(
     """Run the pipeline on ``bag`` and write the belief bag ``out_bag`` as it goes.
 
     ``map_prior`` None: the objects.json beside the bag, if there is one. ``pool`` None: ``num_backends`` backends of
-    its own in this process; one that is given can be asked afterwards what its backends hold. Raises InputError when not a single keyframe
-    can be made; bad input after that ends the run, and is in the summary.
+    its own in this process; one that is given can be asked afterwards what its backends hold. Raises InputError when
+    not a single keyframe can be made; bad input after that ends the run, and is in the summary.
     """
     if out_bag.resolve() in (bag.resolve(), bag.resolve().parent):
         raise InputError(f"{out_bag}: is the input bag; name another output")

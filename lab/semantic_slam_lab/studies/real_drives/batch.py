@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import gtsam
 import numpy as np
@@ -39,7 +40,7 @@ def batch_cauchy(record: Record, configuration: Configuration) -> Solution:
     graph.add(gtsam.PriorFactorPose2(_robot(-1), gtsam.Pose2(*pose), anchor))
     values.insert(_robot(-1), gtsam.Pose2(*pose))
     keys: dict[str, int] = {}
-    for k, (before, after) in enumerate(zip(points, points[1:], strict=False)):
+    for k, (before, after) in enumerate(pairwise(points)):
         control = planar_from_pose_vector(between(before.pose, after.pose))
         covariance = planar_from_covariance(motion_covariance(before, after, configuration.odometry))
         noise = gtsam.noiseModel.Gaussian.Covariance(covariance)

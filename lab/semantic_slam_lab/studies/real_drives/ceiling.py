@@ -9,9 +9,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
 
 
-def matched(
-    pose: Array, objects: Array, ranges_m: Array, bearings_rad: Array, sigmas: Sequence[float]
-) -> Index:
+def matched(pose: Array, objects: Array, ranges_m: Array, bearings_rad: Array, sigmas: Sequence[float]) -> Index:
     """(D,) object of every detection, the cheapest assignment one to one; -1 where there are too few objects.
 
     ``pose`` (3,) of the robot, ``objects`` (O, 2) in map, ranges and bearings (D,) in the robot's frame, and the

@@ -21,6 +21,7 @@ class Drive:
 
     name: str
     kind: str  # MRCLAM, KITTI or DLR
+    folder: Path
     words: tuple[str, ...]
 
     def write_bag(self, bag: Path, *, with_robots: bool = False) -> None:
@@ -46,12 +47,12 @@ def drives_in(data: Path) -> dict[str, Drive]:
     for folder in sorted(data.glob("mrclam_*")):
         for number in _numbers(folder, ROBOT):
             words = (MRCLAM, str(folder), "--robot", number)
-            found.append(Drive(f"{folder.name}/{number}", MRCLAM, words))
+            found.append(Drive(f"{folder.name}/{number}", MRCLAM, folder, words))
     graphs = sorted((data / DLR).glob("dlr.g2o*"))
-    found += [Drive(DLR, DLR, ("g2o", str(path))) for path in graphs[:1]]
+    found += [Drive(DLR, DLR, data / DLR, ("g2o", str(path))) for path in graphs[:1]]
     for number in _numbers(data / KITTI, LABELS):
         words = (KITTI, str(data / KITTI), "--drive", number)
-        found.append(Drive(f"{KITTI}/{number}", KITTI, words))
+        found.append(Drive(f"{KITTI}/{number}", KITTI, data / KITTI, words))
     if not found:
         raise InputError(f"{data}: holds none of mrclam_*, {DLR}, {KITTI}; name the folder of the data sets")
     return {drive.name: drive for drive in found}

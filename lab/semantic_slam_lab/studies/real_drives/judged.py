@@ -42,7 +42,7 @@ class Judged:
     best: int  # hypothesis
     names: tuple[str, ...]  # (N,) true object, "" for none
     keyframes: Index  # (N,) of every detection
-    rows: Index  # (N,) of every detection among the measurements of its frame
+    detection_ids: Index  # (N,) of every detection, within its frame
     stated: Stated
 
     @property
@@ -87,14 +87,14 @@ def judged(record: Record, path: Array) -> Judged:
     truth, beliefs = record.truth, record.beliefs
     assert truth is not None  # every importer of a drive writes what is known
     evaluation = evaluate(record, truth)
-    objects, names, keyframes, rows = [], [], [], []
+    objects, names, keyframes, ids = [], [], [], []
     for number, (belief, found) in enumerate(zip(beliefs, histories(beliefs), strict=True)):
         known = truth.associations.get(belief.stamp_ns)
         if known is not None:
             objects.append(found)
             names += [known[row] for row in belief.detection_ids]
             keyframes += [number] * len(belief.detection_ids)
-            rows += belief.detection_ids.tolist()
+            ids += belief.detection_ids.tolist()
     last = beliefs[-1]
     return Judged(
         record=record,
@@ -107,7 +107,7 @@ def judged(record: Record, path: Array) -> Judged:
         best=best_index(last),
         names=tuple(names),
         keyframes=np.array(keyframes, dtype=int),
-        rows=np.array(rows, dtype=int),
+        detection_ids=np.array(ids, dtype=int),
         stated=stated(last),
     )
 

@@ -7,6 +7,7 @@ import numpy as np
 from semantic_slam.configuration import Configuration, OdometryConfiguration, load_configuration
 from semantic_slam.errors import InputError
 from semantic_slam.shipped import configuration_file
+from semantic_slam_lab.studies.real_drives.drives import MRCLAM, Drive
 
 OURS, GIVEN, BATCH = "ours", "given", "batch_cauchy"
 BASELINES = ("one_hypothesis", "nearest_neighbour", "jcbb")
@@ -33,9 +34,18 @@ class Chosen:
     odometry_factor: float = 1.0  # on the covariance
 
 
-def configuration() -> Configuration:
-    """``config/uncalibrated.yaml``."""
-    return load_configuration(configuration_file("uncalibrated"))
+AS_CONFIGURED = Chosen()
+"""Noise as the configuration has it."""
+
+
+def configuration(seed: int = 0) -> Configuration:
+    """``config/uncalibrated.yaml``, with a seed."""
+    return replace(load_configuration(configuration_file("uncalibrated")), seed=seed)
+
+
+def suits(method: str, drive: Drive) -> bool:
+    """Whether the drive has what the method needs: landmark numbers with the detections, or other robots."""
+    return method not in (BATCH, WITH_ROBOTS) or drive.kind == MRCLAM
 
 
 def offered(everything: bool) -> list[str]:
@@ -49,7 +59,9 @@ def checked(names: list[str]) -> list[str]:
         if ABLATIONS.get(name) == "":
             raise InputError(f"real_drives: method '{name}' has nothing to switch off in this version; leave it out")
         if name.endswith("_calibrated"):
-            raise InputError(f"real_drives: method '{name}' needs a calibration, which this version has not; leave it out")
+            raise InputError(
+                f"real_drives: method '{name}' needs a calibration, which this version has not; leave it out"
+            )
         if name not in offered(everything=True):
             raise InputError(f"real_drives: no method '{name}'; there are {', '.join(offered(everything=True))}")
     return [OURS, *(name for name in dict.fromkeys(names) if name != OURS)]

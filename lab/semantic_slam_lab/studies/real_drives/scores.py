@@ -82,16 +82,14 @@ def _pose_row(belief: HybridBelief, true_pose: Array) -> tuple[float, float, flo
     """Whether the region of 95 % holds the true position, its radius [m], log density of the true pose."""
     mean, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
     held, radius = mixture.position_region(true_pose[:2] - mean[:2], covariance[:2, :2])
-    density = mixture.log_density(
-        belief.log_weights, belief.poses, belief.pose_covariances, true_pose, PLANAR_AXES
-    )
+    density = mixture.log_density(belief.log_weights, belief.poses, belief.pose_covariances, true_pose, PLANAR_AXES)
     return float(held), radius, density
 
 
 def association_metrics(run: Judged, perception: PerceptionConfiguration) -> Metrics:
     """Of detections with each other: pairs, clusters, probabilities of pairs, the share of what can be reached."""
     numbers = run.numbers()
-    pairs = pair_calibration(run.weights, run.objects, numbers)
+    pairs = pair_calibration(run.weights, run.objects, numbers.tolist())
     f1 = pair_score(run.estimate, numbers.tolist()).f1
     ceiling = ceiling_f1(run, perception)
     found: Metrics = {
@@ -119,16 +117,16 @@ def association_metrics(run: Judged, perception: PerceptionConfiguration) -> Met
 
 
 def ceiling_f1(run: Judged, perception: PerceptionConfiguration) -> float | None:
-    """Pairwise F1 of the matcher that is told the true poses and objects; None where these are not known."""
-    fixed = run.fixed
-    if not fixed or not run.has_poses:
+    """Pairwise F1 of the matcher that is told the true poses and objects; None where these are not known, or move."""
+    fixed, moves = run.fixed, any(name.startswith(MOVING) for name in run.names)
+    if not fixed or moves or not run.has_poses:
         return None
     places, estimate = np.array(list(fixed.values())), np.full(len(run.names), CLUTTER)
     sigmas = (perception.sigma_range_m, perception.sigma_bearing_rad)
     for keyframe in np.unique(run.keyframes):
         pose, own = run.true_path[keyframe], np.flatnonzero(run.keyframes == keyframe)
         seen = run.record.measurements[run.record.beliefs[keyframe].stamp_ns]
-        rows = run.rows[own]
+        rows = np.searchsorted(seen.detection_ids, run.detection_ids[own])
         if np.isfinite(pose).all():
             estimate[own] = matched(pose, places, seen.ranges_m[rows], seen.bearings_rad[rows], sigmas)
     return pair_score(estimate.tolist(), run.numbers().tolist()).f1
@@ -150,7 +148,7 @@ def object_metrics(run: Judged) -> Metrics:
 
 
 def map_metrics(objects: Array, seen: Array, every: list[Array]) -> Metrics:
-    """GOSPA of (O, 2) aligned objects against the (S, 2) true ones that were seen; ghosts are far from ``every`` one."""
+    """GOSPA of (O, 2) aligned objects against the (S, 2) true ones that were seen; ghosts are far from ``every``."""
     away = np.linalg.norm(objects[:, None] - np.array(every)[None], axis=-1).min(axis=1, initial=np.inf)
     return {"gospa_m": gospa(objects, seen).total_m, "ghosts": int((away > GHOST_M).sum())}
 
