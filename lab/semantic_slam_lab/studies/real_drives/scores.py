@@ -25,6 +25,14 @@ GHOST_M = 1.0
 LEAST_DETECTIONS = 10
 """Of a true mover that has to be called one."""
 
+EVERY_METRIC = (
+    *("ate_aligned_m", "dead_reckoning_ate_aligned_m", "rpe_m_per_m", "nees_mean", "region95_held"),
+    *("region95_median_radius_m", "log_density", "association_f1", "association_f1_clusters", "f1_of_ceiling"),
+    *("pair_right_at_90", "pair_ece", "num_objects", "num_true_objects", "duplicates", "ghosts", "gospa_m"),
+    *("parked_recall", "moving_recall", "robots_called_moving", "real_time_factor", "cpu_s"),
+)
+"""What a row of the result has in any case: None where neither the drive nor the method tells."""
+
 Metrics = dict[str, float | int | None]
 
 

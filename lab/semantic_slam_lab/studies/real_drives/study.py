@@ -25,6 +25,7 @@ from semantic_slam_lab.studies.real_drives.methods import (
 )
 from semantic_slam_lab.studies.real_drives.pages import figures_of, tables_of
 from semantic_slam_lab.studies.real_drives.run import Outcome, Task, outcome_of
+from semantic_slam_lab.studies.real_drives.scores import EVERY_METRIC
 from semantic_slam_lab.studies.result import write_result
 
 QUICK_KEYFRAMES = 60
@@ -95,7 +96,7 @@ def summary(outcomes: Outcomes, base: Configuration, quick: bool) -> dict[str, A
 
     drives: dict[str, Any] = {}
     for (drive, method), outcome in outcomes.items():
-        row = {**outcome.metrics, **({"fault": outcome.fault} if outcome.fault else {})}
+        row = {**dict.fromkeys(EVERY_METRIC), **outcome.metrics, **({"fault": outcome.fault} if outcome.fault else {})}
         drives.setdefault(drive, {"methods": {}})["methods"][method] = row
     return {
         "study": "real_drives",
