@@ -1,10 +1,10 @@
 """The study of real drives: scores on cases with closed answers, methods, and one short real stretch."""
 
-import dataclasses
 import itertools
 import json
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +80,7 @@ def small_run(
         belief = small_belief(k, [k + 1], [k], [1.0], ids, [rows], class_names=())
         places = np.array([[*objects[number], 0.0] for number in ids]) + shift
         beliefs.append(
-            dataclasses.replace(
+            replace(
                 belief,
                 poses=pose_vector_from_planar(poses[k : k + 1] + shift),
                 object_poses=pose_vector_from_planar(places),
@@ -231,7 +231,7 @@ def test_the_robust_batch_finds_a_drive_with_one_wrong_number() -> None:
         names = ("x", "y", "x") if k == 9 else ("x", "y", "z")
         frames[int(stamps[k + 1])] = measurements(int(stamps[k + 1]), pose, places, names)
         belief = small_belief(k, [k + 1], [k], [1.0], [], [[]], class_names=())
-        beliefs.append(dataclasses.replace(belief, stamp_ns=int(stamps[k + 1])))
+        beliefs.append(replace(belief, stamp_ns=int(stamps[k + 1])))
     odometry = Trajectory(stamps, pose_vector_from_planar(np.vstack([np.zeros(3), driven])))
     run = run_configuration(Path("nowhere"), (), ("",) * 7)
     solution = batch_cauchy(Record(run, tuple(beliefs), odometry, frames, None), base)
@@ -243,15 +243,26 @@ def test_the_robust_batch_finds_a_drive_with_one_wrong_number() -> None:
 
 
 def test_ours_comes_first_and_what_there_is_not_is_refused() -> None:
-    assert methods.checked(["given", "ours", "jcbb"]) == ["ours", "given", "jcbb"]
-    assert "without_estimated_noise" in methods.offered(everything=True)
+    base = methods.configuration()
+    assert methods.checked(["given", "ours", "jcbb"], base) == ["ours", "given", "jcbb"]
+    assert "without_estimated_noise" in methods.offered(base, everything=True)
     for name, reason in (
         ("without_revision", "nothing to switch off"),
         ("jcbb_calibrated", "needs a calibration"),
         ("theirs", "there are ours"),
     ):
         with pytest.raises(InputError, match=reason):
-            methods.checked([name])
+            methods.checked([name], base)
+
+
+def test_an_ablation_is_offered_where_it_changes_the_configuration() -> None:
+    base = methods.configuration()
+    independent = replace(base, detection_errors=replace(base.detection_errors, correlated_share=0.0))
+    repeating = replace(base, detection_errors=replace(base.detection_errors, correlated_share=0.9))
+    assert "without_correlation" in methods.missing(independent)
+    assert "without_correlation" not in methods.missing(repeating)
+    assert methods.configuration_of("without_correlation", repeating, methods.Chosen()) == independent
+    assert methods.configuration_of("given", repeating, methods.Chosen()).detection_errors.correlated_share == 0.0
 
 
 def test_others_are_given_the_noise_that_ours_chose() -> None:

@@ -16,10 +16,10 @@ from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam_lab.studies.real_drives.claims import claims_of
 from semantic_slam_lab.studies.real_drives.drives import Drive, chosen_drives, data_folder
 from semantic_slam_lab.studies.real_drives.methods import (
-    ABLATIONS,
     OURS,
     checked,
     configuration,
+    missing,
     offered,
     suits,
 )
@@ -49,11 +49,11 @@ def run(
 
     A quick run takes the first keyframes of the first drive of each kind.
     """
-    names = checked(methods or offered(everything))
+    base = configuration(seed)
+    names = checked(methods or offered(base, everything), base)
     chosen = chosen_drives(data_folder(data), drives)
     if quick and drives is None:
         chosen = list({drive.kind: drive for drive in reversed(chosen)}.values())[::-1]
-    base = configuration(seed)
     outcomes = run_all(chosen, names, base, jobs, QUICK_KEYFRAMES if quick else None)
     result = summary(outcomes, base, quick)
     return write_result(
@@ -104,6 +104,6 @@ def summary(outcomes: Outcomes, base: Configuration, quick: bool) -> dict[str, A
         "config": to_dict(base),
         "revision": revision(),
         "quick": quick,
-        "not_in_this_version": sorted(name for name, switch in ABLATIONS.items() if not switch),
+        "not_in_this_version": missing(base),
         "drives": drives,
     }
