@@ -20,7 +20,6 @@ from semantic_slam_lab.studies.real_drives.judged import Judged, judged
 from semantic_slam_lab.studies.real_drives.scores import association_metrics, map_metrics, object_metrics, path_metrics
 from worlds.belief_factory import START, run_configuration, small_belief
 
-from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.record import GroundTruth, Record
 from semantic_slam.evaluation.trajectory import Trajectory, alignment
@@ -111,7 +110,7 @@ def test_twins_taken_for_each_other_cost_pairs_and_not_clusters() -> None:
         [("a", "b", "c"), ("a", "b", "c")],
         {1: LANDMARKS["a"], 2: LANDMARKS["b"], 3: LANDMARKS["c"]},
     )
-    found = association_metrics(run, PerceptionConfiguration())
+    found = association_metrics(run)
     assert found["association_f1"] == pytest.approx(1 / 3)  # of three pairs claimed and three true ones c's is common
     assert found["association_f1_clusters"] == 1.0
     assert found["duplicates"] == 0
@@ -130,7 +129,7 @@ def test_a_landmark_started_twice_is_a_duplicate_and_no_ghost_and_what_is_far_is
         [("a", "c"), ("a", "c", "")],
         {1: LANDMARKS["a"], 3: LANDMARKS["c"], 4: LANDMARKS["c"], 5: [4.0, -4.0]},
     )
-    assert association_metrics(run, PerceptionConfiguration())["duplicates"] == 1
+    assert association_metrics(run)["duplicates"] == 1
     found = object_metrics(run)
     assert (found["num_objects"], found["num_true_objects"], found["ghosts"]) == (4, 2, 1)
     # Two objects too many at c^2 / 2 = 2 m^2 each; the pairs themselves are exact.
@@ -160,10 +159,10 @@ def test_the_ceiling_takes_every_object_once_and_the_cheapest_together() -> None
     # From the origin two objects ahead at 2 m and 2.4 m. Ranges 2.3 and 2.5: each is nearest to the farther one, which
     # only one of them can have.
     objects = np.array([[2.0, 0.0], [2.4, 0.0]])
-    found = matched(np.zeros(3), objects, np.array([2.3, 2.5]), np.zeros(2), (0.1, 0.05))
+    found = matched(np.zeros(3), objects, np.array([2.3, 2.5]), np.zeros(2))
     assert found.tolist() == [0, 1]
     # A third detection is left over.
-    found = matched(np.zeros(3), objects, np.array([2.0, 9.0, 2.4]), np.zeros(3), (0.1, 0.05))
+    found = matched(np.zeros(3), objects, np.array([2.0, 9.0, 2.4]), np.zeros(3))
     assert found.tolist() == [0, -1, 1]
 
 

@@ -105,7 +105,7 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
     component = pool.component(int(last.hypothesis_ids[np.argmax(last.log_weights)]))
     run = judged(record, smoothed_poses(component)[:, :3])
     metrics: Metrics = {
-        **metrics_of(run, configuration.perception),
+        **metrics_of(run),
         **_times(record, seconds),
         "odometry_factor": component.noise_factor * task.chosen.odometry_factor,
         "num_keyframes": len(record.beliefs),

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.evaluation import mixture, trajectory
 from semantic_slam.evaluation.association import CLUTTER, pair_score
 from semantic_slam.evaluation.clusters import cluster_score, clusters_of, majority, num_duplicates
@@ -36,13 +35,13 @@ EVERY_METRIC = (
 Metrics = dict[str, float | int | None]
 
 
-def metrics_of(run: Judged, perception: PerceptionConfiguration) -> Metrics:
+def metrics_of(run: Judged) -> Metrics:
     """All of one run but its times."""
     found = {
         **pose_metrics(run),
         **path_metrics(run.path, run.true_path),
         "dead_reckoning_ate_aligned_m": aligned_error(dead_reckoning(run), run.true_path),
-        **association_metrics(run, perception),
+        **association_metrics(run),
         **object_metrics(run),
     }
     return {name: known(value) for name, value in found.items()}
@@ -94,12 +93,12 @@ def _pose_row(belief: HybridBelief, true_pose: Array) -> tuple[float, float, flo
     return float(held), radius, density
 
 
-def association_metrics(run: Judged, perception: PerceptionConfiguration) -> Metrics:
+def association_metrics(run: Judged) -> Metrics:
     """Of detections with each other: pairs, clusters, probabilities of pairs, the share of what can be reached."""
     numbers = run.numbers()
     pairs = pair_calibration(run.weights, run.objects, numbers.tolist())
     f1 = pair_score(run.estimate, numbers.tolist()).f1
-    ceiling = ceiling_f1(run, perception)
+    ceiling = ceiling_f1(run)
     found: Metrics = {
         "association_f1": f1,
         "f1_of_ceiling": None if ceiling is None else f1 / ceiling,
@@ -124,19 +123,18 @@ def association_metrics(run: Judged, perception: PerceptionConfiguration) -> Met
     }
 
 
-def ceiling_f1(run: Judged, perception: PerceptionConfiguration) -> float | None:
+def ceiling_f1(run: Judged) -> float | None:
     """Pairwise F1 of the matcher that is told the true poses and objects; None where these are not known, or move."""
     fixed, moves = run.fixed, any(name.startswith(MOVING) for name in run.names)
     if not fixed or moves or not run.has_poses:
         return None
     places, estimate = np.array(list(fixed.values())), np.full(len(run.names), CLUTTER)
-    sigmas = (perception.sigma_range_m, perception.sigma_bearing_rad)
     for keyframe in np.unique(run.keyframes):
         pose, own = run.true_path[keyframe], np.flatnonzero(run.keyframes == keyframe)
         seen = run.record.measurements[run.record.beliefs[keyframe].stamp_ns]
         rows = np.searchsorted(seen.detection_ids, run.detection_ids[own])
         if np.isfinite(pose).all():
-            estimate[own] = matched(pose, places, seen.ranges_m[rows], seen.bearings_rad[rows], sigmas)
+            estimate[own] = matched(pose, places, seen.ranges_m[rows], seen.bearings_rad[rows])
     return pair_score(estimate.tolist(), run.numbers().tolist()).f1
 
 
