@@ -66,12 +66,22 @@ def robots(results: KeptResults) -> str:
 
 def errors(results: KeptResults) -> str:
     """ATE of every method on every drive whose poses are known."""
+    return _by_method(results, PATH[0])
+
+
+def pairs(results: KeptResults) -> str:
+    """Pairwise F1 of every method on every drive."""
+    return _by_method(results, PAIRS[0])
+
+
+def _by_method(results: KeptResults, column: Column) -> str:
+    """One metric, drives below each other and methods side by side."""
     rows = []
     for name, drive in _drives(results).items():
-        known = {method: row.get("ate_aligned_m") for method, row in drive["methods"].items()}
-        if any(ate is not None for ate in known.values()):
-            rows.append([name, *(value(known.get(method), ".2f m") for method in METHODS)])
-    return table(("ATE", *METHODS.values()), rows)
+        known = {method: row.get(column.key) for method, row in drive["methods"].items()}
+        if any(found is not None for found in known.values()):
+            rows.append([name, *(value(known.get(method), column.style) for method in METHODS)])
+    return table((column.heading, *METHODS.values()), rows)
 
 
 def _drives(results: KeptResults) -> Drives:
@@ -103,6 +113,11 @@ SECTIONS = (
         " an object farther than 1 m from every true one after alignment (KITTI: without any label within 1.5 m of its"
         " detections); *ceiling*: pairwise F1 of a one-to-one matcher frame by frame that is told the true pose and"
         " landmarks. NEES is of the pose at its time, unaligned, 3 when consistent; a dash: not known.",
-        (("Drive by drive, ours", each_drive), ("MRCLAM, every method", robots), ("Errors of the paths", errors)),
+        (
+            ("Drive by drive, ours", each_drive),
+            ("MRCLAM, every method", robots),
+            ("Errors of the paths", errors),
+            ("Pairs of detections", pairs),
+        ),
     ),
 )
