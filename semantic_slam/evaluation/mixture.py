@@ -4,8 +4,11 @@ Poses are (..., 7) vectors in map. Errors and covariances are x y z rx ry rz alo
 geometry_msgs/PoseWithCovariance: rotations act on the left of the mean.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from semantic_slam.geometry.arrays import Array
 
@@ -22,6 +25,31 @@ def normalised_error_squared(error: Array, covariance: Array) -> float:
         return float(error @ np.linalg.solve(covariance, error))
     except np.linalg.LinAlgError:
         return float("nan")
+
+
+def log_density(log_weights: Array, means: Array, covariances: Array, pose: Array, axes: Sequence[int]) -> float:
+    """Log density of ``pose`` (7,) under the mixture, over the ``axes`` of x y z rx ry rz [nats; m and rad].
+
+    ``log_weights`` (H,), ``means`` (H, 7), ``covariances`` (H, 6, 6); NaN when a covariance is singular.
+    """
+    chosen = np.asarray(axes, dtype=int)
+    errors = -pose_error(means, pose)[:, chosen]
+    spread = covariances[:, chosen[:, None], chosen]
+    sign, log_determinant = np.linalg.slogdet(2.0 * np.pi * spread)
+    if (sign <= 0.0).any():
+        return float("nan")
+    squared = np.einsum("hi,hi->h", errors, np.linalg.solve(spread, errors[..., None])[..., 0])
+    return float(np.logaddexp.reduce(log_weights - 0.5 * (log_determinant + squared)))
+
+
+def position_region(error: Array, covariance: Array, probability: float = 0.95) -> tuple[bool, float]:
+    """Whether a Gaussian's elliptic region in the plane holds the truth, and the radius [m] of a circle of its area.
+
+    ``error`` (2,) and ``covariance`` (2, 2) of x and y.
+    """
+    limit = float(chi2.ppf(probability, 2))
+    inside = normalised_error_squared(error, covariance) <= limit
+    return inside, float(np.sqrt(limit * np.sqrt(np.linalg.det(covariance))))
 
 
 def position_determinant(weights: Array, covariances: Array) -> float:

@@ -1,4 +1,4 @@
-"""Trajectories: interpolation, dead reckoning, rigid alignment, absolute trajectory error."""
+"""Trajectories: interpolation, dead reckoning, rigid alignment, absolute and relative trajectory errors."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 
 
@@ -56,17 +57,58 @@ def absolute_trajectory_error(estimate: Array, reference: Array) -> float:
     return float(np.sqrt(squared.mean())) if len(squared) else float("nan")
 
 
-def align(estimate: Array, reference: Array) -> Array:
-    """``estimate`` moved rigidly (rotation, translation, no scale) to fit ``reference`` best; both (N, 2 or 3).
+@dataclass(frozen=True)
+class RigidMotion:
+    """p -> rotation p + translation in the plane or in space, d = 2 or 3."""
 
-    The least squares solution of Umeyama 1991 by a singular value decomposition; rows with NaN do not vote.
+    rotation: Array  # (d, d)
+    translation: Array  # (d,)
+
+    def applied(self, points: Array) -> Array:
+        """(N, d) points, moved."""
+        return np.asarray(points @ self.rotation.T + self.translation)
+
+
+def alignment(estimate: Array, reference: Array) -> RigidMotion:
+    """Rotation and translation (no scale) that bring ``estimate`` closest to ``reference``; both (N, 2 or 3).
+
+    The least squares solution of Umeyama 1991 by a singular value decomposition; rows with NaN do not vote, and
+    without any other row nothing is moved.
     """
+    size = estimate.shape[1]
     rows = np.isfinite(estimate).all(axis=1) & np.isfinite(reference).all(axis=1)
     if not rows.any():
-        return estimate
+        return RigidMotion(np.eye(size), np.zeros(size))
     mean_estimate, mean_reference = estimate[rows].mean(axis=0), reference[rows].mean(axis=0)
     covariance = (reference[rows] - mean_reference).T @ (estimate[rows] - mean_estimate)
     left, _, right = np.linalg.svd(covariance)
-    signs = np.ones(estimate.shape[1])
+    signs = np.ones(size)
     signs[-1] = np.sign(np.linalg.det(left @ right))
-    return np.asarray((estimate - mean_estimate) @ (left * signs @ right).T + mean_reference)
+    rotation = left * signs @ right
+    return RigidMotion(rotation, mean_reference - rotation @ mean_estimate)
+
+
+def align(estimate: Array, reference: Array) -> Array:
+    """``estimate`` moved by its :func:`alignment` with ``reference``; both (N, 2 or 3)."""
+    return alignment(estimate, reference).applied(estimate)
+
+
+def relative_error_per_metre(estimate: Array, reference: Array, length_m: float = 1.0) -> float:
+    """Mean error of the robot's motion over stretches of ``length_m``, metres per metre; planar poses (N, 3).
+
+    A stretch runs from every pose to the first one that lies ``length_m`` of the reference's path ahead, and its error
+    is the distance between where both motions end, divided by the length of the stretch (Geiger et al. 2012). NaN
+    where no stretch is that long; poses with NaN are left out.
+    """
+    rows = np.isfinite(estimate).all(axis=1) & np.isfinite(reference).all(axis=1)
+    estimate, reference = estimate[rows], reference[rows]
+    steps = np.linalg.norm(np.diff(reference[:, :2], axis=0), axis=1)
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    ends = np.searchsorted(travelled, travelled + length_m)
+    starts = np.flatnonzero(ends < len(reference))
+    if not len(starts):
+        return float("nan")
+    ends = ends[starts]
+    moved, true = (se2.between(path[starts], path[ends]) for path in (estimate, reference))
+    errors = np.linalg.norm(se2.between(true, moved)[:, :2], axis=1)
+    return float((errors / (travelled[ends] - travelled[starts])).mean())

@@ -7,7 +7,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.preamble import Preamble
@@ -18,10 +18,10 @@ class InferenceStage:
     """The hypothesis manager, started by the first keyframe, whose stamp is the run's."""
 
     def __init__(
-        self, configuration: Configuration, prior: MapPrior | None, preamble: Preamble, source: str, num_backends: int
+        self, configuration: Configuration, prior: MapPrior | None, preamble: Preamble, source: str, pool: BackendPool
     ) -> None:
         self._configuration, self._prior, self._source = configuration, prior, source
-        self._estimate, self._num_backends = preamble.initial_pose, num_backends
+        self._estimate, self._pool = preamble.initial_pose, pool
         self._manager: Engine | None = None
 
     @property
@@ -49,4 +49,4 @@ class InferenceStage:
             revision=revision(),
         )
         writer.write(topics.RUN_CONFIGURATION, run, stamp_ns)
-        return Engine.of_run(run, InProcessPool(self._num_backends))
+        return Engine.of_run(run, self._pool)

@@ -19,6 +19,8 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
@@ -55,11 +57,13 @@ def run_bag(
     map_prior: MapPrior | None = None,
     max_keyframes: int | None = None,
     num_backends: int = 1,
+    pool: BackendPool | None = None,
 ) -> RunSummary:
     """Run the pipeline on ``bag`` and write the belief bag ``out_bag`` as it goes.
 
-    ``map_prior`` None: the objects.json beside the bag, if there is one. Raises InputError when not a single keyframe
-    can be made; bad input after that ends the run, and is in the summary.
+    ``map_prior`` None: the objects.json beside the bag, if there is one. ``pool`` None: ``num_backends`` backends of
+    its own in this process; one that is given can be asked afterwards what its backends hold. Raises InputError when
+    not a single keyframe can be made; bad input after that ends the run, and is in the summary.
     """
     if out_bag.resolve() in (bag.resolve(), bag.resolve().parent):
         raise InputError(f"{out_bag}: is the input bag; name another output")
@@ -70,7 +74,8 @@ def run_bag(
             print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell")
         preamble = read_preamble(reader)
         prior = map_prior if map_prior is not None else find_map_prior(bag)
-        inference = InferenceStage(configuration, prior, preamble, source_text(bag, reader.sha256()), num_backends)
+        source = source_text(bag, reader.sha256())
+        inference = InferenceStage(configuration, prior, preamble, source, pool or InProcessPool(num_backends))
         with BagWriter(out_bag) as writer:
             run = OfflineRun(configuration, found, preamble, inference, writer)
             fault = _run(run, reader, max_keyframes)

@@ -112,7 +112,7 @@ def test_every_method_recognises_the_true_class_and_the_key_alone_decides(models
 
 def test_a_data_set_for_a_study_without_one_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("sys.argv", ["run_study", "ch3_localization", "--out", str(tmp_path), "--avd", str(tmp_path)])
-    with pytest.raises(InputError, match="reads no data set"):
+    with pytest.raises(InputError, match="has no option --avd"):
         run_study.command()
     with pytest.raises(InputError, match="give both or neither"):
         data.open_sources(tmp_path, tmp_path, None, 0, True)

@@ -3,6 +3,7 @@
 import importlib
 from argparse import Namespace
 from pathlib import Path
+from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.errors import InputError
@@ -22,14 +23,15 @@ STUDIES = {
     "ch5_localization": "semantic_slam_lab.studies.ch5.localization",
     "ch5_sensitivity": "semantic_slam_lab.studies.ch5.sensitivity",
     "latent_slam": "semantic_slam_lab.studies.latent_slam.study",
+    "real_drives": "semantic_slam_lab.studies.real_drives.study",
     "rendered_localization": "semantic_slam_lab.studies.rendered.localization",
     "rendered_model_uncertainty": "semantic_slam_lab.studies.rendered.model_uncertainty",
     "replay_scaling": "semantic_slam_lab.studies.replay_scaling.study",
     "victoria_park": "semantic_slam_lab.studies.victoria_park.study",
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
-STUDIES_OF_DATA = ("avd_bigbird",)
-"""Studies whose ``run`` also takes ``avd`` and ``bigbird``, folders of data sets or None."""
+OPTIONS = {"avd_bigbird": ("avd", "bigbird"), "real_drives": ("data", "drives", "methods", "everything")}
+"""Study -> what else its ``run`` takes by keyword, as the command line has it; None or False where it has not."""
 
 RENDERED = "data"
 """Folder of a study's output that a later run of it may use."""
@@ -47,8 +49,14 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the work (default: none)")
     add_overwrite(parser)
     for name in ("avd", "bigbird"):
-        text = f"folder in {name.upper()}'s layout, for {', '.join(STUDIES_OF_DATA)} (default: simulated)"
+        text = f"avd_bigbird: folder in {name.upper()}'s layout (default: simulated)"
         parser.add_argument(f"--{name}", type=Path, metavar="DIR", help=text)
+    text = "real_drives: folder of the data sets (default: SEMANTIC_SLAM_DATA)"
+    parser.add_argument("--data", type=Path, metavar="DIR", help=text)
+    for name, what in (("drives", "such as mrclam_d6/1 or dlr (default: all)"), ("methods", "besides ours")):
+        parser.add_argument(f"--{name}", nargs="+", metavar="NAME", help=f"real_drives: {name}, {what}")
+    text = "real_drives: ablations and calibrated baselines, too, as far as there are any"
+    parser.add_argument("--all", action="store_true", dest="everything", help=text)
     return parser.parse_args(words)
 
 
@@ -66,18 +74,27 @@ def command() -> None:
         raise InputError(f"{program()}: --out is missing; name a folder for the results")
     if arguments.jobs < 1 or arguments.seed < 0:
         raise InputError(f"{program()}: --jobs must be at least 1 and --seed at least 0; correct the number")
-    data = {"avd": arguments.avd, "bigbird": arguments.bigbird} if arguments.name in STUDIES_OF_DATA else {}
-    if not data and (arguments.avd or arguments.bigbird):
-        raise InputError(f"{program()}: {arguments.name} reads no data set; leave --avd and --bigbird out")
+    options = _options(arguments)
     from semantic_slam_lab.repetitions import scheduler
 
     study = importlib.import_module(STUDIES[arguments.name])
-    inputs = [arguments.avd, arguments.bigbird]
+    inputs = [value for value in options.values() if isinstance(value, Path)]
     with claimed_folder(arguments.out, inputs, arguments.overwrite) as out, scheduler(arguments.scheduler):
         link_rendered(arguments.out, out)
-        paths = study.run(out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed, **data)
+        paths = study.run(out, quick=arguments.quick, jobs=arguments.jobs, seed=arguments.seed, **options)
     for path in paths:
         print(arguments.out / path.relative_to(out))
+
+
+def _options(arguments: Namespace) -> dict[str, Any]:
+    """What the study takes besides what all of them do; raises InputError for an option that is another study's."""
+    own = OPTIONS.get(arguments.name, ())
+    given = {name: getattr(arguments, name) for names in OPTIONS.values() for name in names}
+    others = [name for name, value in given.items() if value and name not in own]
+    if others:
+        option = "all" if others[0] == "everything" else others[0]
+        raise InputError(f"{program()}: {arguments.name} has no option --{option}; leave it out")
+    return {name: given[name] for name in own}
 
 
 def link_rendered(old: Path, new: Path) -> None:

@@ -3,7 +3,7 @@
 import re
 from typing import Any
 
-from semantic_slam_lab.documentation import benchmarks, chapter_3, chapter_4, chapter_5, rooms
+from semantic_slam_lab.documentation import benchmarks, chapter_3, chapter_4, chapter_5, real_drives, rooms
 from semantic_slam_lab.documentation.kept_results import KeptResults
 from semantic_slam_lab.documentation.markdown import table
 from semantic_slam_lab.documentation.section import Section
@@ -21,7 +21,9 @@ python -m semantic_slam_lab.documentation.build --keep out/*/result.json out/ben
 ```
 """
 
-SECTIONS = tuple(section for part in (rooms, chapter_4, chapter_3, chapter_5, benchmarks) for section in part.SECTIONS)
+SECTIONS = tuple(
+    section for part in (rooms, real_drives, chapter_4, chapter_3, chapter_5, benchmarks) for section in part.SECTIONS
+)
 
 
 def results_page(results: KeptResults) -> str:

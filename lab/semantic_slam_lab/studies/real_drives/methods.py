@@ -1,0 +1,111 @@
+"""The methods of the study: what each changes in the configuration for a robot that nobody calibrated."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration, OdometryConfiguration, load_configuration
+from semantic_slam.errors import InputError
+from semantic_slam.shipped import configuration_file
+from semantic_slam_lab.studies.real_drives.drives import MRCLAM, Drive
+
+OURS, GIVEN, BATCH = "ours", "given", "batch_cauchy"
+BASELINES = ("one_hypothesis", "nearest_neighbour", "jcbb")
+PLAIN = (OURS, GIVEN, *BASELINES, BATCH)
+"""Run without being asked for by name, ours first: it chooses the noise that the others are given."""
+WITH_ROBOTS = "with_robots"
+"""Ours with the sightings of other robots, where the drive has them."""
+
+
+def _with_independent_errors(base: Configuration) -> Configuration:
+    return replace(base, detection_errors=replace(base.detection_errors, correlated_share=0.0))
+
+
+def _with_noise_as_stated(base: Configuration) -> Configuration:
+    return replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
+
+
+ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
+    "without_correlation": _with_independent_errors,
+    "without_outliers": None,
+    "without_estimated_noise": _with_noise_as_stated,
+    "without_clusters": None,
+    "without_revision": None,
+    "without_check": None,
+    "without_motion": None,
+}
+"""Name -> what switches it off; None where the engine has no such switch."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The noise of odometry that ours settled on."""
+
+    odometry_factor: float = 1.0  # on the covariance
+
+
+AS_CONFIGURED = Chosen()
+"""Noise as the configuration has it."""
+
+
+def configuration(seed: int = 0) -> Configuration:
+    """``config/uncalibrated.yaml``, with a seed."""
+    return replace(load_configuration(configuration_file("uncalibrated")), seed=seed)
+
+
+def suits(method: str, drive: Drive) -> bool:
+    """Whether the drive has what the method needs: landmark numbers with the detections, or other robots."""
+    return method not in (BATCH, WITH_ROBOTS) or drive.kind == MRCLAM
+
+
+def offered(base: Configuration, everything: bool) -> list[str]:
+    """Methods that run where none are named; ``everything``: with the ablations that change ``base``."""
+    return [*PLAIN, *(name for name in ABLATIONS if name not in missing(base)), WITH_ROBOTS] if everything else [*PLAIN]
+
+
+def missing(base: Configuration) -> list[str]:
+    """Ablations that cannot be run: without a switch, or of what ``base`` has not switched on."""
+    return [name for name, switched in ABLATIONS.items() if switched is None or switched(base) == base]
+
+
+def checked(names: list[str], base: Configuration) -> list[str]:
+    """The methods of these names, ours before all others. Raises InputError for one that cannot be run."""
+    for name in names:
+        if name in missing(base):
+            raise InputError(f"real_drives: method '{name}' has nothing to switch off in this version; leave it out")
+        if name.endswith("_calibrated"):
+            raise InputError(
+                f"real_drives: method '{name}' needs a calibration, which this version has not; leave it out"
+            )
+        if name not in offered(base, everything=True):
+            raise InputError(f"real_drives: no method '{name}'; there are {', '.join(offered(base, everything=True))}")
+    return [OURS, *(name for name in dict.fromkeys(names) if name != OURS)]
+
+
+def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Configuration:
+    """Configuration of a method that the engine runs; all but ours and ablations get the noise that ours chose."""
+    if method in (OURS, WITH_ROBOTS):
+        return base
+    if switched := ABLATIONS.get(method):
+        return switched(base)
+    told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor))
+    if method == GIVEN:  # a bias, and errors that repeat, are estimated in open worlds alone
+        told = _with_independent_errors(told)
+        return replace(told, association=GIVEN, odometry=replace(told.odometry, estimate_bias=False))
+    association = "open" if method == "one_hypothesis" else method
+    return replace(told, association=association, pruning=replace(told.pruning, max_hypotheses=1))
+
+
+def scaled(noise: OdometryConfiguration, factor: float) -> OdometryConfiguration:
+    """Odometry whose covariance is ``factor`` times that of ``noise``, and which is not to be chosen any more."""
+    root = float(np.sqrt(factor))
+    return replace(
+        noise,
+        sigma_translation_per_m=root * noise.sigma_translation_per_m,
+        sigma_rotation_per_m=root * noise.sigma_rotation_per_m,
+        sigma_rotation_per_rad=root * noise.sigma_rotation_per_rad,
+        sigma_translation_floor_m=root * noise.sigma_translation_floor_m,
+        sigma_rotation_floor_rad=root * noise.sigma_rotation_floor_rad,
+        noise_factors=(1.0,),
+    )
