@@ -23,7 +23,12 @@ def _with_independent_errors(base: Configuration) -> Configuration:
 
 
 def _with_noise_as_stated(base: Configuration) -> Configuration:
-    return replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
+    told = replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
+    return replace(told, open_world=replace(told.open_world, detection_probabilities=()))
+
+
+def _without_revision(base: Configuration) -> Configuration:
+    return replace(base, revision=replace(base.revision, every_keyframes=0))
 
 
 ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
@@ -31,7 +36,7 @@ ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
     "without_outliers": None,
     "without_estimated_noise": _with_noise_as_stated,
     "without_clusters": None,
-    "without_revision": None,
+    "without_revision": _without_revision,
     "without_check": None,
     "without_motion": None,
 }
@@ -91,7 +96,7 @@ def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Config
         return switched(base)
     told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor))
     if method == GIVEN:  # a bias, and errors that repeat, are estimated in open worlds alone
-        told = _with_independent_errors(told)
+        told = _without_revision(_with_independent_errors(told))
         return replace(told, association=GIVEN, odometry=replace(told.odometry, estimate_bias=False))
     association = "open" if method == "one_hypothesis" else method
     return replace(told, association=association, pruning=replace(told.pruning, max_hypotheses=1))

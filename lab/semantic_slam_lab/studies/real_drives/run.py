@@ -14,6 +14,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam_lab.studies.real_drives import batch
 from semantic_slam_lab.studies.real_drives.drives import KITTI, Drive
@@ -107,7 +108,7 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
     metrics: Metrics = {
         **metrics_of(run),
         **_times(record, seconds),
-        "odometry_factor": component.noise_factor * task.chosen.odometry_factor,
+        "odometry_factor": _odometry_factor(component) * task.chosen.odometry_factor,
         "num_keyframes": len(record.beliefs),
         "detections_left_out": sum(n for reason, n in summary.dropped.items() if "outside the region" in reason),
     }
@@ -116,7 +117,11 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
     if task.method == WITH_ROBOTS:
         metrics["robots_called_moving"] = metrics["moving_recall"]
     objects = run.stated.positions[~run.stated.moves]
-    return _outcome(run, metrics, Chosen(component.noise_factor), run.path, objects, str(summary.fault or ""))
+    return _outcome(run, metrics, Chosen(_odometry_factor(component)), run.path, objects, str(summary.fault or ""))
+
+
+def _odometry_factor(component: Component) -> float:
+    return 1.0 if component.settings is None else component.settings.odometry_factor
 
 
 def _by_batch(task: Task, bag: Path, beliefs: Path) -> Outcome:
