@@ -36,10 +36,10 @@ class RobustLinearModel(LinearModel):
         log_mixed, inlier = self._mixed(part.log_normaliser - 0.5 * squared, seen, classes)
         share = np.sqrt(inlier)[:, None]
         return Linearisation(
-            share * part.residual,
-            share[..., None] * part.jacobian_robot,
-            share[..., None] * part.jacobian_object,
-            log_mixed + 0.5 * inlier * squared,
+            residual=share * part.residual,
+            jacobian_robot=share[..., None] * part.jacobian_robot,
+            jacobian_object=share[..., None] * part.jacobian_object,
+            log_normaliser=log_mixed + 0.5 * inlier * squared,
         )
 
     def log_likelihood(self, seen, x, o, classes):

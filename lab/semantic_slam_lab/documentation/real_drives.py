@@ -94,7 +94,7 @@ def _cells(row: Mapping[str, Any], columns: tuple[Column, ...]) -> list[str]:
 
 
 def _means(runs: list[Mapping[str, Any]], columns: tuple[Column, ...]) -> dict[str, float | None]:
-    """Of the runs in which a metric is known; None where it is in none."""
+    """Mean over the runs in which a metric is known; None where it is in none."""
     found: dict[str, float | None] = {}
     for column in columns:
         known = [run[column.key] for run in runs if run.get(column.key) is not None]

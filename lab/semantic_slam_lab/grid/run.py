@@ -19,11 +19,22 @@ MEASUREMENT_RANGE_LIMIT = 1e-3
 
 
 def run_of(world: World, *, semantics: bool = True) -> RunConfiguration:
-    """The default configuration but for the models that the world defines: class model and visibility."""
+    """The default configuration but for what the world defines: class model, visibility, neither clutter nor outliers."""
     sensor = world.sensor
-    model = {"kind": "parametric", "alpha": sensor.alpha, "concentration": sensor.concentration}
+    model = {
+        "kind": "parametric",
+        "alpha": sensor.alpha,
+        "concentration": sensor.concentration,
+        "outlier_share": 0.0,
+    }
     limits = {"max_range_m": sensor.max_range_m, "field_of_view_rad": sensor.field_of_view_rad}
-    configuration = from_dict({"semantic_model": model if semantics else {"kind": "none"}, "visibility": limits})
+    configuration = from_dict(
+        {
+            "semantic_model": model if semantics else {"kind": "none"},
+            "visibility": limits,
+            "closed_world": {"clutter_per_frame": 0.0},
+        }
+    )
     objects = tuple(
         ObjectPrior(
             object_id=i,

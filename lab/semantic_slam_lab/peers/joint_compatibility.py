@@ -11,7 +11,7 @@ from semantic_slam.inference.open_world.open_association import OpenAssociation
 from semantic_slam.inference.open_world.prediction import Prediction
 
 CONFIDENCE = 0.99
-"""Of the chi-squared tests, of single pairs and of all pairs together."""
+"""Confidence of the chi-squared tests, of single pairs and of all pairs together."""
 MOST_NODES = 20_000
 """Nodes of the tree that are looked at: the best found until then stands."""
 
@@ -39,7 +39,7 @@ class Innovations:
 
     @classmethod
     def of(cls, prediction: Prediction, pairs: PairDensities) -> "Innovations":
-        """Of one parent's pairs."""
+        """Innovations of all pairs of one parent."""
         layout, known = prediction.predicted.layout, len(prediction.near)
         covariance = prediction.predicted.covariance[0]
         first = pairs.parts[0].residual

@@ -22,7 +22,7 @@ from semantic_slam_lab.studies.real_drives.judged import Judged, votes
 NEAR_M = 1.5
 PARKED = ("Car", "Van")
 INSIDE_SHARE = 0.5
-"""Of a detected box's area, from which on it lies in a region that nobody labelled."""
+"""Share of a detected box's area, from which on it lies in a region that nobody labelled."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ CLUSTER_M = 0.5
 """Landmarks nearer to each other than this are of one cluster."""
 GHOST_M = 1.0
 LEAST_DETECTIONS = 10
-"""Of a true mover that has to be called one."""
+"""Detections of a true mover from which on it has to be called one."""
 
 EVERY_METRIC = (
     *("ate_aligned_m", "dead_reckoning_ate_aligned_m", "rpe_m_per_m", "nees_mean", "region95_held"),
@@ -94,7 +94,7 @@ def _pose_row(belief: HybridBelief, true_pose: Array) -> tuple[float, float, flo
 
 
 def association_metrics(run: Judged) -> Metrics:
-    """Of detections with each other: pairs, clusters, probabilities of pairs, the share of what can be reached."""
+    """Scores of detections with each other: pairs, clusters, probabilities of pairs, the share of what can be reached."""
     numbers = run.numbers()
     pairs = pair_calibration(run.weights, run.objects, numbers.tolist())
     f1 = pair_score(run.estimate, numbers.tolist()).f1
@@ -139,7 +139,7 @@ def ceiling_f1(run: Judged) -> float | None:
 
 
 def object_metrics(run: Judged) -> Metrics:
-    """Of the map at the end."""
+    """Scores of the map at the end."""
     still, fixed = run.stated.positions[~run.stated.moves], run.seen_fixed
     found: Metrics = {
         "num_objects": len(still),
