@@ -19,7 +19,7 @@ MEASUREMENT_RANGE_LIMIT = 1e-3
 
 
 def run_of(world: World, *, semantics: bool = True) -> RunConfiguration:
-    """The default configuration but for what the world defines: class model, visibility, neither clutter nor outliers."""
+    """The default configuration but for what the world defines: classes, visibility, neither clutter nor outliers."""
     sensor = world.sensor
     model = {
         "kind": "parametric",

@@ -19,7 +19,7 @@ from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, point_between, start
 
 CAUCHY = 2.3849
-"""Width of the kernel, in standard deviations: 95 % efficient where errors are Gaussian after all (Holland, Welsch 1977)."""
+"""Width of the kernel, in standard deviations: 95 % efficient where errors are Gaussian (Holland, Welsch 1977)."""
 MOST_ITERATIONS = 200
 
 

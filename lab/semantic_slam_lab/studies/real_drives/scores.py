@@ -94,7 +94,7 @@ def _pose_row(belief: HybridBelief, true_pose: Array) -> tuple[float, float, flo
 
 
 def association_metrics(run: Judged) -> Metrics:
-    """Scores of detections with each other: pairs, clusters, probabilities of pairs, the share of what can be reached."""
+    """Scores of detections with each other: pairs, clusters, pairs' probabilities, the share of what can be reached."""
     numbers = run.numbers()
     pairs = pair_calibration(run.weights, run.objects, numbers.tolist())
     f1 = pair_score(run.estimate, numbers.tolist()).f1
