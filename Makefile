@@ -48,7 +48,7 @@ demo: $(BUILT)
 	source ./env.sh; demo --out out/demo --overwrite
 
 test: $(BUILT)
-	source ./env.sh; python -m pytest $(PYTEST_ARGS)
+	source ./env.sh; python -m pytest --numprocesses=2 --dist=worksteal $(PYTEST_ARGS)
 
 bench: $(BUILT)
 	source ./env.sh; bench --out out/bench.json --overwrite $(BENCH_ARGS)
