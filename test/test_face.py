@@ -205,6 +205,7 @@ def test_keyframes_out_of_order_are_refused() -> None:
             engine.process(Keyframe.planar(wrong))
 
 
+@pytest.mark.slow
 def test_the_lost_robot_of_the_example_finds_itself(tmp_path: Path) -> None:
     example = ROOT / "examples" / "engine.py"
     picture = tmp_path / "engine.png"

@@ -30,6 +30,7 @@ def is_lost(room: ClosedRoom, **configuration: object) -> bool:
     return float(np.mean([right_share(room, beliefs[k], k) for k in range(20, len(beliefs))])) < 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 9])
 def test_one_wrong_view_at_the_start_loses_no_map(seed: int) -> None:
     room = make_room(seed)
@@ -48,6 +49,7 @@ def test_wrong_views_lose_hardly_a_room_of_ten() -> None:
     assert sum(map(is_lost, tenth)) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4])
 def test_an_object_that_the_map_lacks_is_named(seed: int) -> None:
     room = make_room(seed)

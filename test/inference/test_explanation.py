@@ -78,6 +78,7 @@ def test_scores_of_no_class_have_the_moments_of_all_classes() -> None:
     assert samples.shape == (10, model.num_features) and np.linalg.eigvalsh(found.covariance).min() > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["none", "parametric"])
 def test_a_right_model_raises_no_alarm_with_a_known_map(kind: str) -> None:
     for seed in SEEDS:
@@ -85,6 +86,7 @@ def test_a_right_model_raises_no_alarm_with_a_known_map(kind: str) -> None:
         assert unexplained(world.run, world.keyframes).max() < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values", [{"association": "given"}, {"association": "given", "weights": {"method": "laplace"}}]
 )
@@ -94,6 +96,7 @@ def test_objects_named_for_the_first_time_raise_no_alarm(values: dict[str, objec
         assert unexplained(world.run, world.keyframes).max() < 0.01
 
 
+@pytest.mark.slow
 def test_a_right_model_raises_no_alarm_in_an_open_world() -> None:
     for seed in SEEDS:
         room = make_room(20, seed)
@@ -129,6 +132,7 @@ def noisier(world: World) -> tuple[RunConfiguration, list[Keyframe]]:
     return world.run, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("misspecified", "begins", "delay"), [(without_object, 5, 3), (carried, 6, 1), (noisier, 0, 8)]
 )
@@ -142,6 +146,7 @@ def test_a_wrong_model_is_found_out(
         assert len(alarms) and begins <= alarms[0] <= begins + delay
 
 
+@pytest.mark.slow
 def test_innovations_of_a_right_model_have_their_size() -> None:
     """One on average, within four standard deviations of a mean of chi-square variables with two degrees each."""
     found = []

@@ -43,6 +43,7 @@ def test_the_number_of_backends_changes_nothing(num_backends: int) -> None:
         assert_same(single, divided)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",
     [

@@ -64,6 +64,7 @@ def test_beliefs_learn_from_fixes() -> None:
     np.testing.assert_allclose(offsets, offsets[:, :1] + np.zeros((50, 6, 2)), atol=0.01)
 
 
+@pytest.mark.slow
 def test_a_realisation_does_not_depend_on_where_it_runs() -> None:
     arguments = [("random", "sigma_n", 3, index) for index in range(2)]
     here = [model_uncertainty.realisation(*each) for each in arguments]
@@ -112,6 +113,7 @@ def test_work_goes_to_a_dask_cluster() -> None:
         np.testing.assert_allclose(one["ours"], other["ours"])
 
 
+@pytest.mark.slow
 def test_no_scheduler_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(repetitions, "CONNECT_TIMEOUT", "1s")
     with pytest.raises(InputError, match="no Dask scheduler"), scheduler("tcp://127.0.0.1:9"):

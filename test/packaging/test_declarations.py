@@ -101,6 +101,7 @@ def test_what_only_training_imports_is_the_extra_of_that_name() -> None:
     assert distributions(modules, known) == known
 
 
+@pytest.mark.slow
 def test_what_only_contracts_import_is_for_development() -> None:
     used = imported(ROOT / "semantic_slam")
     modules = {name for name, files in used.items() if all(file.startswith(CONTRACTS) for file in files)}

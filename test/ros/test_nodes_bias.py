@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 import yaml
 from worlds.node_runs import Replay, beliefs, run
 from worlds.same_beliefs import assert_same
@@ -22,6 +23,7 @@ PARAMETERS = {
 }
 
 
+@pytest.mark.slow
 def test_nodes_and_offline_agree_on_a_drive_whose_odometry_is_biased(tmp_path: Path) -> None:
     """Several odometry samples lie between its keyframes, which are not one arc together."""
     bag, configuration = tmp_path / "bag", tmp_path / "configuration.yaml"

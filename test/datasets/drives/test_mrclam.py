@@ -122,6 +122,7 @@ def test_a_truncated_archive_is_named(folder, monkeypatch):
         run(monkeypatch, folder)
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 @pytest.mark.parametrize(
     ("robot", "in_list", "of_robots", "frames", "of_nobody"),
