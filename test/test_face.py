@@ -219,6 +219,7 @@ def test_the_lost_robot_of_the_example_finds_itself(tmp_path: Path) -> None:
     assert len(example.read_text(encoding="utf-8").splitlines()) <= 40
 
 
+@pytest.mark.slow
 def test_the_example_leaves_no_file_unasked(tmp_path: Path) -> None:
     command = [sys.executable, ROOT / "examples" / "engine.py"]
     headless = os.environ | {"MPLBACKEND": "agg"}

@@ -272,6 +272,7 @@ def test_classes_are_enumerated_for_objects_that_were_not_seen_before() -> None:
     assert set(map(tuple, candidates.class_assignments)) == {(0, 0), (0, 1), (1, 0), (1, 1)}
 
 
+@pytest.mark.slow
 def test_objects_of_unknown_heading_do_not_lose_the_truth() -> None:
     """The map says nothing of headings, and its means are wrong by anything: every mode of the heading is searched."""
     world = make_world(10, sigma_start_m=0.3, sigma_heading_rad=3.0)

@@ -120,6 +120,7 @@ def _density(item, x: np.ndarray, o: np.ndarray) -> np.ndarray:
     return np.exp(-0.5 * exponent) / (2.0 * np.pi * by_range * by_bearing)
 
 
+@pytest.mark.slow
 def test_weights_are_those_of_the_prior_s_samples() -> None:
     expected, _, _, log_evidence, effective = sampled_posterior()
     assert effective > 10_000
