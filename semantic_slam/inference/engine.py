@@ -17,7 +17,7 @@ from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration, problem_of, reference_of
 from semantic_slam.inference.candidate_table import CandidateTable
-from semantic_slam.inference.explanation import Explanation, mean_of_known
+from semantic_slam.inference.evidence.explanation import Explanation, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.initial_pose import start_of_run
 from semantic_slam.inference.inputs.keyframe import Keyframe

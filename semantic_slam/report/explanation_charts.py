@@ -6,7 +6,7 @@ from scipy.stats import chi2
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.report.charts import Chart, Key, keyframes, time_plot
 
 

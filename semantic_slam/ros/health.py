@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 
 SILENT_AFTER_S = 3.0
 

@@ -15,7 +15,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import reference_of
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.explanation import (
+from semantic_slam.inference.evidence.explanation import (
     PRIOR,
     WINDOW_KEYFRAMES,
     Explanation,
