@@ -68,6 +68,7 @@ def test_saved_configurations_admit_the_foreign_name(foreign: dict[str, str]) ->
     assert told(foreign, "-c", line).returncode == 0
 
 
+@pytest.mark.slow
 def test_without_the_package_its_name_is_refused_with_those_that_are_known(tmp_path: Path) -> None:
     run = told(dict(os.environ), "-m", "semantic_slam.cli.commands", "report", "bags/aliased_room", "--out", tmp_path,
                "--config", PACKAGE / "foreign.yaml")  # fmt: skip

@@ -49,6 +49,7 @@ def test_every_name_is_there_and_costs_nothing_before_it_is_asked_for() -> None:
     assert subprocess.run([sys.executable, "-c", line]).returncode == 0
 
 
+@pytest.mark.slow
 def test_engines_are_asked_for_without_loading_networks() -> None:
     line = "from semantic_slam import Engine; import sys; assert not {'torch', 'rosbags', 'cv2'} & set(sys.modules)"
     told = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True)
@@ -228,6 +229,7 @@ def test_the_example_leaves_no_file_unasked(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_the_session_of_the_page_runs() -> None:
     page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
     (session,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)

@@ -11,7 +11,8 @@ from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.outputs import add_overwrite, claimed_folder
 from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
-DOMAINS = 100
+DOMAINS = 50
+"""ROS domains of demos, from 1 on; what runs beside them, such as tests, keeps to those above."""
 REPLAY_TIMEOUT_S = 3600.0
 
 

@@ -132,6 +132,7 @@ def test_weights_are_those_of_the_prior_s_samples() -> None:
     assert sum(abs(outcome.weights.get(beta, 0.0) - weight) for beta, weight in expected.items()) < 0.02
 
 
+@pytest.mark.slow
 def test_moments_are_those_of_the_prior_s_samples() -> None:
     _, mean, covariance, _, _ = sampled_posterior()
     belief = curved_outcome().belief

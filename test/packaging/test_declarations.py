@@ -109,6 +109,7 @@ def test_what_only_contracts_import_is_for_development() -> None:
     assert modules and distributions(modules, known) <= known
 
 
+@pytest.mark.slow
 def test_only_the_nodes_import_ros() -> None:
     used = imported(ROOT / "semantic_slam")
     assert all(file.startswith("semantic_slam/ros/") for name in OF_ROS & set(used) for file in used[name])
