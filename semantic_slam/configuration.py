@@ -278,6 +278,12 @@ class OdometryConfiguration:
     sigma_bias_scale: float = parameter(
         0.02, "estimate_bias: standard deviation of the relative error of the distance before the drive", minimum=1e-9
     )
+    sigma_clock_offset_s: float = parameter(
+        0.0,
+        "estimate_bias: standard deviation [s] of how much later odometry is stamped than detections of that instant;"
+        " 0: one clock",
+        minimum=0.0,
+    )
 
 
 @dataclass(frozen=True)

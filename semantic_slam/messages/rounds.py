@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.clock_offset import OFFSETS
 from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, columns
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep
@@ -29,7 +30,10 @@ COMPONENTS_TYPE = "semantic_slam_msgs/msg/Components"
 
 RUN_LAYOUT: Layout = {"class_names": ("C",)}
 
-KEYFRAME_LAYOUT: Layout = {"odometry_slopes": MayBeEmpty((3, 2))}
+KEYFRAME_LAYOUT: Layout = {
+    "odometry_slopes": MayBeEmpty((3, 2)),
+    "odometry_shifts": MayBeEmpty((len(OFFSETS), 3)),
+}
 
 CANDIDATES_LAYOUT: Layout = {
     "ids": ("K",),
@@ -96,11 +100,12 @@ def run_from_message(message: Any) -> RunConfiguration:
 
 def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
     """Keyframe of the run ``run_id``."""
-    slopes = np.zeros(0) if value.odometry_slopes is None else value.odometry_slopes
+    told = {name: getattr(value, name) for name in KEYFRAME_LAYOUT}
+    arrays = {name: np.zeros(0) if array is None else array for name, array in told.items()}
     return filled(
         KEYFRAME_TYPE,
         KEYFRAME_LAYOUT,
-        {"run_id": run_id, "keyframe": value.index, "odometry_slopes": slopes},
+        {"run_id": run_id, "keyframe": value.index, **arrays},
         header=header_message(value.stamp_ns, "map"),
         odometry=covariance_pose_message(value.odometry, value.odometry_covariance),
         measurements=measurements_to_message(value.measurements),
@@ -109,14 +114,14 @@ def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
 
 def keyframe_from_message(message: Any) -> Keyframe:
     """The keyframe without the id of its run, which is ``message.run_id``."""
-    slopes = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)["odometry_slopes"]
+    arrays = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)
     return Keyframe(
         index=int(message.keyframe),
         stamp_ns=header_stamp_ns(message),
         odometry=pose_vector(message.odometry.pose),
         odometry_covariance=covariance_matrix(message.odometry),
         measurements=measurements_from_message(message.measurements),
-        odometry_slopes=slopes if slopes.size else None,
+        **{name: array if array.size else None for name, array in arrays.items()},
     )
 
 

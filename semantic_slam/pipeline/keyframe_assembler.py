@@ -15,18 +15,27 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.configuration import Configuration
+from semantic_slam.configuration import Configuration, OdometryConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
+from semantic_slam.inference.models.clock_offset import OFFSETS
 from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, motion_slopes, point_between, start
+from semantic_slam.pipeline.motion import (
+    OdometryPoint,
+    motion_covariance,
+    motion_shifts,
+    motion_slopes,
+    point_between,
+    start,
+)
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 from semantic_slam.registry import ASSOCIATIONS
 
@@ -49,6 +58,8 @@ class KeyframeAssembler:
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
         self._newest: OdometryPoint | None = None
         self._last_keyframe: OdometryPoint | None = None  # before the first keyframe: the first odometry sample
+        self._last_poses: Array | None = None  # (G, 7) odometry there at all offsets of its clock, where estimated
+        self._offsets_ns = _offsets_ns(configuration.odometry)
         self._next_index = 0
 
     def add_odometry(self, message: Any) -> None:
@@ -99,13 +110,17 @@ class KeyframeAssembler:
         keyframes = []
         while len(self._measurements):
             stamp_ns, measurements = self._measurements.first()
-            if not at_end and not (self._odometry.has_reached(stamp_ns) and self._identities_known(measurements)):
+            if not at_end and not (self._odometry_known(stamp_ns) and self._identities_known(measurements)):
                 break
             self._measurements.pop()
             keyframe = self._keyframe(measurements)
             if keyframe is not None:
                 keyframes.append(keyframe)
         return keyframes
+
+    def _odometry_known(self, stamp_ns: int) -> bool:
+        """Whether no more odometry will follow that the motion to this stamp depends on."""
+        return self._odometry.has_reached(stamp_ns + max(self._offsets_ns, default=0))
 
     def _identities_known(self, measurements: SemanticMeasurements) -> bool:
         return not self._needs_identities(measurements) or self._identities.has_reached(measurements.stamp_ns)
@@ -142,6 +157,7 @@ class KeyframeAssembler:
             odometry_covariance=motion_covariance(self._last_keyframe, point, self._configuration.odometry),
             measurements=named,
             odometry_slopes=motion_slopes(self._last_keyframe, point),
+            odometry_shifts=self._shifts(point),
         )
         self._next_index += 1
         self._last_keyframe = point
@@ -149,20 +165,46 @@ class KeyframeAssembler:
 
     def _point(self, stamp_ns: int) -> OdometryPoint | None:
         """Odometry at an instant; the first sample stands for all before it, the last for a short while after it."""
-        earlier: OdometryPoint | None = None
-        later: OdometryPoint | None = None
-        for sample_stamp_ns, point in self._odometry:
-            if sample_stamp_ns >= stamp_ns:
-                later = point
-                break
-            earlier = point
+        earlier, later = self._around(stamp_ns)
         if earlier is None:
             return later
-        self._odometry.forget_before(earlier.stamp_ns)
+        oldest, _ = self._around(stamp_ns + min(self._offsets_ns, default=0))
+        if oldest is not None:
+            self._odometry.forget_before(oldest.stamp_ns)
         if later is not None:
             return point_between(earlier, later, stamp_ns)
         is_fresh = stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
         return replace(earlier, stamp_ns=stamp_ns) if is_fresh else None
+
+    def _around(self, stamp_ns: int) -> tuple[OdometryPoint | None, OdometryPoint | None]:
+        """The odometry before an instant, and at it or after it."""
+        earlier: OdometryPoint | None = None
+        for sample_stamp_ns, point in self._odometry:
+            if sample_stamp_ns >= stamp_ns:
+                return earlier, point
+            earlier = point
+        return earlier, None
+
+    def _shifts(self, point: OdometryPoint) -> Array | None:
+        """How the motion to ``point`` changes with the offset of odometry's clock, where that is estimated."""
+        if not self._offsets_ns:
+            return None
+        assert self._last_keyframe is not None
+        poses = np.array([self._pose(point.stamp_ns + offset_ns) for offset_ns in self._offsets_ns])
+        before = (
+            self._last_poses if self._last_poses is not None else np.tile(self._last_keyframe.pose, (len(poses), 1))
+        )
+        self._last_poses = poses
+        return motion_shifts(before, poses)
+
+    def _pose(self, stamp_ns: int) -> Array:
+        """(7,) odometry at an instant, standing still before its first sample and after its last."""
+        earlier, later = self._around(stamp_ns)
+        if earlier is not None and later is not None:
+            return point_between(earlier, later, stamp_ns).pose
+        end = earlier or later
+        assert end is not None
+        return end.pose
 
     def _is_chosen(self, measurements: SemanticMeasurements, last: OdometryPoint, point: OdometryPoint) -> bool:
         policy = self._configuration.keyframes
@@ -195,3 +237,10 @@ class KeyframeAssembler:
         if object_ids is None or max(measurements.detection_ids) >= len(object_ids):
             return None
         return replace(measurements, track_ids=tuple(object_ids[index] for index in measurements.detection_ids))
+
+
+def _offsets_ns(odometry: OdometryConfiguration) -> list[int]:
+    """Offsets of odometry's clock at which motions are told; none where it is not estimated."""
+    if not odometry.estimate_bias or odometry.sigma_clock_offset_s <= 0.0:
+        return []
+    return [round(offset * odometry.sigma_clock_offset_s * NANOSECONDS) for offset in OFFSETS]

@@ -10,6 +10,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector
 from semantic_slam.geometry.transform import between, interpolate, rotation_angle
 from semantic_slam.inference.inputs.keyframe import OdometrySample
+from semantic_slam.inference.models.clock_offset import shifts_of
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.odometry_noise import odometry_covariance
 
@@ -66,6 +67,15 @@ def motion_slopes(first: OdometryPoint, second: OdometryPoint) -> Array | None:
     if first.slopes is None or second.slopes is None:
         return None
     return np.asarray(se2.inverse_adjoint(planar_from_pose_vector(second.pose)) @ (second.slopes - first.slopes))
+
+
+def motion_shifts(first: Array, second: Array) -> Array:
+    """(G, 3) change of the planar motion by offsets of odometry's clock: ``clock_offset.shifts_of``.
+
+    Between the odometry's poses ``first`` and ``second`` (G, 7), at all offsets of each.
+    """
+    controls = [planar_from_pose_vector(between(*pair)) for pair in zip(first, second, strict=True)]
+    return shifts_of(np.array(controls))
 
 
 def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:

@@ -1,4 +1,4 @@
-"""Nodes that estimate the odometry's biases: how they change the motion travels with the keyframe."""
+"""Nodes that estimate what odometry always gets wrong: how it changes the motion travels with the keyframe."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ PARAMETERS = {
     "association": "open",
     "semantic_model": {"kind": "none"},
     "open_world": {"iterate_updates": False, "min_range_m": 4.0, "max_range_m": 21.0, "field_of_view_rad": 3.1416},
-    "odometry": {"estimate_bias": True},
+    "odometry": {"estimate_bias": True, "sigma_clock_offset_s": 0.1},
     "initial_pose": {"mean": [0.0, 0.0, 0.0], "sigma": [0.01, 0.01, 0.001]},
     "pruning": {"max_hypotheses": 4},
 }

@@ -11,7 +11,7 @@ from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.score_features import score_features
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
-from semantic_slam.inference.models.odometry_bias import slopes
+from semantic_slam.inference.models.odometry_bias import by_bias, slopes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.step import Motion, Step
@@ -21,7 +21,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 class PlanarReader:
     """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none.
 
-    ``bias_sigmas`` (2,) or none: prior standard deviations of odometry's biases, where they are estimated.
+    ``bias_sigmas`` (3,) or none: prior standard deviations of odometry's biases, where they are estimated.
     ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
     """
 
@@ -86,7 +86,8 @@ class PlanarReader:
         if not len(self.bias_sigmas):
             return Motion(control, covariance)
         given = keyframe.odometry_slopes
-        return Motion(control, covariance, (slopes(control) if given is None else given) * self.bias_sigmas)
+        change = by_bias(slopes(control) if given is None else given, self.bias_sigmas)
+        return Motion(control, covariance, change, keyframe.odometry_shifts)
 
 
 def _detection(measurements: SemanticMeasurements, covariances: Array, index: int) -> PlanarDetection:

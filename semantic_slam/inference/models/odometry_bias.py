@@ -1,4 +1,4 @@
-"""What odometry gets wrong all the way: a turn for every metre driven, and the length of a metre.
+"""What odometry gets wrong all the way: a turn for every metre driven, the length of a metre, and its clock.
 
 x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations. It
 changes a little from one stretch of the drive to the next, so that every stretch has its own variable in the smoother:
@@ -17,15 +17,22 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.states.keys import begins_stretch, bias_key
 
+NAMES = ("odometry.bias_rad_per_m", "odometry.bias_scale", "odometry.clock_offset_s")
+"""Components of c."""
+CLOCK = 2
+"""That of the clock: see :mod:`clock_offset`."""
 CHANGE = 0.1
 """Standard deviation of its change from one stretch to the next, in those of the prior."""
 
 
 def bias_sigmas(settings: OdometryConfiguration) -> Array:
-    """(2,) prior standard deviations of heading per metre [rad/m] and relative length; none where nothing is asked."""
+    """(3,) prior standard deviations: heading per metre [rad/m], relative length, clock [s]; none where none is asked.
+
+    A standard deviation of 0 keeps the clock's out of every motion.
+    """
     if not settings.estimate_bias:
         return np.zeros(0)
-    return np.array([settings.sigma_bias_rad_per_m, settings.sigma_bias_scale])
+    return np.array([settings.sigma_bias_rad_per_m, settings.sigma_bias_scale, settings.sigma_clock_offset_s])
 
 
 def slopes(control: Array) -> Array:
@@ -38,6 +45,11 @@ def slopes(control: Array) -> Array:
     change[..., 2, 0] = twist[..., 0]
     change[..., :2, 1] = twist[..., :2]
     return np.asarray(se2.right_jacobian(twist) @ change)
+
+
+def by_bias(slopes: Array, sigmas: Array) -> Array:
+    """(3, 3) change of a planar motion by the components of c, from its ``slopes`` (3, 2); that by the clock is 0."""
+    return np.concatenate([slopes * sigmas[:CLOCK], np.zeros((3, 1))], axis=1)
 
 
 def composed_slopes(before: Array, control: Array, own: Array) -> Array:

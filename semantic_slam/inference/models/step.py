@@ -18,6 +18,7 @@ class Motion:
     control: Array  # (s,) of the robot
     covariance: Array  # (r, r)
     by_bias: Array | None = None  # (r, p) change of the control by what odometry always gets wrong, where estimated
+    shifts: Array | None = None  # (G, r) that by offsets of its clock, see ``clock_offset``, where estimated
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class Predictor:
 
         ``sensed``: the sensor's region where it is learned.
         """
-        motion, space, tracked = component.scaled(motion), component.spaces.robot, _tracked(component)
+        motion, space, tracked = component.moved_by(motion), component.spaces.robot, _tracked(component)
         region = self._region_of(component, sensed)
         runs = MissRuns(region.detection_probability, self.settings.miss_persistence)
         control = _control(component, motion)

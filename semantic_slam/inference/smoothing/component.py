@@ -9,9 +9,11 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.evidence.window import Window
+from semantic_slam.inference.models.clock_offset import line_at
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.models.odometry_bias import CLOCK
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.local_map import LocalMap
@@ -129,11 +131,16 @@ class Component:
             return detections
         return [detection.scaled(self.settings.detection_factor) for detection in detections]
 
-    def scaled(self, motion: Motion) -> Motion:
-        """Odometry with the noise that this hypothesis takes it to have."""
-        if self.settings is None or self.settings.odometry_factor == 1.0:
+    def moved_by(self, motion: Motion) -> Motion:
+        """Odometry with the noise, and by the clock, that this hypothesis takes it to have."""
+        if self.settings is not None and self.settings.odometry_factor != 1.0:
+            motion = replace(motion, covariance=self.settings.odometry_factor * motion.covariance)
+        if motion.shifts is None or motion.by_bias is None or self.tracked is None:
             return motion
-        return Motion(motion.control, self.settings.odometry_factor * motion.covariance, motion.by_bias)
+        mean, sigma = self.tracked.clock
+        line = line_at(motion.control, motion.shifts, mean, sigma)
+        change = np.column_stack([motion.by_bias[:, :CLOCK], line.slope])
+        return Motion(line.control, motion.covariance + line.covariance, change)
 
     def child(self, update: ComponentUpdate, smoother: Smoother, local: LocalMap | None, max_fresh: int) -> "Component":
         """The component of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.

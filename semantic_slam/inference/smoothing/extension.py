@@ -58,7 +58,7 @@ def new_factors(
 ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
     """Odometry, priors of new objects and geometry; and values of the new keys, the robot's where its mode is."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(shared.odometry)
+    graph.add(shared.odometry(component))
     component.spaces.robot.insert(values, robot_key(component.keyframe + 1), update.robot)
     for number, prior in update.new_objects.items():
         graph.add(component.spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
@@ -67,7 +67,7 @@ def new_factors(
         graph.add(shared.geometry(item, number, update.errors))
     if update.errors is not None:
         _add_errors(component.keyframe + 1, update.errors, shared, graph, values)
-    if shared.motion.by_bias is not None and begins_stretch(component.keyframe + 1) and component.tracked is not None:
+    if shared.has_biases and begins_stretch(component.keyframe + 1) and component.tracked is not None:
         bias_change(component.keyframe + 1, component.tracked.bias, graph, values)
     return graph, values
 

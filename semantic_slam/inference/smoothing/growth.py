@@ -114,7 +114,7 @@ def _shared(parents: Sequence[Component], motion: Motion) -> dict[int, KeyframeF
     """The factors of the keyframe under each of the noises that odometry may have."""
     by_noise = {parent.noise: parent for parent in parents}
     return {
-        noise: KeyframeFactors(component.spaces, component.model, component.keyframe + 1, component.scaled(motion))
+        noise: KeyframeFactors(component.spaces, component.model, component.keyframe + 1, motion)
         for noise, component in by_noise.items()
     }
 

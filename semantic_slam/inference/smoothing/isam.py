@@ -5,7 +5,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.errors import ConsumedSmootherError
-from semantic_slam.inference.states.keys import BIAS_LETTER, DESCRIPTOR, ERROR_LETTER, VECTOR_SIZE
+from semantic_slam.inference.states.keys import DESCRIPTOR, VECTOR_SIZES
 from semantic_slam.inference.states.spaces import Spaces
 
 WILDFIRE_THRESHOLD = 1e-9
@@ -62,8 +62,8 @@ def single_step_isam(spaces: Spaces) -> gtsam.ISAM2:
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
         thresholds.insert((symbol, space.far))
-    for letter in (BIAS_LETTER, ERROR_LETTER):  # all is linear in these
-        thresholds.insert((letter, np.full(VECTOR_SIZE, np.inf)))
+    for letter, size in VECTOR_SIZES.items():  # all is linear in these
+        thresholds.insert((letter, np.full(size, np.inf)))
     parameters.setRelinearizeThreshold(thresholds)
     parameters.enablePartialRelinearizationCheck = True
     solver = gtsam.ISAM2GaussNewtonParams()

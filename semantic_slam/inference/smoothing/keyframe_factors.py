@@ -1,12 +1,12 @@
 """The factors of one keyframe that its hypotheses share: GTSAM never changes them."""
 
-from functools import cached_property
 from typing import Any
 
 from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import biased_factor
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import bias_key, error_key, error_keys, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -15,15 +15,29 @@ class KeyframeFactors:
     """Odometry to a keyframe, and geometry of its detections; each is made once."""
 
     def __init__(self, spaces: Spaces, model: ObservationModel, keyframe: int, motion: Motion) -> None:
-        self.motion = motion
+        self._motion = motion
         self._spaces, self._model, self._keyframe = spaces, model, keyframe
+        self._odometry: dict[int, Any] = {}
         self._geometry: dict[tuple[int, int], Any] = {}
         self._errors: Any = None
 
-    @cached_property
-    def odometry(self) -> Any:
-        """Factor of the motion from the keyframe before, and of the odometry's biases where those are estimated."""
-        motion, keys = self.motion, (robot_key(self._keyframe - 1), robot_key(self._keyframe))
+    @property
+    def has_biases(self) -> bool:
+        """Whether what odometry always gets wrong is estimated."""
+        return self._motion.by_bias is not None
+
+    def odometry(self, component: Component) -> Any:
+        """Factor of the motion from the keyframe before, and of the odometry's biases where those are estimated.
+
+        Components share it unless each has a clock of its own.
+        """
+        name = 0 if self._motion.shifts is None else id(component)
+        if name not in self._odometry:
+            self._odometry[name] = self._moving(component.moved_by(self._motion))
+        return self._odometry[name]
+
+    def _moving(self, motion: Motion) -> Any:
+        keys = robot_key(self._keyframe - 1), robot_key(self._keyframe)
         if motion.by_bias is None:
             return self._spaces.robot.between_factor(*keys, motion.control, motion.covariance)
         return biased_factor((*keys, bias_key(self._keyframe)), motion.control, motion.covariance, motion.by_bias)

@@ -28,7 +28,7 @@ from semantic_slam.inference.smoothing.factor_table import (
 )
 from semantic_slam.inference.smoothing.isam import OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.states.keys import VECTOR_SIZE, is_descriptor, is_vector, letter_of
+from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
@@ -139,7 +139,7 @@ class Smoother:
 
     def _size(self, key: int) -> int:
         if is_vector(key):
-            return VECTOR_SIZE
+            return VECTOR_SIZES[letter_of(key)]
         return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.spaces.of(key).tangent_size
 
     def covariances(self, keys: Sequence[int]) -> Array:

@@ -65,7 +65,7 @@ def begins_stretch(keyframe: int) -> bool:
 
 
 ERROR_LETTER = "d"
-VECTOR_SIZE = 2
+VECTOR_SIZES = {BIAS_LETTER: 3, ERROR_LETTER: 2}
 """Components of a bias of odometry, and of an error of a detection."""
 _MOST_DETECTIONS = 1 << 16
 """In one frame."""
@@ -83,4 +83,4 @@ def error_keys(keyframe: int, count: int) -> list[int]:
 
 def is_vector(key: int) -> bool:
     """Whether a GTSAM key is a bias of odometry or an error of a detection."""
-    return letter_of(key) in (BIAS_LETTER, ERROR_LETTER)
+    return letter_of(key) in VECTOR_SIZES

@@ -60,6 +60,12 @@ class TrackedStates:
         return self.robot_covariance if self.carried_covariance is None else self.carried_covariance
 
     @property
+    def clock(self) -> tuple[float, float]:
+        """Mean and standard deviation of the last bias, that of odometry's clock, in those of its prior."""
+        last = len(self.robot_covariance) + len(self.bias) - 1
+        return float(self.bias[-1]), float(np.sqrt(self.motion_covariance[last, last]))
+
+    @property
     def num_errors(self) -> int:
         """q."""
         return 0 if self.errors is None else len(self.errors.mean)

@@ -9,7 +9,7 @@ import numpy as np
 
 from semantic_slam.datasets.victoria_park import range_bearing
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.odometry_bias import bias_change, bias_prior, biased_factor
+from semantic_slam.inference.models.odometry_bias import bias_change, bias_prior, biased_factor, by_bias
 from semantic_slam.inference.states.keys import begins_stretch, bias_key
 from semantic_slam_lab.studies.victoria_park.data import Drive
 
@@ -64,7 +64,7 @@ def rms_distance(poses: Array, reference: Array) -> float:
 
 
 class _Problem:
-    """``bias_sigmas`` (2,): odometry's biases are variables, with these standard deviations; none: they are not."""
+    """``bias_sigmas`` (3,): odometry's biases are variables, with these standard deviations; none: they are not."""
 
     def __init__(self, drive: Drive, clusters: Sequence[tuple[Hashable, ...]], variance_m2: float, bias_sigmas: Array):
         self.drive, self.clusters, self.variance_m2, self.bias_sigmas = drive, clusters, variance_m2, bias_sigmas
@@ -93,8 +93,8 @@ class _Problem:
             bias_change(k, np.zeros(len(self.bias_sigmas)), graph, values)
         slopes = self.drive.keyframes[k].odometry_slopes
         assert slopes is not None  # the study works them out for all keyframes
-        by_bias = slopes * self.bias_sigmas
-        graph.add(biased_factor((*keys, bias_key(k)), control, covariance, by_bias))
+        change = by_bias(slopes, self.bias_sigmas)
+        graph.add(biased_factor((*keys, bias_key(k)), control, covariance, change))
         return graph
 
     def add(
