@@ -1,0 +1,79 @@
+"""Claims, tables and figures of the study of drawn worlds."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import kstwo
+
+from semantic_slam_lab.studies.drawn_worlds.calibration import LEVEL
+from semantic_slam_lab.studies.result import Claim, Figure, Table
+
+REQUIREMENT = "project requirement"
+LEAST_HELD = 0.9
+
+
+def claims_of(result: dict[str, Any]) -> list[Claim]:
+    """That ranks are even, probabilities right, and regions hold under wrong priors."""
+    uneven, held = result["rejected"], result["region95_held"]
+    bins = [row for rows in result["reliability"].values() for row in rows]
+    wrong = [share for truth, share in held.items() if truth != "as stated"]
+    return [
+        Claim(
+            "Ranks of the truth are even (Holm, 1 %)", REQUIREMENT, "", ", ".join(uneven) or "none uneven", not uneven
+        ),
+        Claim(
+            "What is stated with a probability holds so often (all bins, 1 %)",
+            REQUIREMENT,
+            "",
+            f"{sum(not row[3] for row in bins)} of {len(bins)} bins off",
+            all(row[3] for row in bins),
+        ),
+        Claim(
+            "Under each wrong prior 95 % regions hold the truth in at least 90 %",
+            REQUIREMENT,
+            "",
+            ", ".join(f"{share:.0%}" for share in wrong),
+            min(wrong) >= LEAST_HELD,
+        ),
+    ]
+
+
+def tables_of(result: dict[str, Any]) -> list[Table]:
+    """Of ranks, of stated probabilities, of regions."""
+    ranks = [
+        (name, str(len(result["ranks"][name])), f"{value:.3g}", "no" if name in result["rejected"] else "yes")
+        for name, value in result["p_values"].items()
+    ]
+    bins = [
+        (name, f"{mean:.2f}", f"{share:.2f}", str(count), "yes" if credible else "no")
+        for name, rows in result["reliability"].items()
+        for mean, share, count, credible in rows
+    ]
+    regions = [
+        (truth, str(result["num_worlds"][truth]), f"{share:.1%}") for truth, share in result["region95_held"].items()
+    ]
+    return [
+        Table("Ranks of the truth in what the belief says", ("quantity", "worlds", "p", "even"), tuple(ranks)),
+        Table("Stated and observed", ("what", "stated", "observed", "worlds", "credible"), tuple(bins)),
+        Table("Keyframes whose 95 % region holds the position", ("worlds drawn", "number", "held"), tuple(regions)),
+    ]
+
+
+def figures_of(out: Path, result: dict[str, Any]) -> list[Figure]:
+    """The empirical distribution of each rank, less what is even, inside the simultaneous band."""
+    from matplotlib.figure import Figure as Picture
+
+    picture = Picture(figsize=(8.0, 4.5), layout="constrained")
+    axes = picture.subplots()
+    for name, values in result["ranks"].items():
+        ordered = np.sort(values)
+        axes.plot(ordered, (np.arange(len(ordered)) + 0.5) / len(ordered) - ordered, label=name, linewidth=1.2)
+    band = float(kstwo.isf(LEVEL, min(len(values) for values in result["ranks"].values())))
+    axes.fill_between([0.0, 1.0], -band, band, color="0.9", zorder=0, label="99 % band")
+    axes.set(xlabel="rank of the truth", ylabel="empirical distribution, less the even one", xlim=(0.0, 1.0))
+    axes.legend(fontsize=7, ncols=2)
+    file = out / "ranks.png"
+    picture.savefig(file, dpi=130)
+    text = "A curve above the band on the left and below it on the right belongs to a belief that is too sure."
+    return [Figure("Ranks of the truth", text, file)]
