@@ -17,7 +17,7 @@ ELEVATION_RAD = 0.25
 """Camera over the object where nothing tells: that of a robot 2 m away."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Lookalikes:
     """O objects in the order of the belief."""
 
@@ -66,4 +66,9 @@ def lookalikes(
     probabilities = np.exp(joint - np.logaddexp.reduce(joint))
     azimuth = np.array([-modes.best()[0][-1] for modes, _ in updated])
     azimuth = np.arctan2(np.sin(azimuth), np.cos(azimuth))
-    return Lookalikes(probabilities[:-1], float(probabilities[-1]), azimuth[:-1], log_likelihood[:-1])
+    return Lookalikes(
+        probabilities=probabilities[:-1],
+        unknown=float(probabilities[-1]),
+        azimuth_rad=azimuth[:-1],
+        log_likelihood=log_likelihood[:-1],
+    )

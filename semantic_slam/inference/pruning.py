@@ -10,7 +10,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pruned:
     """Survivors, heaviest first."""
 
@@ -35,4 +35,4 @@ def prune(log_weights: Array, ids: NDArray[np.uint64], log_missing: Array, limit
     rest = np.concatenate([np.delete(log_weights, kept), log_missing, [-np.inf]])
     log_rest = float(np.logaddexp.reduce(rest))
     discarded = float(np.exp(log_rest - np.logaddexp(log_kept, log_rest)))
-    return Pruned(kept, log_weights[kept] - log_kept, log_kept, discarded)
+    return Pruned(kept=kept, log_weights=log_weights[kept] - log_kept, log_mass=log_kept, discarded=discarded)

@@ -149,7 +149,13 @@ def _of_one(look: _Look, settings: WeightsConfiguration) -> list[PosteriorMode]:
     posterior_modes = []
     for number, (at, log_part) in enumerate(zip(kept, region.log_responsibilities(samples.y), strict=True)):
         log_evidence, weights = samples.part(log_part)
-        regions = (*window.regions, ModeRegion(region, number, look.problem.mean.shape[1] - 1, len(look.problem.links)))
+        split = ModeRegion(
+            modes=region,
+            number=number,
+            num_objects=look.problem.mean.shape[1] - 1,
+            num_links=len(look.problem.links),
+        )
+        regions = (*window.regions, split)
         kept_window = None if ends else replace(window, regions=regions, log_evidence=log_evidence)
         posterior_modes.append(_mode(look, drawn, at, weights, log_evidence, kept_window))
     return posterior_modes

@@ -55,7 +55,7 @@ class WindowStep:
     observed: tuple[AssociatedDetection, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ModeRegion:
     """The share of one of several modes, over the blocks of y that a window had when it split."""
 
@@ -143,9 +143,9 @@ def window_problem_of(windows: Sequence[Window]) -> WindowProblem:
         classes.append([item.assigned_class for item in observed])
     links = [WindowKeyframe(taken.motion, tuple(item.detection for item in taken.observed)) for taken in first.taken]
     at_anchor = AnchorPrior(
-        np.array([mean for mean, _ in anchored]),
-        np.array([covariance for _, covariance in anchored]),
-        np.array(places, dtype=int),
-        np.array(classes, dtype=int),
+        mean=np.array([mean for mean, _ in anchored]),
+        covariance=np.array([covariance for _, covariance in anchored]),
+        places=np.array(places, dtype=int),
+        classes=np.array(classes, dtype=int),
     )
     return WindowProblem(first.anchor.spaces, first.anchor.model, at_anchor, links)

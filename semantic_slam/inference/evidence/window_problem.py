@@ -26,7 +26,7 @@ class WindowKeyframe:
     detections: tuple[Any, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AnchorPrior:
     """K Gaussians over robot and O objects at the anchor, and what each of S detections since is."""
 

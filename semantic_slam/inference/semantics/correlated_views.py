@@ -29,7 +29,7 @@ LEAST_EFFECTIVE_SHARE = 0.2
 """Share of the tracks that moments are taken from at least: fewer would claim a precision that they do not have."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RecordedView:
     """One semantic measurement of an object."""
 
@@ -93,7 +93,9 @@ class CorrelatedViews:
         stack, index = given.stack, given.used[number]
         detection = given.step.detections[index]
         variance = np.diag(detection.feature_covariance)
-        seen = RecordedView(given.step.index, detection.sensor, detection.feature, variance)
+        seen = RecordedView(
+            keyframe=given.step.index, sensor=detection.sensor, feature=detection.feature, variance=variance
+        )
         sightings = []
         for row in np.flatnonzero(stack.active[:, number]):
             place = int(stack.rows.objects[row, number])
