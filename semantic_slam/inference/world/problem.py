@@ -1,7 +1,7 @@
 """What a run is about: models, priors and settings, built once from the run's configuration."""
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Problem:
     objects: tuple[ObjectEntry, ...]
     class_names: tuple[str, ...]
     seed: int
-    association: str  # name of the strategy in the registry
+    association: type[Any]  # an AssociationStrategy as inference/association/strategy.py describes it
     distinct: bool
     semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
