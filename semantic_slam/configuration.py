@@ -196,7 +196,7 @@ class DetectionErrorsConfiguration:
     correlated_share: float = parameter(
         0.0,
         "share of the variance of a detection's place that repeats, in neighbours and in the next views; 0: all is new;"
-        " for association: open with iterate_updates: false",
+        " for association: open, or given, with iterate_updates: false",
         minimum=0.0,
         maximum=0.99,
     )
@@ -267,10 +267,14 @@ class OdometryConfiguration:
     sigma_translation_floor_m: float = parameter(0.01, "least standard deviation of x and y per keyframe", minimum=1e-6)
     sigma_rotation_floor_rad: float = parameter(0.005, "least standard deviation of yaw per keyframe", minimum=1e-6)
     noise_factors: tuple[float, ...] = parameter(
-        (1.0,), "association: open: factors on the covariance, of which every hypothesis has one; evidence decides"
+        (1.0,),
+        "association: open, or given with iterate_updates: false: factors on the covariance, of which every hypothesis"
+        " has one; evidence decides",
     )
     estimate_bias: bool = parameter(
-        False, "estimate a constant error per metre with the poses; for association: open with iterate_updates: false"
+        False,
+        "estimate a constant error per metre with the poses; for association: open, or given, with"
+        " iterate_updates: false",
     )
     sigma_bias_rad_per_m: float = parameter(
         0.003, "estimate_bias: standard deviation of the heading error per metre before the drive", minimum=1e-9
@@ -314,8 +318,8 @@ class PerceptionConfiguration:
     sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
     noise_factors: tuple[float, ...] = parameter(
         (1.0,),
-        "association: open, iterate_updates: false, no classes: factors on the covariance of places, of which every"
-        " hypothesis has one; evidence decides",
+        "association: open or given, iterate_updates: false, no classes: factors on the covariance of places, of which"
+        " every hypothesis has one; evidence decides",
     )
     depth_to_width: float = parameter(
         0.5, "the centre lies this share of the apparent width behind the visible surface", minimum=0.0

@@ -24,7 +24,6 @@ from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.registry import ASSOCIATIONS
 
 
 class Backend:
@@ -42,7 +41,7 @@ class Backend:
         self.run_id = run.run_id
         self.problem = self._given_problem or problem_of(run)
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
-        self.association: AssociationStrategy = ASSOCIATIONS.load(self.problem.association)(self.problem, self.registry)
+        self.association: AssociationStrategy = self.problem.association(self.problem, self.registry)
         self.expander = Expander(self.problem, self.association)
         self.held: dict[int, WeightedComponent] = {
             ROOT_ID + number: WeightedComponent(self.association.root(number), log_weight)

@@ -13,7 +13,7 @@ from semantic_slam.configuration import Configuration, SemanticModelConfiguratio
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar
-from semantic_slam.inference.association.strategy import AssociationStrategy
+from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
 from semantic_slam.inference.models.clutter import EvenClutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
@@ -29,7 +29,7 @@ from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingBuilder, SensingSettings
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
-from semantic_slam.registry import ASSOCIATIONS, OBSERVATIONS, SEMANTICS
+from semantic_slam.registry import OBSERVATIONS, SEMANTICS
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
 from semantic_slam.viewpoint.outliers import OutlierScores
 
@@ -51,7 +51,7 @@ def make_run_configuration(
 
     Raises InputError when detections have to be associated with a map that has no objects.
     """
-    association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
+    association = strategy_of(configuration)
     if association.needs_map and not (map_prior and map_prior.objects):
         raise InputError(
             f"association is '{configuration.association}' but there is no map prior; give --map-prior objects.json,"
@@ -87,19 +87,22 @@ def make_run_configuration(
 
 
 def _check_odometry(configuration: Configuration, association: type[AssociationStrategy]) -> None:
-    factors, is_open = configuration.odometry.noise_factors, association.tracks_objects
-    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not is_open):
-        raise InputError("odometry.noise_factors must be positive, and other than [1.0] only with association: open")
-    single_steps = is_open and not configuration.open_world.iterate_updates
+    factors, tracks = configuration.odometry.noise_factors, association.tracks_objects
+    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not tracks):
+        raise InputError(
+            "odometry.noise_factors must be positive, and other than [1.0] only with association: open, or given with"
+            " open_world.iterate_updates: false"
+        )
+    single_steps = tracks and not configuration.open_world.iterate_updates
     if configuration.odometry.estimate_bias and not single_steps:
         raise InputError(
             "odometry.estimate_bias works only where updates are not iterated;"
-            " set association: open and open_world.iterate_updates: false"
+            " set association: open, or given, and open_world.iterate_updates: false"
         )
     if configuration.detection_errors.correlated_share > 0.0 and not single_steps:
         raise InputError(
             "detection_errors.correlated_share works only where updates are not iterated;"
-            " set association: open and open_world.iterate_updates: false"
+            " set association: open, or given, and open_world.iterate_updates: false"
         )
 
 
@@ -108,7 +111,7 @@ def _check_detections(configuration: Configuration, association: type[Associatio
     plain = configuration.semantic_model.kind == "none" and not configuration.open_world.iterate_updates
     if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not (association.tracks_objects and plain)):
         raise InputError(
-            "perception.noise_factors must be positive, and other than [1.0] only with association: open,"
+            "perception.noise_factors must be positive, and other than [1.0] only with association: open or given,"
             " open_world.iterate_updates: false and semantic_model.kind: none"
         )
     if probabilities and not 0.0 < min(probabilities) <= max(probabilities) < 1.0:
@@ -117,13 +120,25 @@ def _check_detections(configuration: Configuration, association: type[Associatio
 
 def _check_revision(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     if configuration.revision.every_keyframes > 0 and not association.tracks_objects:
-        raise InputError("revision.every_keyframes is for worlds without a map; set association: open, or set it to 0")
+        raise InputError(
+            "revision.every_keyframes is for worlds without a map; set association: open, or set it to 0 (given with"
+            " open_world.iterate_updates: false has nothing to revise)"
+        )
 
 
-def _noises(configuration: Configuration) -> tuple[NoiseSettings | None, ...]:
+def _noises(configuration: Configuration, association: type[AssociationStrategy]) -> tuple[NoiseSettings | None, ...]:
     """What hypotheses may take the noises to be; where objects are not tracked, all is as told."""
-    association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
     return NoiseSettings.grid(configuration) if association.tracks_objects else (None,)
+
+
+def _as_used(configuration: Configuration, association: type[AssociationStrategy]) -> Configuration:
+    """Without what ``association`` has no use for: names leave nothing to revise, and misses may not count."""
+    revision, world = configuration.revision, configuration.open_world
+    if association.wants_identities:
+        revision = replace(revision, every_keyframes=0)
+    if not association.counts_misses:
+        world = replace(world, detection_probabilities=(), miss_persistence=0.0)
+    return replace(configuration, revision=revision, open_world=world)
 
 
 def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
@@ -137,6 +152,8 @@ def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
 def problem_of(run: RunConfiguration) -> Problem:
     """The problem that a run announces."""
     configuration = from_dict(json.loads(run.configuration), "run configuration")
+    association = strategy_of(configuration)
+    configuration = _as_used(configuration, association)
     settings = configuration.semantic_model
     tempering = _tempering(settings)
     model, descriptors = load_model(settings), load_latent_model(settings)
@@ -148,7 +165,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     semantics: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
     return Problem(
         num_biases=len(bias_sigmas(configuration.odometry)),
-        noises=_noises(configuration),
+        noises=_noises(configuration, association),
         spaces=sensing.spaces,
         model=sensing.model,
         reader=sensing.reader,
@@ -156,7 +173,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         objects=objects,
         class_names=run.class_names,
         seed=configuration.seed,
-        association=configuration.association,
+        association=association,
         semantics=semantics.of(
             ClassModels(
                 configuration=configuration, viewpoint=model, latent=latent, tempering=tempering, outliers=outliers
@@ -226,6 +243,7 @@ def _sensing(
     return build(
         SensingSettings(
             configuration=configuration,
+            tracks_objects=strategy_of(configuration).tracks_objects,
             class_model=model if _views_are_factors(configuration) else None,
             tempering=_tempering(configuration.semantic_model),
             outliers=outliers,
@@ -274,7 +292,7 @@ def semantics_name(configuration: Configuration) -> str:
 
 def _carries_views(configuration: Configuration) -> bool:
     """Whether views stay with the objects of a hypothesis until it is known how these are turned."""
-    association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
+    association = strategy_of(configuration)
     enumerates = configuration.open_world.classes == "enumerated"
     has_factors = class_model_kind(configuration.semantic_model).has_factors
     return association.carries_views and not (has_factors and enumerates)

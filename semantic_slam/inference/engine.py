@@ -34,7 +34,6 @@ from semantic_slam.inference.rounds import HeldComponent, Rounds, held_component
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.registry import ASSOCIATIONS
 
 
 class Engine:
@@ -72,7 +71,7 @@ class Engine:
         self.problem, self.pool = problem or problem_of(run), pool
         self.reference = reference_of(run, self.problem) if problem is None else None
         pool.start(run)
-        self.association: type[AssociationStrategy] = ASSOCIATIONS.load(self.problem.association)
+        self.association: type[AssociationStrategy] = self.problem.association
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names))
         self.hypotheses = Hypotheses(self.problem.log_root_weights, pool.backend_ids[0])
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)

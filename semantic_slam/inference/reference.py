@@ -24,6 +24,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, broadcast_copy
 from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.miss_runs import MissRuns
@@ -33,7 +34,6 @@ from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.unseen_ground import unseen_share
 from semantic_slam.inference.world.objects import ObjectEntry
-from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
 
 NUM_AZIMUTHS = 36
@@ -91,7 +91,7 @@ class Reference:
     def __init__(self, configuration: Configuration, objects: Iterable[ObjectEntry], scores: ScoreDensity) -> None:
         """``objects`` are those of the map prior."""
         self._configuration, self._scores = configuration, scores
-        self._association = ASSOCIATIONS.load(configuration.association)
+        self._association = strategy_of(configuration)
         self._region = _region(configuration, is_open=self._association.tracks_objects)
         self._trail: list[Array] = []  # of the heaviest hypothesis, as estimated then
         self._named = {name for entry in objects for name in (entry.name, str(entry.object_id))}

@@ -19,7 +19,7 @@ from semantic_slam.configuration import Configuration, OdometryConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import between
-from semantic_slam.inference.association.strategy import AssociationStrategy
+from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
 from semantic_slam.inference.models.clock_offset import OFFSETS
 from semantic_slam.inference.open_world.prediction import sensor_region
@@ -37,7 +37,6 @@ from semantic_slam.pipeline.motion import (
     start,
 )
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
-from semantic_slam.registry import ASSOCIATIONS
 
 MAX_EXTRAPOLATION_S = 1.0
 """How long the last odometry still stands for the robot's pose; measurements after that cannot be used."""
@@ -50,7 +49,7 @@ class KeyframeAssembler:
         """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`."""
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
-        self._association: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
+        self._association = strategy_of(configuration)
         self._has_identities = has_identities
         self._region = sensor_region(configuration.open_world)
         self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)

@@ -18,6 +18,7 @@ from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool
@@ -36,7 +37,6 @@ from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
 from semantic_slam.pipeline.provenance import source_text
-from semantic_slam.registry import ASSOCIATIONS
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class OfflineRun:
             handlers[found.detections] = self._places.add_detections
             if found.camera_info:
                 handlers[found.camera_info] = self._places.add_camera_info
-        if found.identities and ASSOCIATIONS.load(configuration.association).wants_identities:
+        if found.identities and strategy_of(configuration).wants_identities:
             handlers[found.identities] = lambda message: self._keyframes.add_identities(from_message(message))
         return handlers
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
+from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -29,7 +30,6 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.provenance import revision, source_text
-from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
@@ -72,7 +72,7 @@ class HypothesisManagerNode(PipelineNode):
 
     @property
     def _wants_identities(self) -> bool:
-        return bool(ASSOCIATIONS.load(self._configuration.association).wants_identities)
+        return strategy_of(self._configuration).wants_identities
 
     def _listen(self) -> None:
         # In this order: of messages that are there at once, the executor takes those of the earlier subscription first.

@@ -45,6 +45,19 @@ class TestGiven(AssociationStrategyContract):
         assert tuple(named[n] for n in only.associations) == last.measurements.track_ids
 
 
+class TestGivenInSingleSteps(TestGiven):
+    others = {"open_world": {"iterate_updates": False}}  # noqa: RUF012
+
+
+class TestGivenWithErrorsThatRepeat(TestGiven):
+    others = {  # noqa: RUF012
+        "open_world": {"iterate_updates": False, "learn_region": True},
+        "odometry": {"estimate_bias": True},
+        "detection_errors": {"correlated_share": 0.9},
+    }
+    rebuilt_within = 0.0
+
+
 class TestOpen(AssociationStrategyContract):
     association = "open"
     others = NO_MERGING

@@ -261,7 +261,6 @@ def test_an_ablation_is_offered_where_it_changes_the_configuration() -> None:
     assert "without_correlation" in methods.missing(independent)
     assert "without_correlation" not in methods.missing(repeating)
     assert methods.configuration_of("without_correlation", repeating, methods.Chosen()) == independent
-    assert methods.configuration_of("given", repeating, methods.Chosen()).detection_errors.correlated_share == 0.0
 
 
 def test_others_are_given_the_noise_that_ours_chose() -> None:
@@ -271,8 +270,9 @@ def test_others_are_given_the_noise_that_ours_chose() -> None:
     assert told.odometry.noise_factors == (1.0,)
     assert told.odometry.sigma_rotation_per_m == pytest.approx(2.0 * base.odometry.sigma_rotation_per_m)
     given = methods.configuration_of("given", base, methods.Chosen(4.0))
-    assert given.association == "given" and not given.odometry.estimate_bias
-    assert given.perception == base.perception
+    assert given == replace(base, association="given", odometry=given.odometry)
+    assert given.odometry.sigma_rotation_per_m == pytest.approx(2.0 * base.odometry.sigma_rotation_per_m)
+    assert methods.configuration_of("given", base, methods.Chosen()) == replace(base, association="given")
 
 
 def test_drives_are_named_by_what_lies_there(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 NO_PRUNING = PruningConfiguration(ratio=np.inf, max_hypotheses=10**9)
@@ -85,7 +86,7 @@ def _problem(data: dict, semantics: bool, method: str) -> tuple[Problem, list[St
         objects=entries,
         class_names=class_names,
         seed=0,
-        association="enumerated",
+        association=ASSOCIATIONS.load("enumerated"),
         distinct=given["exclusive"],
         weights=WeightsConfiguration(
             method=method,

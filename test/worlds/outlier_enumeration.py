@@ -21,6 +21,7 @@ from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 AREA_M2 = 20.0
@@ -222,7 +223,7 @@ def _problem(world: LinearWorld) -> Problem:
         objects=entries,
         class_names=names,
         seed=0,
-        association="enumerated" if world.names is None else "given",
+        association=ASSOCIATIONS.load("enumerated" if world.names is None else "given"),
         distinct=True,
         weights=WeightsConfiguration(
             gate=np.inf, max_candidates=10**9, importance_samples=4096, importance_gate=np.inf, max_history=100

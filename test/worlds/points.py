@@ -20,6 +20,7 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.registry import ASSOCIATIONS
 
 LOG_2PI = np.log(2.0 * np.pi)
 EXACT = WeightsConfiguration(
@@ -149,7 +150,7 @@ class PointWorld:
             objects=entries,
             class_names=(),
             seed=0,
-            association=self.association,
+            association=ASSOCIATIONS.load(self.association),
             distinct=True,
             weights=self.weights,
             pruning=PruningConfiguration(ratio=np.inf, max_hypotheses=10**9),

@@ -24,6 +24,7 @@ from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.latent.model import DescriptorModel
+from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam_lab.benchmarks.latent_update import DETECTIONS, OBJECTS, POSES, SIGMA_STEP, STEP, Circuit
 from semantic_slam_lab.benchmarks.row import Row
 from semantic_slam_lab.prepared_steps import PreparedSteps
@@ -82,7 +83,7 @@ class Drive:
             objects=entries,
             class_names=names,
             seed=seed,
-            association="enumerated",
+            association=ASSOCIATIONS.load("enumerated"),
             distinct=True,
             semantics=DescriptorViews(observation),
             latent=observation,

@@ -12,7 +12,6 @@ from semantic_slam.inference.expander import Expander
 from semantic_slam.inference.smoothing.component import WeightedComponent
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.objects import ObjectRegistry
-from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam_lab.benchmarks.row import Row
 from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import World, grid_world
@@ -79,7 +78,7 @@ def _prepared(world: World, random: np.random.Generator) -> tuple[Callable[[], o
     """Our weight update of ``PARENTS`` robots that are lost, each elsewhere; and where they are predicted to be."""
     problem = problem_of(run_of(world))
     registry = ObjectRegistry(problem.objects, len(problem.class_names))
-    expander = Expander(problem, ASSOCIATIONS.load(problem.association)(problem, registry))
+    expander = Expander(problem, problem.association(problem, registry))
     step = problem.reader.step(keyframes_of(world)[0])
     covariance = np.diag(world.noise.robot)
     means = se2.compose(world.truth[0], se2.exp(random.normal(size=(PARENTS, 3)) * np.sqrt(world.noise.robot)))

@@ -1,6 +1,7 @@
 """What associations have in common that know of every object, or are told of it, and of none that may not exist."""
 
 from collections.abc import Collection
+from typing import Any
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.association.map_gate import FEW_OBJECTS
@@ -20,6 +21,11 @@ class ClosedWorld:
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         self.problem, self.registry = problem, registry
         warm_up(problem)
+
+    @classmethod
+    def suited_to(cls, configuration: Configuration) -> type[Any]:
+        """Itself."""
+        return cls
 
     @staticmethod
     def check(configuration: Configuration) -> None:

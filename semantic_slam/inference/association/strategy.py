@@ -6,7 +6,7 @@ back enumerates the associations of the detections, weighs them, and says what e
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.registry import ASSOCIATIONS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +80,10 @@ class AssociationStrategy(Protocol):
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         """For one run; ``registry``: the objects that it has come to know."""
 
+    @classmethod
+    def suited_to(cls, configuration: Configuration) -> type[Any]:
+        """The AssociationStrategy that works under the other parameters; itself where it has no others beside it."""
+
     @staticmethod
     def check(configuration: Configuration) -> None:
         """Raises InputError where the other parameters do not go together with it."""
@@ -96,3 +101,9 @@ class AssociationStrategy(Protocol):
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> PredictedKeyframe:
         """The keyframe as the parents expect it; ``path``: one candidate of one parent. Raises LostComponentError."""
+
+
+def strategy_of(configuration: Configuration) -> type[AssociationStrategy]:
+    """The class that associates in a run of this configuration. Raises InputError for a name that nobody knows."""
+    named: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
+    return named.suited_to(configuration)

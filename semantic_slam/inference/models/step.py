@@ -28,6 +28,7 @@ class AssociatedDetection:
     detection: Any
     object_id: int
     assigned_class: int
+    number: int = 0  # among the detections of its keyframe whose errors repeat
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,11 +1,13 @@
 """The small problems of candidates from several parents over one set of columns: near objects, then new ones."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
-from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.world.problem import Problem
@@ -14,16 +16,19 @@ FIXED_HEADING_VARIANCE = 1e-8
 
 
 def open_keyframe_problem(
-    problem: Problem, step: Step, predictions: list[Prediction], object_ids: Index, rows: Assignments
+    problem: Problem, detections: Sequence[Any], predictions: list[Prediction], object_ids: Index, rows: Assignments
 ) -> KeyframeProblem:
-    """K candidates over ``object_ids`` (O,): objects near some parent, ascending, and then the D that may be born."""
-    num_births = len(step.detections)
+    """K candidates over ``object_ids`` (O,): objects near some parent, ascending, and then the D that may be born.
+
+    ``detections``: D, any of them of no object where a candidate says so.
+    """
+    num_births = len(detections)
     predicted = _padded(problem.spaces.storage, predictions, object_ids[: len(object_ids) - num_births], num_births)
     if problem.model.num_classes == 0:
         predicted = _without_headings(predicted, problem.spaces.landmark.heading)
-    detections = problem.model.collect(step.detections)
     candidates = Assignments(parents=rows.parents, objects=rows.objects)
-    return KeyframeProblem.of(problem.spaces, problem.model, predicted, detections, candidates)
+    collected = problem.model.collect(detections)
+    return KeyframeProblem.of(problem.spaces, problem.model, predicted, collected, candidates)
 
 
 def _padded(storage: Layout, predictions: list[Prediction], known: Index, num_births: int) -> PredictedBelief:

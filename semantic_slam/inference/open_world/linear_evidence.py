@@ -5,6 +5,7 @@ systems of one size. Detections that start an object tell nothing of the robot: 
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.spaces import Spaces
 
 
@@ -24,7 +26,7 @@ class _Results:
     log_evidence: Array  # (K,) of the detections, those that start an object under their stand-in
     robot: Array  # (K, s) modes
     robot_covariance: Array  # (K, r, r)
-    object_states: Array  # (K, D, s)
+    object_states: Array  # (K, D, s) NaN of no object
     object_covariances: Array  # (K, D, l, l)
     bend: Array  # (K,)
     innovation_nees: Array  # (K,) NaN without a known object
@@ -38,11 +40,22 @@ class _Results:
             log_evidence=np.zeros(count),
             robot=np.empty((count, storage.robot)),
             robot_covariance=np.empty((count, r, r)),
-            object_states=np.empty((count, detections, storage.landmark)),
-            object_covariances=np.empty((count, detections, own, own)),
+            object_states=np.full((count, detections, storage.landmark), np.nan),
+            object_covariances=np.full((count, detections, own, own), np.nan),
             bend=np.zeros(count),
             innovation_nees=np.full(count, np.nan),
         )
+
+
+@dataclass(frozen=True)
+class JointInnovation:
+    """Whitened residuals of n detections before they are taken in, with a robot and n objects, k coordinates."""
+
+    residual: Array  # (m,)
+    jacobian: Array  # (m, k)
+    cross: Array  # (m, k) covariance with robot and objects
+    covariance: Array  # (m, m)
+    log_normalisers: list[float]  # n
 
 
 class LinearisedEvidence:
@@ -66,38 +79,65 @@ class LinearisedEvidence:
         self.pairs, self.births, self.turns, self.errors = pairs, births, turns, errors
         self.layout, self.known = spaces.layout, len(mean) - 1
 
+    @classmethod
+    def of(cls, spaces: Spaces, prediction: Prediction, pairs: PairDensities) -> Self:
+        """Of one parent, with the ``pairs`` of its detections and near objects."""
+        return cls(
+            spaces,
+            prediction.predicted.mean[0],
+            prediction.predicted.covariance[0],
+            pairs,
+            prediction.births,
+            np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in prediction.detections]),
+            prediction.errors,
+        )
+
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
-        """Assignments with evidence and states; ``columns`` (K, D): object, or M + i where detection i starts one."""
+        """Assignments with evidence and states.
+
+        ``columns`` (K, D): object, M + i where detection i starts one, or -1 where it is of none and counts nothing.
+        """
         results = _Results.empty(columns.shape, self.spaces)
         for row in range(len(columns)):
             self._row(columns[row], results, row)
         return assignments.gaining(**vars(results))
 
     def _row(self, columns: Index, result: _Results, row: int) -> None:
-        seen = [number for number, column in enumerate(columns.tolist()) if column < self.known]
-        places = self.layout.rows([0, *(1 + int(columns[number]) for number in seen)])
+        seen = [number for number, column in enumerate(columns.tolist()) if 0 <= column < self.known]
+        places = self._places(columns, seen)
         prior = self.covariance[places[:, None], places]
         shift, after = np.zeros(len(places)), prior
         if seen:
-            residual, jacobian, log_normaliser = self._system(columns, seen)
-            cross = jacobian @ prior
-            innovation = cross @ jacobian.T
-            if self.errors is not None:
-                repeated = self._repeated(self.errors, seen, places)
-                cross += repeated.T
-                both = jacobian @ repeated
-                innovation += both + both.T + self._repeated_noise(self.errors, seen)
-            innovation.flat[:: len(residual) + 1] += 1.0
-            inverse, log_determinant = inverted(innovation)
+            joint = self.innovation(columns, seen)
+            residual, jacobian, cross = joint.residual, joint.jacobian, joint.cross
+            inverse, log_determinant = inverted(joint.covariance)
             weighted = inverse @ residual
             shift = -weighted @ cross
             after = prior - cross.T @ inverse @ cross
             squared, degrees = float(residual @ weighted), np.count_nonzero(jacobian.any(axis=1))
-            result.log_evidence[row] = log_normaliser - 0.5 * squared - 0.5 * log_determinant
+            result.log_evidence[row] = sum(joint.log_normalisers) - 0.5 * squared - 0.5 * log_determinant
             result.innovation_nees[row] = squared / degrees
         self._fill(result, row, columns, seen, self.layout.blocks(shift), after)
         if seen:
-            result.bend[row] = self._bend(seen, jacobian @ shift, innovation.diagonal() - 1.0)
+            result.bend[row] = self._bend(seen, jacobian @ shift, joint.covariance.diagonal() - 1.0)
+
+    def _places(self, columns: Index, seen: list[int]) -> Index:
+        """Rows of the robot and of the objects of the detections ``seen``."""
+        return self.layout.rows([0, *(1 + int(columns[number]) for number in seen)])
+
+    def innovation(self, columns: Index, seen: list[int]) -> JointInnovation:
+        """The detections ``seen`` together, before they are taken in; ``columns`` (D,): of which object each is."""
+        places = self._places(columns, seen)
+        residual, jacobian, log_normalisers = self._system(columns, seen)
+        cross = jacobian @ self.covariance[places[:, None], places]
+        covariance = cross @ jacobian.T
+        if self.errors is not None:
+            repeated = self._repeated(self.errors, seen, places)
+            cross += repeated.T
+            both = jacobian @ repeated
+            covariance += both + both.T + self._repeated_noise(self.errors, seen)
+        covariance.flat[:: len(residual) + 1] += 1.0
+        return JointInnovation(residual, jacobian, cross, covariance, log_normalisers)
 
     @staticmethod
     def _repeated(errors: PredictedErrors, seen: list[int], places: Index) -> Array:
@@ -110,20 +150,20 @@ class LinearisedEvidence:
         rows, slopes = errors.rows(seen), errors.slopes[seen].ravel()
         return np.asarray(slopes[:, None] * errors.covariance[rows[:, None], rows] * slopes)
 
-    def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, float]:
-        """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser."""
+    def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, list[float]]:
+        """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser of each."""
         parts = [self.pairs.parts[number] for number in seen]
         residual = np.concatenate([part.residual[columns[n]] for part, n in zip(parts, seen, strict=True)])
         jacobian = np.zeros((len(residual), self.layout.size(len(seen))))
-        at, log_normaliser = 0, 0.0
+        at, log_normalisers = 0, list[float]()
         for place, (part, number) in enumerate(zip(parts, seen, strict=True), start=1):
             own = part.jacobian_robot[columns[number]]
             rows = slice(at, at + len(own))
             jacobian[rows, self.layout.block(0)] = own
             jacobian[rows, self.layout.block(place)] = part.jacobian_object[columns[number]]
-            log_normaliser += float(part.log_normaliser[columns[number]])
+            log_normalisers.append(float(part.log_normaliser[columns[number]]))
             at += len(own)
-        return residual, jacobian, log_normaliser
+        return residual, jacobian, log_normalisers
 
     def _bend(self, seen: list[int], change: Array, variances: Array) -> float:
         """A direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term.

@@ -1,6 +1,7 @@
 """Association without a fixed map: objects come and go, and a detection may be a false alarm."""
 
 from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 
@@ -36,17 +37,21 @@ class OpenAssociation:
         self.problem, self.registry, self.settings = problem, registry, problem.open_world
         self.predictor = Predictor(problem.model, problem.open_world, problem.detection_errors)
 
+    @classmethod
+    def suited_to(cls, configuration: Configuration) -> type[Any]:
+        """Itself."""
+        return cls
+
     @staticmethod
     def check(configuration: Configuration) -> None:
         """Raises InputError for parameters that mean nothing, or something else, in an open world."""
+        what = f"association: {configuration.association}"
         if not configuration.distinct_assignment:
-            raise InputError("association: open has one detection per object and frame; set distinct_assignment: true")
+            raise InputError(f"{what} has one detection per object and frame; set distinct_assignment: true")
         if configuration.weights.method == "sampled":
-            raise InputError("association: open has no prior samples; set weights.method: importance or laplace")
+            raise InputError(f"{what} has no prior samples; set weights.method: importance or laplace")
         if configuration.visibility.max_range_m > 0.0 or configuration.visibility.field_of_view_rad > 0.0:
-            raise InputError(
-                "association: open has a region instead of visibility.*; set open_world.max_range_m and its angle"
-            )
+            raise InputError(f"{what} has a region instead of visibility.*; set open_world.max_range_m and its angle")
         if configuration.open_world.min_range_m >= configuration.open_world.max_range_m:
             raise InputError("open_world.min_range_m is not below open_world.max_range_m; correct the sensor's region")
 
@@ -66,23 +71,12 @@ class OpenAssociation:
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """Each parent on its own."""
-        spaces, model = self.problem.spaces, self.problem.model
         sensed = [component.sensed(step.detections) for component in parents.components]
         predictions = [
             self.predictor.predict(component, step.motion, detections, step.sensed)
             for component, detections in zip(parents.components, sensed, strict=True)
         ]
-        pairs = [
-            pair_densities(
-                spaces,
-                model,
-                prediction.detections,
-                prediction.predicted.mean[0],
-                prediction.predicted.covariance[0],
-                prediction.errors,
-            )
-            for prediction in predictions
-        ]
+        pairs = [self.pairs_of(prediction) for prediction in predictions]
         if path is not None:
             columns = self._columns(step, predictions[0], path)
             ranked = [RankedAssignments(columns, np.zeros(1), -np.inf)]
@@ -97,6 +91,17 @@ class OpenAssociation:
             predictions=predictions,
             pairs=pairs,
             ranked=ranked,
+        )
+
+    def pairs_of(self, prediction: Prediction) -> PairDensities:
+        """Densities of the detections of one parent under each object near them."""
+        return pair_densities(
+            self.problem.spaces,
+            self.problem.model,
+            prediction.detections,
+            prediction.predicted.mean[0],
+            prediction.predicted.covariance[0],
+            prediction.errors,
         )
 
     def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:

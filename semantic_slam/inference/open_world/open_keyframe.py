@@ -8,6 +8,7 @@ and their hypothesis weight, by the same probabilities.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ LARGEST_BEND = 0.3
 
 @dataclass(frozen=True, kw_only=True)
 class OpenKeyframe:
-    """The keyframe of P parents, each of which has objects of its own; all D detections are used."""
+    """The keyframe of P parents, each of which has objects of its own; n of its detections are used."""
 
     problem: Problem
     registry: ObjectRegistry
@@ -53,30 +54,40 @@ class OpenKeyframe:
 
     @cached_property
     def used(self) -> Index:
-        """(D,) every detection: of an object, or of a new one that may be a false alarm."""
+        """(n,) every detection: of an object, or of a new one that may be a false alarm."""
         return np.arange(len(self.step.detections))
+
+    @property
+    def detections(self) -> Sequence[Any]:
+        """(n,) those that are used."""
+        return self.step.detections
 
     @cached_property
     def born(self) -> Index:
-        """(D,) ids of the objects that the detections would start: a function of the keyframes so far."""
+        """(n,) ids of the objects that the detections would start: a function of the keyframes so far."""
         return self.registry.first_new_id(self.step.index) + self.used
 
     @cached_property
+    def known(self) -> Index:
+        """(N,) ids of the objects near some parent's detections, ascending."""
+        return np.unique(np.concatenate([prediction.near_ids for prediction in self.predictions])).astype(int)
+
+    @property
     def object_ids(self) -> Index:
-        """(O,) ids of the objects near some parent's detections, ascending, and then of those that may be born."""
-        known = np.unique(np.concatenate([prediction.near_ids for prediction in self.predictions]))
-        return np.concatenate([known, self.born]).astype(int)
+        """(N + n,) ids of the known objects, and then of those that may be born."""
+        return np.concatenate([self.known, self.born]).astype(int)
 
     def associate(self) -> Candidates:
         """The best joint assignments of each parent."""
         counts = [len(item.columns) for item in self.ranked]
-        ids = [
-            np.concatenate([prediction.near_ids, self.born])[item.columns]
+        born = len(self.known) + np.arange(len(self.born))
+        places = [
+            np.concatenate([np.searchsorted(self.known, prediction.near_ids), born, [-1]])[item.columns]
             for prediction, item in zip(self.predictions, self.ranked, strict=True)
         ]
         rows = Assignments(
             parents=np.repeat(np.arange(len(self.parents)), counts),
-            objects=np.searchsorted(self.object_ids, np.concatenate(ids).astype(int).reshape(sum(counts), -1)),
+            objects=np.concatenate(places).astype(int).reshape(sum(counts), -1),
             log_evidence=np.concatenate([item.log_scores for item in self.ranked]),
             log_class_prior=np.zeros(sum(counts)),
             effective_sample_sizes=np.full(sum(counts), np.nan),
@@ -115,21 +126,23 @@ class OpenKeyframe:
     ) -> list[ComponentUpdate]:
         """One for each row, with a local map where updates are not iterated."""
         some = candidates.assignments.take(np.array(rows, dtype=int))
-        steps = replace(candidates, assignments=some).steps(self.used, len(self.used))
+        steps = replace(candidates, assignments=some).steps(np.arange(len(self.used)), len(self.used))
         return [self._update(some, row, steps[row], existence[number]) for row, number in enumerate(rows)]
 
     def _update(self, own: Assignments, row: int, taken: LineageStep, existence: ExistenceUpdate) -> ComponentUpdate:
         states = own.column("object_states")[row]
         parent = int(own.parents[row])
         prediction, births = self.predictions[parent], self._births[parent]
-        triples = zip(prediction.detections, taken.association, taken.class_assignment, strict=True)
+        given = zip(prediction.detections, taken.association, taken.class_assignment, strict=True)
+        of_objects = [number for number, object_id in enumerate(taken.association) if object_id >= 0]
+        observed = [AssociatedDetection(*item, number) for number, item in enumerate(given)]
         modes = dict(zip(taken.association, states, strict=True))
         local = None
         if self.parents.components[parent].single_steps:
             local = prediction.local_after(self.pairs[parent], taken.association, births)
         return ComponentUpdate(
-            observed=[AssociatedDetection(*triple) for triple in triples],
-            objects=list(states),
+            observed=[observed[number] for number in of_objects],
+            objects=list(states[of_objects]),
             robot=own.column("robot")[row],
             predicted=prediction.objects.robot,
             new_objects={int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in existence.new_ids},
@@ -168,22 +181,12 @@ class OpenKeyframe:
 
     @property
     def _linearised(self) -> list[LinearisedEvidence]:
-        return [
-            LinearisedEvidence(
-                self.problem.spaces,
-                own.predicted.mean[0],
-                own.predicted.covariance[0],
-                pairs,
-                own.births,
-                np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in own.detections]),
-                own.errors,
-            )
-            for own, pairs in zip(self.predictions, self.pairs, strict=True)
-        ]
+        spaces = self.problem.spaces
+        return [LinearisedEvidence.of(spaces, *own) for own in zip(self.predictions, self.pairs, strict=True)]
 
     def _searched(self, rows: Assignments) -> Assignments:
         """The assignments weighed at modes that are searched for each."""
-        problem = open_keyframe_problem(self.problem, self.step, self.predictions, self.object_ids, rows)
+        problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, rows)
         mode = find_modes(problem, search_start(problem), tolerance=WEIGHING_TOLERANCE)
         found = Candidates(
             assignments=rows,
@@ -198,7 +201,7 @@ class OpenKeyframe:
     def _with_classes(self, candidates: Candidates) -> Candidates:
         """Assignments times the classes of the objects that they observe first."""
         rows = candidates.assignments
-        problem = open_keyframe_problem(self.problem, self.step, self.predictions, self.object_ids, rows)
+        problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, rows)
         mode = find_modes(problem, search_start(problem))
         found = enumerate_classes(self._enumeration(), replace(candidates, problem=problem, mode=mode))
         assert found.problem is not None and found.start is not None
@@ -212,12 +215,13 @@ class OpenKeyframe:
         known = [[component.classes.get(n, -1) for n in object_ids] for component in self.parents.components]
         chosen = None
         if self.path is not None:
-            objects = np.array([object_ids.index(n) for n in self.path.association], dtype=int)
-            chosen = (objects, np.array(self.path.class_assignment, dtype=int))
+            wanted = [self.path.association[number] for number in self.used]
+            objects = np.array([object_ids.index(n) if n >= 0 else -1 for n in wanted], dtype=int)
+            chosen = (objects, np.array([self.path.class_assignment[number] for number in self.used], dtype=int))
         return EnumerationProblem(
             spaces=self.problem.spaces,
             model=self.problem.model,
-            detections=self.step.detections,
+            detections=self.detections,
             object_ids=self.object_ids,
             known_classes=np.array(known, dtype=int).reshape(len(self.parents), len(object_ids)),
             log_class_prior=self.registry.log_class_prior_of(object_ids),

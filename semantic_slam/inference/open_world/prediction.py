@@ -85,7 +85,7 @@ class Prediction:
         """The local map with the detections of one continuation (D,), and the objects that it starts."""
         seen, local = [], self.local
         for number, object_id in enumerate(association):
-            if object_id not in births:
+            if object_id >= 0 and object_id not in births:
                 part, column = pairs.parts[number], int(np.searchsorted(self.near_ids, object_id))
                 slopes = part.jacobian_robot[column], part.jacobian_object[column], self._residual_by_errors(number)
                 seen.append(LocalDetection(object_id, *slopes))
@@ -121,11 +121,17 @@ class Predictor:
         self._region = sensor_region(settings)
 
     def predict(
-        self, component: Component, motion: Motion, detections: Sequence[Any], sensed: SensedRegion | None = None
+        self,
+        component: Component,
+        motion: Motion,
+        detections: Sequence[Any],
+        sensed: SensedRegion | None = None,
+        named: Index | None = None,
     ) -> Prediction:
         """Under the noises that the component takes robot and sensor to have. Raises LostComponentError.
 
-        ``sensed``: the sensor's region where it is learned.
+        ``sensed``: the sensor's region where it is learned. ``named``: (M,) rows of the objects that the detections may
+        be of; None: of those near them.
         """
         motion, space, tracked = component.moved_by(motion), component.spaces.robot, _tracked(component)
         region = self._region_of(component, sensed)
@@ -142,7 +148,10 @@ class Predictor:
         sigma = float(position_sigmas(spread[None])[0])
         margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
         reach = np.flatnonzero(_distances(tracked.states, robot) < region.max_range_m + margin)
-        near, beyond = self._near(component, region, robot, spread, births, detections, reach)
+        if named is None:
+            near, beyond = self._near(component, region, robot, spread, births, detections, reach)
+        else:
+            near, beyond = named, np.full(len(births), -np.inf)
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(wider, transition, motion.covariance)

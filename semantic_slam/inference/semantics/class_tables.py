@@ -60,12 +60,13 @@ class ClassTables:
         total, records = np.zeros(len(rows)), [dict[int, ObjectViews]() for _ in range(len(rows))]
         for number, index in enumerate(given.used.tolist()):
             sensor, seen = given.step.detections[index].sensor, self._seen(given, index)
-            bearing = camera_bearing(robot, objects[:, number], sensor)
+            of_objects = np.flatnonzero(rows.objects[:, number] >= 0)
+            bearing = camera_bearing(robot[of_objects], objects[of_objects, number], sensor)
             camera = np.rint(bearing / STEP_RAD).astype(int) % HEADINGS
-            for row in range(len(rows)):
+            for row, cell in zip(of_objects.tolist(), camera.tolist(), strict=True):
                 place = int(rows.objects[row, number])
                 object_id = int(given.object_ids[place])
-                key = int(rows.parents[row]), place, int(camera[row])
+                key = int(rows.parents[row]), place, cell
                 added, records[row][object_id] = self._added(given, seen, key, bool(given.step.in_coverage[index]))
                 total[row] += added
         return SemanticEvidence.of(total, records)

@@ -63,8 +63,8 @@ def new_factors(
     for number, prior in update.new_objects.items():
         graph.add(component.spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
         component.spaces.landmark.insert(values, object_key(number), prior.mean)
-    for number, item in enumerate(update.observed):
-        graph.add(shared.geometry(item, number, update.errors))
+    for item in update.observed:
+        graph.add(shared.geometry(item, update.errors))
     if update.errors is not None:
         _add_errors(component.keyframe + 1, update.errors, shared, graph, values)
     if shared.has_biases and begins_stretch(component.keyframe + 1) and component.tracked is not None:

@@ -13,6 +13,8 @@ WILDFIRE_THRESHOLD = 1e-9
 STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
 back-substitution stops, metres or radians."""
+STIFF_WILDFIRE = 1e-3
+"""That change where errors of detections repeat: what is left of a detection's error is a third of the whole."""
 
 
 class OwnedIsam:
@@ -55,18 +57,22 @@ def new_isam(spaces: Spaces, descriptor_threshold: Array, factorization: str = "
     return gtsam.ISAM2(parameters)
 
 
-def single_step_isam(spaces: Spaces) -> gtsam.ISAM2:
-    """An empty one for one update per keyframe: relinearised seldom, back-substituted to millimetres."""
+def single_step_isam(spaces: Spaces, *, errors_repeat: bool) -> gtsam.ISAM2:
+    """An empty one for one update per keyframe: relinearised seldom, back-substituted to millimetres.
+
+    Where ``errors_repeat``, states are linearised as near as where updates are iterated: detections are then told by
+    what does not repeat alone, and what bends is no longer small against that.
+    """
     parameters = gtsam.ISAM2Params()
     parameters.relinearizeSkip = STEPPED_SKIP
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
-        thresholds.insert((symbol, space.far))
+        thresholds.insert((symbol, space.relinearize_threshold if errors_repeat else space.far))
     for letter, size in VECTOR_SIZES.items():  # all is linear in these
         thresholds.insert((letter, np.full(size, np.inf)))
     parameters.setRelinearizeThreshold(thresholds)
     parameters.enablePartialRelinearizationCheck = True
     solver = gtsam.ISAM2GaussNewtonParams()
-    solver.setWildfireThreshold(STEPPED_WILDFIRE)
+    solver.setWildfireThreshold(STIFF_WILDFIRE if errors_repeat else STEPPED_WILDFIRE)
     parameters.setOptimizationParams(solver)
     return gtsam.ISAM2(parameters)

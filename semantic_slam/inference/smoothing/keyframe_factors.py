@@ -42,17 +42,14 @@ class KeyframeFactors:
             return self._spaces.robot.between_factor(*keys, motion.control, motion.covariance)
         return biased_factor((*keys, bias_key(self._keyframe)), motion.control, motion.covariance, motion.by_bias)
 
-    def geometry(self, item: AssociatedDetection, number: int, errors: ErrorTransition | None) -> Any:
-        """Factor of a detection that is associated with an object, and of its error where errors repeat.
-
-        ``number``: of that error among the frame's.
-        """
+    def geometry(self, item: AssociatedDetection, errors: ErrorTransition | None) -> Any:
+        """Factor of a detection that is associated with an object, and of its error where errors repeat."""
         name = id(item.detection), item.object_id
         if name not in self._geometry:
             keys = robot_key(self._keyframe), object_key(item.object_id)
             factor = self._model.geometry_factor(item.detection, keys)
             if errors is not None:
-                factor = errors.white.factor(factor, error_key(self._keyframe, number))
+                factor = errors.white.factor(factor, error_key(self._keyframe, item.number))
             self._geometry[name] = factor
         return self._geometry[name]
 

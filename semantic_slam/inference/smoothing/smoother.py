@@ -187,12 +187,12 @@ class Smoother:
             raise LostComponentError(f"an update failed ({first_line(fault)})") from None
         return child
 
-    def with_single_steps(self, num_biases: int) -> "Smoother":
+    def with_single_steps(self, num_biases: int, *, errors_repeat: bool) -> "Smoother":
         """The smoother to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
 
-        With biases of odometry as a variable of its own, in which all is linear.
+        Nearer where ``errors_repeat``. With biases of odometry as a variable of its own, in which all is linear.
         """
-        isam = single_step_isam(self.spaces)
+        isam = single_step_isam(self.spaces, errors_repeat=errors_repeat)
         isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
         if num_biases:
             isam.update(*bias_prior(num_biases))

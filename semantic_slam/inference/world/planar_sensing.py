@@ -17,7 +17,6 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.sensing import Sensing, SensingSettings
-from semantic_slam.registry import ASSOCIATIONS
 
 LEAST_VARIANCE = 1e-9
 """Added to the variances of priors, so that a map given as exact keeps the graph regular."""
@@ -42,8 +41,11 @@ def points(settings: SensingSettings) -> Sensing:
         raise InputError(
             "observation: points have no heading, from which class models would be seen; set semantic_model.kind: none"
         )
-    if ASSOCIATIONS.load(settings.configuration.association).tracks_objects:
-        raise InputError("observation: points are not born and lost yet; set association: enumerated, or given")
+    if settings.tracks_objects:
+        raise InputError(
+            "observation: points are not born and lost yet; set association: enumerated, or given with"
+            " open_world.iterate_updates: true"
+        )
     return Sensing(
         spaces=POSES_AND_POINTS,
         model=PointObservation(_visibility(settings.configuration), settings.configuration.new_objects),

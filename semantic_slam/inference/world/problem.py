@@ -1,7 +1,7 @@
 """What a run is about: models, priors and settings, built once from the run's configuration."""
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
@@ -46,7 +47,7 @@ class Problem:
     objects: tuple[ObjectEntry, ...]
     class_names: tuple[str, ...]
     seed: int
-    association: str  # name of the strategy in the registry
+    association: type[Any]  # an AssociationStrategy as inference/association/strategy.py describes it
     distinct: bool
     semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
@@ -72,6 +73,10 @@ class Problem:
         existence = {entry.object_id: entry.existence for entry in self.objects}
         return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence)
 
+    def _single_steps(self, smoother: Smoother) -> Smoother:
+        """One that is updated once per keyframe."""
+        return smoother.with_single_steps(self.num_biases, errors_repeat=self.detection_errors.correlated_share > 0.0)
+
     def tracking_root(self, number: int) -> Component:
         """One that tracks its states, under one of the noises, as the configuration wants it updated."""
         plain, single_steps = self.root(), not self.open_world.iterate_updates
@@ -86,7 +91,7 @@ class Problem:
         return replace(
             plain,
             objects=objects,
-            smoother=plain.smoother.with_single_steps(self.num_biases) if single_steps else plain.smoother,
+            smoother=self._single_steps(plain.smoother) if single_steps else plain.smoother,
             tracked=tracked,
             single_steps=single_steps,
             noise=number,

@@ -22,6 +22,7 @@ class SensingSettings:
     """What a builder is told of the run."""
 
     configuration: Configuration
+    tracks_objects: bool  # objects come and go, or are tracked as if they did
     class_model: ViewpointModel | None  # whose views enter the graphs by factors; None: detections are places alone
     tempering: float  # so many views tell as much as one
     outliers: OutlierScores | None = None  # scores that no class explains; None: there are none

@@ -23,6 +23,7 @@ from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.viewpoint.parametric import ParametricModel
 from semantic_slam_lab.prepared_steps import PreparedSteps
 from semantic_slam_lab.studies.ch4.simulation import Frame, Run, features
@@ -115,7 +116,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
         ),
         class_names=class_names,
         seed=seed,
-        association="enumerated",
+        association=ASSOCIATIONS.load("enumerated"),
         distinct=True,
         weights=WeightsConfiguration(method=method.weights),
         pruning=PruningConfiguration(),

@@ -95,9 +95,8 @@ def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Config
     if switched := ABLATIONS.get(method):
         return switched(base)
     told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor))
-    if method == GIVEN:  # a bias, and errors that repeat, are estimated in open worlds alone
-        told = _without_revision(_with_independent_errors(told))
-        return replace(told, association=GIVEN, odometry=replace(told.odometry, estimate_bias=False))
+    if method == GIVEN:
+        return replace(told, association=GIVEN)
     association = "open" if method == "one_hypothesis" else method
     return replace(told, association=association, pruning=replace(told.pruning, max_hypotheses=1))
 

@@ -1,0 +1,135 @@
+"""Association by identities that come with the detections, where states are tracked as in an open world.
+
+Odometry's biases, errors that repeat and a sensor's region that is learned are estimated as there; which object a
+detection is of is what it says, up to a share of wrong names.
+"""
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
+from semantic_slam.inference.association.given import GivenAssociation
+from semantic_slam.inference.association.strategy import Parents
+from semantic_slam.inference.models.clutter import EvenClutter
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.named_keyframe import NamedKeyframe
+from semantic_slam.inference.open_world.open_association import OpenAssociation
+from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.wrong_names import right_names
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
+
+
+class NamedAssociation(OpenAssociation):
+    """Each detection names its object; a new name is a new object, and a detection without a name is clutter.
+
+    So is one whose name is wrong, which each may be, but for the first of its object. Objects surely exist.
+    """
+
+    wants_identities, counts_misses, merges_copies = True, False, False
+
+    @classmethod
+    def suited_to(cls, configuration: Configuration) -> type[Any]:
+        """That of a closed world where updates are iterated."""
+        return GivenAssociation if configuration.open_world.iterate_updates else cls
+
+    @staticmethod
+    def introduce(registry: ObjectRegistry, step: Step) -> None:
+        """The objects that are named for the first time."""
+        for name in step.names:
+            registry.identify(name)
+
+    @staticmethod
+    def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
+        """All objects of the map and all that were named, seen or not."""
+        return registry.known
+
+    def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> NamedKeyframe:
+        """Each parent on its own, about the objects that the keyframe names."""
+        told = np.array([self.registry.identify(name) for name in step.names], dtype=int)
+        used = self._used(told)
+        identities, detections = told[used], [step.detections[number] for number in used]
+        known = np.isin(identities, list(parents.components[0].object_ids))
+        named, first = np.unique(identities[known]), _first_of(identities, np.flatnonzero(~known))
+        predictions = [
+            self.predictor.predict(
+                component, step.motion, component.sensed(detections), step.sensed, component.objects.rows(named)
+            )
+            for component in parents.components
+        ]
+        pairs = [self.pairs_of(prediction) for prediction in predictions]
+        log_wrong = self._log_wrong(predictions[0].region, detections)
+        columns = np.where(known, np.searchsorted(named, identities), -1)
+        columns[first] = len(named) + first
+        if path is None:
+            both = zip(predictions, pairs, strict=True)
+            ranked = [self._likely(prediction, own, columns, log_wrong) for prediction, own in both]
+        else:
+            ranked = [RankedAssignments(_along(path, used, identities, columns), np.zeros(1), -np.inf)]
+        return NamedKeyframe(
+            problem=self.problem,
+            registry=self.registry,
+            step=step,
+            parents=parents,
+            path=path,
+            predictions=predictions,
+            pairs=pairs,
+            ranked=ranked,
+            named=used,
+            identities=identities,
+            first=first,
+            log_wrong=log_wrong,
+        )
+
+    @property
+    def _log_odds(self) -> float:
+        """That a name is wrong; -inf where none is, or where nothing says what its detection would look like."""
+        share = self.problem.closed_world.wrong_identity_share
+        if self.problem.clutter is None or share <= 0.0:
+            return -np.inf
+        return float(np.log(share) - np.log1p(-share))
+
+    def _used(self, told: Index) -> Index:
+        """The detections that carry a name; where no name is wrong, the first of each object alone."""
+        used = np.flatnonzero(told >= 0)
+        return used if np.isfinite(self._log_odds) else used[_first_of(told[used], np.arange(len(used)))]
+
+    def _log_wrong(self, region: SensorRegion, detections: list[object]) -> Array:
+        """(n,) log odds that a name is wrong, times the density of its detection if it is: even over the region."""
+        return self._log_odds + EvenClutter(region.area_m2, region.field_of_view_rad).log_place(detections)
+
+    def _likely(
+        self, prediction: Prediction, pairs: PairDensities, columns: Index, log_wrong: Array
+    ) -> RankedAssignments:
+        """The likeliest choices of wrong names; ``columns`` (n,) of the objects as named, -1: it is wrong for sure."""
+        doubtful = np.flatnonzero((columns >= 0) & (columns < len(prediction.near))).tolist()
+        if not doubtful:
+            return RankedAssignments(columns.reshape(1, -1), np.zeros(1), -np.inf)
+        joint = LinearisedEvidence.of(self.problem.spaces, prediction, pairs).innovation(columns, doubtful)
+        weights = self.problem.weights
+        found = right_names(joint, columns[doubtful], log_wrong[doubtful], weights.max_candidates, weights.gate)
+        chosen = np.tile(columns, (len(found.right), 1))
+        chosen[:, doubtful] = np.where(found.right, columns[doubtful], -1)
+        return RankedAssignments(chosen, found.log_scores, found.log_left_out)
+
+
+def _first_of(identities: Index, among: Index) -> Index:
+    """Which ``among`` the detections are the first of their object."""
+    _, first = np.unique(identities[among], return_index=True)
+    return np.sort(among[first])
+
+
+def _along(path: LineageStep, used: Index, identities: Index, columns: Index) -> Index:
+    """(1, n) columns of a lineage's association. Raises LostComponentError."""
+    taken = np.array([path.association[number] for number in used], dtype=int)
+    right = taken == identities
+    if (~right & (taken >= 0)).any() or (right & (columns < 0)).any():
+        raise LostComponentError("a lineage names an object that its detections do not")
+    return np.where(right, columns, -1).reshape(1, -1)

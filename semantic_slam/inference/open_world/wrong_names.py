@@ -1,0 +1,85 @@
+"""Which of the detections of a keyframe carry a wrong name: the likeliest sets of right ones, weighed jointly.
+
+Detections are taken one after the other, each given the right ones before it: a pose that is off puts all of them off,
+and is no reason to doubt every name. The sets grow by one linearisation at the prediction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.small_matrices import cholesky, forward
+from semantic_slam.inference.open_world.linear_evidence import JointInnovation
+
+
+@dataclass(frozen=True)
+class RightNames:
+    """B sets of n detections whose names are right, the heaviest first."""
+
+    right: Flags  # (B, n)
+    log_scores: Array  # (B,) log evidence of the detections, the wrong ones among them
+    log_left_out: float  # estimate of the mass of all other sets, relative to the heaviest
+
+
+@dataclass(frozen=True)
+class _Sets:
+    """B sets of the first detections, with what those in them say of the next one."""
+
+    right: Flags  # (B, i)
+    log_scores: Array  # (B,)
+    root: Array  # (B, 2 i, 2 i) Cholesky factor of the residuals' covariance, that of a wrong one the identity
+    whitened: Array  # (B, 2 i) residuals in their own standard deviations, those of a wrong one 0
+
+    def take(self, rows: Index) -> "_Sets":
+        return _Sets(self.right[rows], self.log_scores[rows], self.root[rows], self.whitened[rows])
+
+
+def right_names(joint: JointInnovation, objects: Index, log_wrong: Array, limit: int, gate: float) -> RightNames:
+    """At most ``limit`` sets of n detections, none more than ``gate`` nats behind the heaviest; n of ``joint``.
+
+    ``objects`` (n,): what each is of if its name is right, one detection each at most. ``log_wrong`` (n,): log odds
+    that its name is wrong, times its density if it is; -inf: it is right.
+    """
+    sets = _Sets(np.zeros((1, 0), dtype=bool), np.zeros(1), np.zeros((1, 0, 0)), np.zeros((1, 0)))
+    behind = -np.inf  # mass of the sets that were given up, relative to the heaviest of their size
+    for number, log_density in enumerate(log_wrong):
+        sets = _extended(sets, joint, objects, number, float(log_density))
+        order = np.argsort(-sets.log_scores, kind="stable")
+        scores = sets.log_scores[order] - sets.log_scores[order[0]]
+        kept = (np.arange(len(order)) < limit) & np.isfinite(scores)
+        if number == len(log_wrong) - 1:
+            kept &= scores >= -gate
+        behind = float(np.logaddexp.reduce(scores[~kept], initial=behind))
+        sets = sets.take(order[kept])
+    return RightNames(sets.right, sets.log_scores, behind)
+
+
+def _extended(sets: _Sets, joint: JointInnovation, objects: Index, number: int, log_wrong: float) -> _Sets:
+    """Every set with the next detection, and every set without it."""
+    count, known = sets.whitened.shape
+    size = len(joint.residual) // len(objects)
+    rows = slice(known, known + size)
+    cross = np.where(np.repeat(sets.right, size, axis=1)[:, None], joint.covariance[rows, :known], 0.0)
+    gain = np.swapaxes(np.linalg.solve(sets.root, np.swapaxes(cross, 1, 2)), 1, 2)
+    own = cholesky(joint.covariance[rows, rows] - gain @ np.swapaxes(gain, 1, 2))
+    residual = joint.residual[rows] - (gain @ sets.whitened[..., None])[..., 0]
+    whitened = forward(own, residual[..., None])[..., 0]
+    log_right = joint.log_normalisers[number] - 0.5 * (whitened**2).sum(axis=1)
+    log_right -= np.log(np.einsum("bii->bi", own)).sum(axis=1)
+    log_right[(sets.right & (objects[:number] == objects[number])).any(axis=1)] = -np.inf
+    root = np.zeros((2 * count, known + size, known + size))
+    root[:count, :known, :known] = root[count:, :known, :known] = sets.root
+    root[:count, known:, :known], root[:count, known:, known:] = gain, own
+    root[count:, known:, known:] = np.eye(size)
+    return _Sets(
+        np.concatenate([np.tile(sets.right, (2, 1)), np.repeat([[True], [False]], count, axis=0)], axis=1),
+        np.concatenate([sets.log_scores + log_right, sets.log_scores + log_wrong]),
+        root,
+        np.concatenate(
+            [
+                np.concatenate([sets.whitened, whitened], axis=1),
+                np.concatenate([sets.whitened, np.zeros((count, size))], axis=1),
+            ]
+        ),
+    )
