@@ -11,6 +11,8 @@ from worlds.linear_gaussian import LinearDetection, LinearDetections, LinearMode
 
 from semantic_slam.configuration import ClosedWorldConfiguration, WeightsConfiguration
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.enumerated import EnumeratedAssociation
+from semantic_slam.inference.association.given import GivenAssociation
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.models.step import Motion, Step
@@ -21,7 +23,6 @@ from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.registry import ASSOCIATIONS
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 AREA_M2 = 20.0
@@ -223,7 +224,7 @@ def _problem(world: LinearWorld) -> Problem:
         objects=entries,
         class_names=names,
         seed=0,
-        association=ASSOCIATIONS.load("enumerated" if world.names is None else "given"),
+        association=EnumeratedAssociation if world.names is None else GivenAssociation,
         distinct=True,
         weights=WeightsConfiguration(
             gate=np.inf, max_candidates=10**9, importance_samples=4096, importance_gate=np.inf, max_history=100

@@ -7,8 +7,9 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
+from semantic_slam.configuration import Configuration, PruningConfiguration, WeightsConfiguration
 from semantic_slam.geometry import se2
+from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.observation import Linearisation, ObservationModel
@@ -20,7 +21,6 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.registry import ASSOCIATIONS
 
 LOG_2PI = np.log(2.0 * np.pi)
 EXACT = WeightsConfiguration(
@@ -150,7 +150,7 @@ class PointWorld:
             objects=entries,
             class_names=(),
             seed=0,
-            association=ASSOCIATIONS.load(self.association),
+            association=strategy_of(Configuration.of(association=self.association)),
             distinct=True,
             weights=self.weights,
             pruning=PruningConfiguration(ratio=np.inf, max_hypotheses=10**9),
