@@ -43,6 +43,7 @@ COMMANDS = Group(
         "train": TRAIN,
         "fit": Command("semantic_slam.cli.fit_viewpoint_models:main", "fit class models over the direction of view"),
         "find": Command("semantic_slam.cli.find_lookalike:main", "rank the objects of a map by how a crop looks"),
+        "calibrate": Command("semantic_slam.cli.calibrate:main", "find a robot's noise from the evidence of a drive"),
         "study": Command("semantic_slam.cli.laboratory:study", "run an experiment (laboratory)"),
         "bench": Command("semantic_slam.cli.laboratory:bench", "measure against peers (laboratory)"),
         "scene": Command("semantic_slam.cli.laboratory:scene", "render a room, turntables or a bag (laboratory)"),

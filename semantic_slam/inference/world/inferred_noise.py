@@ -19,13 +19,15 @@ class InferredNoise:
     """N quantities: those that hypotheses differ in, and biases of odometry that are estimated with the poses."""
 
     settings: tuple[str, ...] = ()  # as the configuration names them
-    bias_sigmas: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of the prior; 0: that one is not estimated
+    bias_means: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of the prior
+    bias_sigmas: Array = field(default_factory=lambda: np.zeros(0))  # (p,) 0: that one is not estimated
 
     @classmethod
     def of(cls, odometry: OdometryConfiguration, noises: Sequence[NoiseSettings | None]) -> Self:
         """What is left open by the configuration of odometry and by the noises that hypotheses may have."""
         differing = [name for name, own in NAMES.items() if len({getattr(one, own, None) for one in noises}) > 1]
-        return cls(settings=tuple(differing), bias_sigmas=odometry_bias.bias_sigmas(odometry))
+        means, sigmas = odometry_bias.bias_means(odometry), odometry_bias.bias_sigmas(odometry)
+        return cls(settings=tuple(differing), bias_means=means, bias_sigmas=sigmas)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -40,6 +42,7 @@ class InferredNoise:
         if len(biases) and component.tracked is not None:
             tracked = component.tracked
             biases = self.bias_sigmas[:, None] * np.stack([tracked.bias, tracked.bias_sigmas], axis=1)
+            biases[:, 0] += self.bias_means
         return np.concatenate([np.reshape(settings, (-1, 2)), biases[self.bias_sigmas > 0.0]])
 
     def marginals(self, weights: Array, moments: Array, sensed: SensedRegion | None) -> dict[str, Any]:
