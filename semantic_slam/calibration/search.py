@@ -14,8 +14,8 @@ from semantic_slam.errors import InputError
 
 LEAST_GAIN = 3.0
 """Nats by which a candidate must be better to be preferred: twenty to one."""
-PASSES = 2
-"""Over all quantities; the second asks again those that others have moved since."""
+ROUNDS = 4
+"""Times at most that another quantity is moved."""
 MOST_STEPS = 5
 """Factors of two away from where the search begins."""
 
@@ -57,46 +57,41 @@ class Search:
 
     def __post_init__(self) -> None:
         self._start, self._first = self.best, self.outcome
-        self._known: dict[Configuration, Weighed] = {self.best: self.outcome}
+        self._known: dict[Configuration | str, Weighed] = {self.best: self.outcome}  # or why it cannot be had
 
     def climb(self, quantities: Sequence[Quantity]) -> None:
-        """Steps of each quantity in turn, as long as they raise the evidence."""
+        """Steps of one quantity as long as they raise the evidence, then of another: each time the steepest."""
         steps = {item.name: 0 for item in quantities}
-        for _ in range(PASSES):
-            before = dict(steps)
-            for item in quantities:
-                steps[item.name] = self._climbed(item, steps[item.name])
-            if steps == before:
+        for _ in range(ROUNDS):
+            ways = [(own, way) for own in quantities for way in (1, -1) if abs(steps[own.name] + way) <= MOST_STEPS]
+            chosen = self._best_of([(item.name, item.stepped(self.best, way)) for item, way in ways])
+            if chosen is None:
                 return
-
-    def _climbed(self, item: Quantity, steps: int) -> int:
-        """Steps of one quantity from the start of the search that are best."""
-        up = self._best_of(item.name, [item.stepped(self.best, direction) for direction in (1, -1)])
-        if up is None:
-            return steps
-        direction, steps = (1, -1)[up], steps + (1, -1)[up]
-        while abs(steps) < MOST_STEPS and self._best_of(item.name, [item.stepped(self.best, direction)]) is not None:
-            steps += direction
-        return steps
+            item, way = ways[chosen]
+            steps[item.name] += way
+            while abs(steps[item.name]) < MOST_STEPS:
+                if self._best_of([(item.name, item.stepped(self.best, way))]) is None:
+                    break
+                steps[item.name] += way
 
     def refine(self) -> None:
         """Take over what the best run has inferred, where that raises the evidence."""
         for name in refinements(self.best, self.outcome.noise):
-            self._best_of(name, [refinements(self.best, self.outcome.noise)[name]])
+            self._best_of([(name, refinements(self.best, self.outcome.noise)[name])])
 
-    def _best_of(self, quantity: str, changes: Sequence[Mapping[str, Any]]) -> int | None:
-        """Which of some changes is best, and is kept; None: none is better enough."""
-        candidates = [self._changed(values) for values in changes]
+    def _best_of(self, changes: Sequence[tuple[str, Mapping[str, Any]]]) -> int | None:
+        """Which of some changes of quantities is best, and is kept; None: none is better enough."""
+        candidates = [self._changed(values) for _, values in changes]
         is_new = [item not in self._known for item in candidates]
-        self._weigh([item for item in candidates if isinstance(item, Configuration)])
-        outcomes = [self._outcome(item) for item in candidates]
+        self._weigh(candidates)
+        outcomes = [self._known[item] for item in candidates]
         gains = [outcome.log_evidence - self.outcome.log_evidence for outcome in outcomes]
         best = int(np.argmax(gains))
         found = best if gains[best] >= LEAST_GAIN else None
         self.trials += [
             Trial(
-                quantity=quantity,
-                values=changes[row],
+                quantity=changes[row][0],
+                values=changes[row][1],
                 log_evidence=outcome.log_evidence,
                 gain=gains[row],
                 is_kept=row == found,
@@ -106,7 +101,7 @@ class Search:
             if is_new[row]
         ]
         if found is not None:
-            self._keep(quantity, changes[found], gains[found])
+            self._keep(*changes[found], gains[found])
         self._forget_all_but_best(outcomes)
         return found
 
@@ -123,15 +118,14 @@ class Search:
         except InputError as fault:
             return str(fault)
 
-    def _weigh(self, candidates: Sequence[Configuration]) -> None:
-        new = [item for item in dict.fromkeys(candidates) if item not in self._known]
+    def _weigh(self, candidates: Sequence[Configuration | str]) -> None:
+        unknown = [item for item in dict.fromkeys(candidates) if item not in self._known]
+        new = [item for item in unknown if isinstance(item, Configuration)]
         for item, outcome in zip(new, self.weigh(new) if new else [], strict=True):
             self._known[item] = outcome.beside(self._first)
-
-    def _outcome(self, candidate: Configuration | str) -> Weighed:
-        if isinstance(candidate, Configuration):
-            return self._known[candidate]
-        return Weighed(-np.inf, self.outcome.belief_bag, fault=candidate)
+        for fault in unknown:
+            if isinstance(fault, str):
+                self._known[fault] = Weighed(-np.inf, self.outcome.belief_bag, fault=fault)
 
     def _keep(self, quantity: str, values: Mapping[str, Any], gain: float) -> None:
         left = self.outcome

@@ -79,7 +79,7 @@ def test_a_change_that_is_taken_back_is_none() -> None:
     found.climb([DETECTIONS])
     found.weigh = lambda configurations: [Weighed(1e3, HERE, 5, 9) for _ in configurations]
     found._known = {found.best: found.outcome}
-    found._best_of(DETECTIONS.name, [DETECTIONS.stepped(found.best, -1)])
+    found._best_of([(DETECTIONS.name, DETECTIONS.stepped(found.best, -1))])
     assert found.best == BEGIN and found.changes == {}
 
 
