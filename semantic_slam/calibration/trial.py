@@ -39,7 +39,7 @@ class Weighed:
     damage: str = ""  # why the bag was not read to its end
 
     def beside(self, first: "Weighed") -> "Weighed":
-        """The same, if it is of the same keyframes and detections as ``first``."""
+        """This outcome, or that it cannot be compared, where it is not of the keyframes and detections of ``first``."""
         size = self.num_keyframes, self.num_detections
         if self.fault or size == (first.num_keyframes, first.num_detections):
             return self

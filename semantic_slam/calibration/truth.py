@@ -88,7 +88,7 @@ class Motions:
 
     @classmethod
     def of(cls, record: Record, truth: GroundTruth) -> Self:
-        """Those of which odometry and the truth are known."""
+        """The motions of a record for which odometry and the truth are known."""
         stamps = np.array([belief.stamp_ns for belief in record.beliefs], dtype=np.int64)
         pairs = np.stack([stamps[:-1], stamps[1:]], axis=1)
         known = np.isfinite(motions(truth.trajectory, pairs)).all(axis=1)
@@ -105,7 +105,7 @@ class Motions:
         return np.append(bias, offset), left
 
     def _at(self, offset_s: float, settings: OdometryConfiguration) -> tuple[Array, float]:
-        """The same with a clock that is known: (2,) biases."""
+        """(2,) biases besides that of a clock that is known, and the RMS that is left."""
         controls = motions(self.odometry, shifted(self.stamps_ns, offset_s))
         stated = [odometry_covariance(float(np.hypot(x, y)), abs(float(yaw)), settings) for x, y, yaw in controls]
         deviations = np.sqrt(np.diagonal(stated, axis1=1, axis2=2))

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from worlds.late_odometry import late_drive
 from worlds.open_room import Room, make_room
 
 from semantic_slam.geometry import se2
@@ -92,3 +93,22 @@ def test_it_is_the_same_however_the_work_is_divided() -> None:
     one, three = (last_of(room, backends)[0] for backends in (1, 3))
     np.testing.assert_array_equal(three.noise_values, one.noise_values)
     np.testing.assert_array_equal(three.noise_sigmas, one.noise_sigmas)
+
+
+def test_a_clock_is_named_where_its_offset_is_estimated() -> None:
+    for sigma_s, names in ((0.2, {"odometry.clock_offset_s"}), (0.0, set())):
+        drive = late_drive(0.1, sigma_s, duration_s=3.0, expected_s=0.1)
+        engine = Engine.of_run(drive.run, InProcessPool(1))
+        belief = [engine.process(keyframe) for keyframe in drive.keyframes][-1]
+        assert set(belief.noise_names) == {"odometry.bias_rad_per_m", "odometry.bias_scale"} | names
+        if names:
+            assert belief.noise_values[-1] == pytest.approx(0.1, abs=3.0 * belief.noise_sigmas[-1])
+            assert 0.0 < belief.noise_sigmas[-1] < 0.2
+
+
+def test_what_is_expected_of_a_bias_is_part_of_what_is_told() -> None:
+    expected = {**ESTIMATED["odometry"], "bias_rad_per_m": 0.04, "bias_scale": -0.06, "noise_factors": [1.0]}
+    told, _ = last_of(biased_room(20, odometry=expected, open_world={"iterate_updates": False}))
+    assert (np.abs(told.noise_values - BIAS) < 3.0 * told.noise_sigmas).all()
+    first, _ = last_of(biased_room(1, odometry=expected, open_world={"iterate_updates": False}))
+    np.testing.assert_allclose(first.noise_values, BIAS, atol=0.02)
