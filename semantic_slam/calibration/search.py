@@ -12,8 +12,8 @@ from semantic_slam.calibration.trial import Weighed, forget
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 
-LEAST_GAIN = 3.0
-"""Nats by which a candidate must be better to be preferred: twenty to one."""
+LEAST_GAIN = 5.0
+"""Nats by which a candidate must be better to be preferred: twenty to one, after eight that were tried."""
 ROUNDS = 4
 """Times at most that another quantity is moved."""
 MOST_STEPS = 5
