@@ -276,16 +276,20 @@ class OdometryConfiguration:
         "estimate a constant error per metre with the poses; for association: open, or given, with"
         " iterate_updates: false",
     )
+    bias_rad_per_m: float = parameter(0.0, "estimate_bias: heading error per metre expected before the drive")
     sigma_bias_rad_per_m: float = parameter(
         0.003, "estimate_bias: standard deviation of the heading error per metre before the drive", minimum=1e-9
     )
+    bias_scale: float = parameter(0.0, "estimate_bias: relative error of the distance expected before the drive")
     sigma_bias_scale: float = parameter(
         0.02, "estimate_bias: standard deviation of the relative error of the distance before the drive", minimum=1e-9
     )
+    clock_offset_s: float = parameter(
+        0.0, "how much later [s] odometry is stamped than detections of that instant, as expected before the drive"
+    )
     sigma_clock_offset_s: float = parameter(
         0.0,
-        "estimate_bias: standard deviation [s] of how much later odometry is stamped than detections of that instant;"
-        " 0: one clock",
+        "estimate_bias: standard deviation [s] of clock_offset_s before the drive; 0: it is as expected",
         minimum=0.0,
     )
 

@@ -43,6 +43,7 @@ COMMANDS = Group(
         "train": TRAIN,
         "fit": Command("semantic_slam.cli.fit_viewpoint_models:main", "fit class models over the direction of view"),
         "find": Command("semantic_slam.cli.find_lookalike:main", "rank the objects of a map by how a crop looks"),
+        "calibrate": Command("semantic_slam.cli.calibrate:main", "a robot's noise, by the evidence of a drive"),
         "study": Command("semantic_slam.cli.laboratory:study", "run an experiment (laboratory)"),
         "bench": Command("semantic_slam.cli.laboratory:bench", "measure against peers (laboratory)"),
         "scene": Command("semantic_slam.cli.laboratory:scene", "render a room, turntables or a bag (laboratory)"),
@@ -55,7 +56,7 @@ def parse(group: Group, words: list[str]) -> Namespace:
     """The command that the first of ``words`` names; what follows is for the command itself. Raises InputError."""
     description = f"{group.summary}. {program()} COMMAND --help tells what each COMMAND takes."
     parser = CommandParser(description=description[0].upper() + description[1:])
-    parser.add_argument("--version", action="version", version=f"semantic_slam {semantic_slam.__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"semantic_slam {semantic_slam.__version__}")
     chosen = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, command in group.commands.items():
         chosen.add_parser(name, help=command.summary, add_help=False)

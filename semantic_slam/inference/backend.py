@@ -228,7 +228,13 @@ class Backend:
             objects=objects,
             lost_ids=np.array(list(lost), dtype=np.uint64),
             lost_reasons=tuple(lost.values()),
+            noise=self._noise(components),
         )
+
+    def _noise(self, components: Sequence[Component]) -> Array:
+        """(S, N, 2) what components infer of the noise."""
+        moments = [self.problem.inferred_noise.moments(component) for component in components]
+        return np.array(moments) if moments else np.zeros((0, 0, 2))
 
     def _present(self) -> ReportedObjects:
         """The objects that are reported."""

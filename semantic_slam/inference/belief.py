@@ -92,10 +92,10 @@ class HybridBelief(ObjectTable):
         return [known.row() for known in self.objects]
 
     def __post_init__(self) -> None:
-        detections, objects, noises = len(self.detection_ids), len(self.object_ids), len(self.noise_names)
+        detections, objects = len(self.detection_ids), len(self.object_ids)
         shapes: dict[str, tuple[int, ...]] = {name: (objects, *_fixed(name)) for name in OPTIONAL}
         shapes |= {"association_probabilities": (detections, objects + 1), "outlier_probability": (detections,)}
-        fill_left_out(self, shapes | {"noise_values": (noises,), "noise_sigmas": (noises,)})
+        fill_left_out(self, shapes)
 
 
 def _fixed(name: str) -> tuple[int, ...]:

@@ -18,12 +18,12 @@ from semantic_slam.inference.models.clutter import EvenClutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.noise_settings import NoiseSettings
-from semantic_slam.inference.models.odometry_bias import bias_sigmas
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import NO_SCORES, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.identity import digest
+from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
@@ -163,9 +163,10 @@ def problem_of(run: RunConfiguration) -> Problem:
     objects = tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects)
     latent = _latent(descriptors, tempering, prior, objects) if descriptors is not None else None
     semantics: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
+    noises = _noises(configuration, association)
     return Problem(
-        num_biases=len(bias_sigmas(configuration.odometry)),
-        noises=_noises(configuration, association),
+        inferred_noise=InferredNoise.of(configuration.odometry, noises),
+        noises=noises,
         spaces=sensing.spaces,
         model=sensing.model,
         reader=sensing.reader,

@@ -181,6 +181,7 @@ class Engine:
             self._mixture(components),
             reported,
             self.problem.class_names,
+            self.problem.inferred_noise,
             num_candidates=num_candidates,
             discarded_mass=discarded.total,
             first_new_id=self.registry.first_new_id(step.index) if self.association.merges_copies else None,
@@ -213,4 +214,5 @@ class Engine:
             poses=np.array([own.pose for own in rows]),
             pose_covariances=np.array([own.covariance for own in rows]),
             objects=stack_rows([own.objects for own in rows]),
+            noise=np.array([own.noise for own in rows]),
         )

@@ -12,6 +12,7 @@ from semantic_slam.inference.entropy import association_entropy, component_entro
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import ObjectTable, marginals
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ReportedObjects
 
 
@@ -26,6 +27,7 @@ class Mixture:
     poses: Array  # (H, 7)
     pose_covariances: Array  # (H, 6, 6)
     objects: ObjectTable  # (H, O, ...)
+    noise: Array  # (H, N, 2) means and standard deviations
 
     def association_histories(self) -> list[tuple[tuple[int, ...], ...]]:
         """beta of every hypothesis since they were last one; before that they agree."""
@@ -55,6 +57,7 @@ def state_belief(
     mixture: Mixture,
     reported: ReportedObjects,
     class_names: Sequence[str],
+    inferred_noise: InferredNoise,
     *,
     num_candidates: int,
     discarded_mass: float,
@@ -92,5 +95,6 @@ def state_belief(
         association_probabilities=association_probabilities(weights, known, len(reported.ids)),
         outlier_probability=clutter,
         state_space="planar",
+        **inferred_noise.marginals(weights, mixture.noise, step.sensed),
         **marginals(weights, mixture.objects),
     )

@@ -86,6 +86,7 @@ class Components:
     objects: ObjectTable  # (S, O, ...) what each component knows of them
     lost_ids: NDArray[np.uint64]  # (X,)
     lost_reasons: tuple[str, ...]  # (X,)
+    noise: Array  # (S, N, 2) mean and standard deviation of what each infers of the noise
 
 
 class BackendPool(Protocol):

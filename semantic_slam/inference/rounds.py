@@ -26,6 +26,7 @@ class HeldComponent:
     pose: Array  # (7,)
     covariance: Array  # (6, 6)
     objects: ObjectTable  # (O, ...)
+    noise: Array  # (N, 2)
 
 
 class Rounds:
@@ -82,7 +83,10 @@ def held_components(answers: list[Components], reported: ReportedObjects) -> dic
     """Hypothesis id -> its component, over the objects that are ``reported``."""
     return {
         int(number): HeldComponent(
-            pose=answer.poses[row], covariance=answer.pose_covariances[row], objects=table_row(answer.objects, row)
+            pose=answer.poses[row],
+            covariance=answer.pose_covariances[row],
+            objects=table_row(answer.objects, row),
+            noise=answer.noise[row],
         )
         for answer in (_aligned(answer, reported) for answer in answers)
         for row, number in enumerate(answer.ids)

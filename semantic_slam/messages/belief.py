@@ -26,8 +26,8 @@ BELIEF_LAYOUT: Layout = {
     "association_probabilities": MayBeEmpty(("D", "O+1")),
     "outlier_probability": MayBeEmpty(("D",)),
     "noise_names": ("N",),
-    "noise_values": MayBeEmpty(("N",)),
-    "noise_sigmas": MayBeEmpty(("N",)),
+    "noise_values": ("N",),
+    "noise_sigmas": ("N",),
 }
 
 

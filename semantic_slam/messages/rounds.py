@@ -76,6 +76,7 @@ COMPONENTS_LAYOUT: Layout = {
     **object_layout("S", "O"),
     "lost_ids": ("X",),
     "lost_reasons": ("X",),
+    "noise": ("S", "N", 2),
 }
 
 

@@ -68,7 +68,8 @@ class KeyframeAssembler:
         except InputError:
             self.dropped[f"{topics.ODOMETRY}: pose is not finite"] += 1
             return
-        self._odometry.add(sample.stamp_ns, sample)
+        stamp_ns = sample.stamp_ns - round(self._configuration.odometry.clock_offset_s * NANOSECONDS)
+        self._odometry.add(stamp_ns, replace(sample, stamp_ns=stamp_ns))
 
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
         """The point at the next sample; the first one is where the first keyframe's motion starts."""

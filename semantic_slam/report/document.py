@@ -62,6 +62,7 @@ def report_document(analysis: Analysis) -> dict[str, Any]:
             _keyframe(belief, index) for belief, index in zip(record.beliefs, analysis.ancestors, strict=True)
         ],
         "objects": object_rows(analysis),
+        "noise": noise_row(record.beliefs[-1]),
         "dropped": record.dropped,
     }
     if record.fault:
@@ -126,6 +127,13 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
         }
         for row, number in enumerate(last.object_ids)
     ]
+
+
+def noise_row(belief: HybridBelief) -> dict[str, dict[str, float]]:
+    """What a belief says of the noise: value and standard deviation by the configuration's names."""
+    values, sigmas = belief.noise_values.tolist(), belief.noise_sigmas.tolist()
+    told = zip(belief.noise_names, values, sigmas, strict=True)
+    return {name: {"value": value, "sigma": sigma} for name, value, sigma in told}
 
 
 def map_prior(record: Record) -> MapPrior:

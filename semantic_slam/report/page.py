@@ -14,6 +14,7 @@ from semantic_slam.report.descriptors import descriptor_figures
 from semantic_slam.report.explanation_charts import explanation_charts
 from semantic_slam.report.frames import frame_views
 from semantic_slam.report.metrics_table import metric_rows
+from semantic_slam.report.noise_charts import noise_charts
 from semantic_slam.report.objects import object_views
 from semantic_slam.report.palette import class_colours
 from semantic_slam.report.plain_json import plain
@@ -49,6 +50,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
             descriptors=descriptor_figures(analysis),
             comparison=comparison_view(runs, classes),
             charts=[*time_charts(analysis), *explanation_charts(record)],
+            noise_charts=noise_charts(record.beliefs),
             truth_charts=truth_charts(evaluation, record.beliefs) if evaluation else [],
             metrics=metric_rows(evaluation.metrics) if evaluation else [],
             frames=frames,

@@ -86,6 +86,7 @@ def components(s=2, o=3, lost=1, length=0):
         run_id="run", keyframe=4, backend_id=1, ids=numbers(s, dtype=np.uint64), poses=numbers(s, 7),
         pose_covariances=numbers(s, 6, 6), object_ids=numbers(o, dtype=np.uint32), objects=objects,
         lost_ids=numbers(lost, dtype=np.uint64), lost_reasons=("an update failed",) * lost,
+        noise=numbers(s, 3 if s else 0, 2),
     )  # fmt: skip
 
 

@@ -6,8 +6,9 @@ script: six lineages, one of them left from keyframe 13 on.
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import cv2
@@ -103,6 +104,12 @@ def lineage_weights(k: int) -> Array:
     weights = np.exp(drift + wobble - np.max(drift + wobble))
     weights[weights < 1 / 150] = 0.0
     return np.asarray(weights / weights.sum())
+
+
+def with_noise(belief: HybridBelief, noise: Mapping[str, tuple[float, float]]) -> HybridBelief:
+    """The belief with what it tells of the noise: name -> value and standard deviation."""
+    values, sigmas = np.array([*noise.values()]).reshape(-1, 2).T
+    return dataclasses.replace(belief, noise_names=tuple(noise), noise_values=values, noise_sigmas=sigmas)
 
 
 def belief_at(k: int, path: Array, class_names: tuple[str, ...], object_names: tuple[str, ...]) -> HybridBelief:
@@ -220,8 +227,12 @@ def write_belief_bag(
     class_names: tuple[str, ...] = CLASSES,
     object_names: tuple[str, ...] = ("", "", "", "", "", "", ""),
     with_truth: bool = True,
+    noise: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> tuple[Path, Path]:
-    """A belief bag and the bag with the pictures that it came from: their paths."""
+    """A belief bag and the bag with the pictures that it came from: their paths.
+
+    ``noise``: name -> value and standard deviation that every belief tells.
+    """
     path = true_path(keyframes)
     source, beliefs = folder / "source", folder / "belief"
     run = run_configuration(source, class_names, object_names)
@@ -232,7 +243,7 @@ def write_belief_bag(
         stamp, seen = START + k * SECOND, visible(path[k])
         rows.append((topics.ODOMETRY, stamp, odometry_message(stamp, odometry[k], "odom")))
         rows.append((topics.MEASUREMENTS, stamp, measurements_at(k, seen, class_names)))
-        rows.append((topics.BELIEF, stamp, belief_at(k, path, class_names, object_names)))
+        rows.append((topics.BELIEF, stamp, with_noise(belief_at(k, path, class_names, object_names), noise)))
         if with_truth:
             names = tuple(str(n + 1) for n in seen)
             rows.append((topics.GROUND_TRUTH_ASSOCIATIONS, stamp, GroundTruthAssociations(stamp, names)))

@@ -45,8 +45,10 @@ def true_pose(time_s: float) -> Array:
     return np.asarray(pose)
 
 
-def late_drive(offset_s: float, sigma_offset_s: float, duration_s: float = 20.0, seed: int = 0) -> LateDrive:
-    """Odometry stamped ``offset_s`` later than detections of the same instant."""
+def late_drive(
+    offset_s: float, sigma_offset_s: float, duration_s: float = 20.0, seed: int = 0, expected_s: float = 0.0
+) -> LateDrive:
+    """Odometry stamped ``offset_s`` later than detections of the same instant, where ``expected_s`` is expected."""
     random = np.random.default_rng(seed)
     configuration = from_dict(
         {
@@ -55,6 +57,7 @@ def late_drive(offset_s: float, sigma_offset_s: float, duration_s: float = 20.0,
             "open_world": {"iterate_updates": False, "detection_probability": 0.9, **REGION},
             "odometry": {
                 "estimate_bias": True,
+                "clock_offset_s": expected_s,
                 "sigma_clock_offset_s": sigma_offset_s,
                 "sigma_rotation_per_rad": 0.02,
             },

@@ -1,17 +1,18 @@
 """Keyframes of semantic measurements as steps of the planar engine."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.score_features import score_features
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
-from semantic_slam.inference.models.odometry_bias import by_bias, slopes
+from semantic_slam.inference.models.odometry_bias import CLOCK, by_bias, slopes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.step import Motion, Step
@@ -21,20 +22,23 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 class PlanarReader:
     """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none.
 
-    ``bias_sigmas`` (3,) or none: prior standard deviations of odometry's biases, where they are estimated.
+    ``bias_sigmas`` (3,) or none: prior standard deviations of odometry's biases, where they are estimated, and
+    ``bias_means`` (3,) what is expected of them; that of the clock is in the keyframes already.
     ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
     """
 
     def __init__(
         self,
         num_features: int,
-        bias_sigmas: Sequence[float] = (),
+        bias_sigmas: ArrayLike = (),
         feature_names: tuple[str, ...] = (),
         noise: ConfiguredNoise | None = None,
         *,
+        bias_means: ArrayLike | None = None,
         learns_region: bool = False,
     ):
         self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
+        self.bias_means = np.zeros_like(self.bias_sigmas) if bias_means is None else np.asarray(bias_means, dtype=float)
         self.feature_names, self.noise = feature_names, noise or ConfiguredNoise()
         self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
 
@@ -85,9 +89,11 @@ class PlanarReader:
         covariance = self.noise.of_motion(control, planar_from_covariance(keyframe.odometry_covariance))
         if not len(self.bias_sigmas):
             return Motion(control, covariance)
-        given = keyframe.odometry_slopes
-        change = by_bias(slopes(control) if given is None else given, self.bias_sigmas)
-        return Motion(control, covariance, change, keyframe.odometry_shifts)
+        told = slopes(control) if keyframe.odometry_slopes is None else keyframe.odometry_slopes
+        expected = self.bias_means[:CLOCK]
+        if expected.any():
+            control = se2.retract(control, told @ expected)
+        return Motion(control, covariance, by_bias(told, self.bias_sigmas), keyframe.odometry_shifts)
 
 
 def _detection(measurements: SemanticMeasurements, covariances: Array, index: int) -> PlanarDetection:

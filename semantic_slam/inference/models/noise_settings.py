@@ -5,6 +5,13 @@ from itertools import product
 
 from semantic_slam.configuration import Configuration
 
+NAMES = {
+    "odometry.noise_factor": "odometry_factor",
+    "perception.noise_factor": "detection_factor",
+    "open_world.detection_probability": "detection_probability",
+}
+"""Name in the configuration -> field of :class:`NoiseSettings`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseSettings:

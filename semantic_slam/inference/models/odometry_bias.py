@@ -1,6 +1,7 @@
 """What odometry gets wrong all the way: a turn for every metre driven, the length of a metre, and its clock.
 
-x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations. It
+x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations; what the
+prior expects is in u_k already. It
 changes a little from one stretch of the drive to the next, so that every stretch has its own variable in the smoother:
 a revisit tells of them as of the poses, and what they tell of the next revisit is part of the belief. One variable for
 the whole drive would be in every clique, and each of its changes would go through the whole tree.
@@ -33,6 +34,13 @@ def bias_sigmas(settings: OdometryConfiguration) -> Array:
     if not settings.estimate_bias:
         return np.zeros(0)
     return np.array([settings.sigma_bias_rad_per_m, settings.sigma_bias_scale, settings.sigma_clock_offset_s])
+
+
+def bias_means(settings: OdometryConfiguration) -> Array:
+    """(3,) prior means, in the same units; none where none is asked."""
+    if not settings.estimate_bias:
+        return np.zeros(0)
+    return np.array([settings.bias_rad_per_m, settings.bias_scale, settings.clock_offset_s])
 
 
 def slopes(control: Array) -> Array:

@@ -46,6 +46,11 @@ class SensedRegion:
             leftmost_rad=float(max(before.leftmost_rad, turns.max(initial=0.0))),
         )
 
+    def named(self) -> dict[str, float]:
+        """The region as the configuration names it."""
+        names = ("min_range_m", "max_range_m", "field_of_view_rad", "direction_rad")
+        return {f"open_world.{name}": getattr(self, name) for name in names}
+
     @property
     def field_of_view_rad(self) -> float:
         """Full angle, with its margins."""

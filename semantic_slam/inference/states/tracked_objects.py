@@ -60,10 +60,15 @@ class TrackedStates:
         return self.robot_covariance if self.carried_covariance is None else self.carried_covariance
 
     @property
+    def bias_sigmas(self) -> Array:
+        """(p,) standard deviations of the bias."""
+        first = len(self.robot_covariance)
+        return np.asarray(np.sqrt(np.diagonal(self.motion_covariance)[first : first + len(self.bias)]))
+
+    @property
     def clock(self) -> tuple[float, float]:
         """Mean and standard deviation of the last bias, that of odometry's clock, in those of its prior."""
-        last = len(self.robot_covariance) + len(self.bias) - 1
-        return float(self.bias[-1]), float(np.sqrt(self.motion_covariance[last, last]))
+        return float(self.bias[-1]), float(self.bias_sigmas[-1])
 
     @property
     def num_errors(self) -> int:

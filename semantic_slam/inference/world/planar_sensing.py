@@ -9,7 +9,7 @@ from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose
 from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
-from semantic_slam.inference.models.odometry_bias import bias_sigmas
+from semantic_slam.inference.models.odometry_bias import bias_means, bias_sigmas
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
@@ -75,7 +75,11 @@ def _visibility(configuration: Configuration) -> PlanarVisibility:
 
 def _reader(settings: SensingSettings) -> PlanarReader:
     configuration = settings.configuration
-    biases = bias_sigmas(configuration.odometry).tolist()
-    noise = ConfiguredNoise(configuration.odometry, configuration.perception)
-    learns_region = configuration.open_world.learn_region
-    return PlanarReader(settings.num_features, biases, settings.feature_names, noise, learns_region=learns_region)
+    return PlanarReader(
+        settings.num_features,
+        bias_sigmas(configuration.odometry),
+        settings.feature_names,
+        ConfiguredNoise(configuration.odometry, configuration.perception),
+        bias_means=bias_means(configuration.odometry),
+        learns_region=configuration.open_world.learn_region,
+    )

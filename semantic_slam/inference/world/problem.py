@@ -26,6 +26,7 @@ from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
 
 
@@ -58,8 +59,13 @@ class Problem:
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
     clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
-    num_biases: int = 0  # of odometry, that are estimated with the poses
+    inferred_noise: InferredNoise = field(default_factory=InferredNoise)
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
+
+    @property
+    def num_biases(self) -> int:
+        """Biases of odometry that are estimated with the poses."""
+        return len(self.inferred_noise.bias_sigmas)
 
     @property
     def log_root_weights(self) -> list[float]:

@@ -71,6 +71,16 @@ def test_without_an_offset_to_estimate_keyframes_tell_none() -> None:
     assert {keyframe.odometry_shifts is None for keyframe in late_drive(0.0, 0.0, duration_s=5.0).keyframes} == {True}
 
 
+@pytest.mark.parametrize("sigma_s", [0.0, SIGMA_S])
+def test_an_offset_that_is_expected_is_in_the_motions_already(sigma_s: float) -> None:
+    one_clock = late_drive(0.0, sigma_s, duration_s=8.0).keyframes
+    expected = late_drive(0.25, sigma_s, duration_s=8.0, expected_s=0.25).keyframes
+    for ours, theirs in zip(expected[:-3], one_clock[:-3], strict=True):  # the last ones are beyond the odometry
+        np.testing.assert_allclose(ours.odometry, theirs.odometry, atol=1e-3)
+        if sigma_s:
+            np.testing.assert_allclose(ours.odometry_shifts, theirs.odometry_shifts, atol=2e-3)
+
+
 def tracked_at_end(drive: LateDrive) -> tuple[TrackedStates, float]:
     """States under the best hypothesis, and the mean error of the heading over the drive [rad]."""
     pool = InProcessPool(1)

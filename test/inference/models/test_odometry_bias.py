@@ -13,6 +13,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.models.odometry_bias import bias_prior, biased_factor, composed_slopes, slopes
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap
@@ -94,6 +95,15 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
     np.testing.assert_allclose(local.covariance, expected, atol=1e-9)
     rows = [0, 1, 2, 8, 9, 10]
     np.testing.assert_allclose(local.of(np.array([7])), expected[np.ix_(rows, rows)], atol=1e-9)
+
+
+def test_a_bias_that_is_expected_is_in_the_motion_already() -> None:
+    expected = np.array([0.04, -0.06, 0.3])
+    keyframe = make_room(1).keyframes[0]
+    plain = PlanarReader(0, [*PRIOR_SIGMAS, 0.0]).step(keyframe).motion
+    moved = PlanarReader(0, [*PRIOR_SIGMAS, 0.0], bias_means=expected).step(keyframe).motion
+    np.testing.assert_allclose(moved.control, biased(plain.control, expected[:2]), atol=1e-4)
+    np.testing.assert_array_equal(moved.by_bias, plain.by_bias)
 
 
 def room_with(bias: np.ndarray, num_keyframes: int, seed: int) -> Room:

@@ -1,0 +1,54 @@
+"""What a run has inferred, as what the next one expects before its drive."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.calibration.quantities import rounded, value_of
+from semantic_slam.configuration import Configuration
+from semantic_slam.inference.models.odometry_bias import NAMES
+
+WIDENED = 0.5
+"""Share of the prior's standard deviation that is left to a bias at least: another drive is another day."""
+PROBABILITY = "open_world.detection_probability"
+REGION = ("min_range_m", "max_range_m", "field_of_view_rad", "direction_rad")
+
+Noise = Mapping[str, tuple[float, float]]
+
+
+def refinements(configuration: Configuration, noise: Noise) -> dict[str, dict[str, Any]]:
+    """Name -> new values of parameters, from what a run under ``configuration`` has inferred of the noise."""
+    found = {
+        "biases of odometry": _biases(configuration, noise),
+        "detection probability": _detection_probability(noise),
+        "region of the sensor": _region(noise),
+    }
+    return {name: changes for name, changes in found.items() if changes}
+
+
+def _biases(configuration: Configuration, noise: Noise) -> dict[str, Any]:
+    """Each as it was at the end, and as well known."""
+    changes: dict[str, Any] = {}
+    for name in NAMES:
+        if name in noise:
+            mean, sigma = noise[name]
+            spread = name.replace(".", ".sigma_")
+            changes |= {name: rounded(mean), spread: rounded(max(sigma, WIDENED * value_of(configuration, spread)))}
+    return changes
+
+
+def _detection_probability(noise: Noise) -> dict[str, Any]:
+    """Three about the mean, their odds a factor of two apart."""
+    if PROBABILITY not in noise:
+        return {}
+    mean = noise[PROBABILITY][0]
+    odds = mean / (1.0 - mean) * np.array([0.5, 1.0, 2.0])
+    return {"open_world.detection_probabilities": [rounded(float(value)) for value in odds / (1.0 + odds)]}
+
+
+def _region(noise: Noise) -> dict[str, Any]:
+    names = [f"open_world.{name}" for name in REGION]
+    if not noise.keys() >= set(names):
+        return {}
+    return {"open_world.learn_region": False} | {name: rounded(noise[name][0]) for name in names}
