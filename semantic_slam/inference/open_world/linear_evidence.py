@@ -81,7 +81,7 @@ class LinearisedEvidence:
 
     @classmethod
     def of(cls, spaces: Spaces, prediction: Prediction, pairs: PairDensities) -> Self:
-        """Of one parent, with the ``pairs`` of its detections and near objects."""
+        """That of one parent, with the ``pairs`` of its detections and near objects."""
         return cls(
             spaces,
             prediction.predicted.mean[0],

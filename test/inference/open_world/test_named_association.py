@@ -181,12 +181,12 @@ def test_numbers_given_find_the_bias_of_a_robot_whose_ranges_repeat_their_errors
 
 
 def test_single_steps_end_near_the_optimum_of_their_graph_where_errors_repeat() -> None:
-    """Half the squared errors, of which a drive has about a hundred, are those of a batch solution but for one."""
-    _, engine = driven(biased_drive(0, 60))
+    """Half the sum of squared errors is that of a batch solution; linearised as seldom as else it is 7 above it."""
+    _, engine = driven(biased_drive(1, 60))
     isam = engine.pool._backends[0].held[next(iter(engine.live))].component.smoother.isam
     graph, estimate = gtsam.NonlinearFactorGraph(isam.getFactorsUnsafe()), isam.calculateEstimate()
     optimum = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
-    assert graph.error(estimate) < graph.error(optimum) + 1.0
+    assert graph.error(estimate) < graph.error(optimum) + 0.5
 
 
 def test_a_pose_that_is_far_off_is_no_reason_to_doubt_every_name() -> None:
