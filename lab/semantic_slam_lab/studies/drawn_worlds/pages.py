@@ -40,7 +40,7 @@ def claims_of(result: dict[str, Any]) -> list[Claim]:
 
 
 def tables_of(result: dict[str, Any]) -> list[Table]:
-    """Of ranks, of stated probabilities, of regions."""
+    """Ranks, stated probabilities, regions."""
     ranks = [
         (name, str(len(result["ranks"][name])), f"{value:.3g}", "no" if name in result["rejected"] else "yes")
         for name, value in result["p_values"].items()

@@ -71,7 +71,7 @@ def _bias_ranks(belief: HybridBelief, biases: Array) -> dict[str, float]:
 
 
 def _object_ranks(beliefs: Sequence[HybridBelief], world: DrawnWorld, random: np.random.Generator) -> dict[str, float]:
-    """Of an object that the best hypothesis ties to a true one by two detections or more."""
+    """Ranks of an object that the best hypothesis ties to a true one by two detections or more."""
     last = beliefs[-1]
     best = [rows[best_index(last)] for rows in histories(beliefs)]
     votes: dict[int, list[int]] = {}
