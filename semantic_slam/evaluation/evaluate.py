@@ -12,7 +12,7 @@ from semantic_slam.evaluation.history import (
     UNKNOWN,
     UNMATCHED,
     Ids,
-    associated_objects,
+    best_history,
     best_index,
     first_settled,
     lineage,
@@ -46,8 +46,8 @@ def evaluate(record: Record, truth: GroundTruth) -> Evaluation:
     """All metrics of ``record``; unknown ones are NaN."""
     beliefs = record.beliefs
     stamps = np.array([belief.stamp_ns for belief in beliefs], dtype=np.int64)
-    ancestors = lineage(beliefs)
-    matches = _matches(record, truth, ancestors)
+    ancestors, found = lineage(beliefs), best_history(beliefs)
+    matches = _matches(record, truth, found)
     true_associations = [_true_objects(belief, truth, matches) for belief in beliefs]
     probability = true_association_probability(beliefs, true_associations)
     true_classes = _true_classes(truth, matches)
@@ -56,7 +56,7 @@ def evaluate(record: Record, truth: GroundTruth) -> Evaluation:
     dead, dead_true = dead_reckonings(record, truth, stamps)
     nees = np.array([_nees(belief, pose) for belief, pose in zip(beliefs, true_poses, strict=True)])
     metrics = {
-        **_association_metrics(beliefs, ancestors, true_associations, truth, probability),
+        **_association_metrics(beliefs, found, true_associations, truth, probability),
         **_class_metrics(beliefs, true_classes),
         **_trajectory_metrics(beliefs, final_poses, dead, dead_true, true_poses),
         "nees_mean": _mean(nees),
@@ -99,13 +99,13 @@ def _reckon(start: Array, odometry: Array, row: int) -> Array:
     return poses
 
 
-def _matches(record: Record, truth: GroundTruth, ancestors: list[int]) -> dict[str, int]:
+def _matches(record: Record, truth: GroundTruth, history: list[Ids | None]) -> dict[str, int]:
     prior = parse_map_prior(record.run.map_prior, "run configuration") if record.run.map_prior else None
     pairs = [
-        (true, int(found))
-        for belief, index in zip(record.beliefs, ancestors, strict=True)
-        if index >= 0 and belief.stamp_ns in truth.associations
-        for true, found in zip(_true_names(belief, truth), associated_objects(belief)[index], strict=True)
+        (true, int(number))
+        for belief, found in zip(record.beliefs, history, strict=True)
+        if found is not None and belief.stamp_ns in truth.associations
+        for true, number in zip(_true_names(belief, truth), found, strict=True)
         if true
     ]
     true_ids = {true for names in truth.associations.values() for true in names if true}
@@ -141,7 +141,11 @@ def _true_classes(truth: GroundTruth, matches: dict[str, int]) -> dict[int, str]
 
 
 def _association_metrics(
-    beliefs: tuple[HybridBelief, ...], ancestors: list[int], true: list[Ids], truth: GroundTruth, probability: Array
+    beliefs: tuple[HybridBelief, ...],
+    history: list[Ids | None],
+    true: list[Ids],
+    truth: GroundTruth,
+    probability: Array,
 ) -> dict[str, float | int | None]:
     """Clusters are compared by the true ids themselves, so that a missing correspondence costs no pair."""
     if not truth.associations:
@@ -151,9 +155,8 @@ def _association_metrics(
     reference: list[int] = []
     right: list[bool] = []
     numbers: dict[str, int] = {"": -1}
-    for belief, index, objects in zip(beliefs, ancestors, true, strict=True):
-        if belief.stamp_ns in truth.associations and index >= 0:
-            found = associated_objects(belief)[index]
+    for belief, found, objects in zip(beliefs, history, true, strict=True):
+        if found is not None and belief.stamp_ns in truth.associations:
             estimate.extend(found.tolist())
             reference.extend(numbers.setdefault(name, len(numbers)) for name in _true_names(belief, truth))
             right.extend((found == objects).tolist())

@@ -43,6 +43,44 @@ def lineage(beliefs: Sequence[HybridBelief]) -> list[int]:
     return ancestors[::-1]
 
 
+def histories(beliefs: Sequence[HybridBelief]) -> list[Ids]:
+    """(H, D) object id of every detection of each keyframe under the H hypotheses that live at the end.
+
+    As these have it by then: where a history was revised, as revised. -1: clutter, or a lineage that is not recorded.
+    """
+    ancestors = np.arange(len(beliefs[-1].hypothesis_ids)) if beliefs else np.zeros(0, dtype=int)
+    changed: list[dict[tuple[int, int], int]] = [{} for _ in ancestors]  # (keyframe, detection) -> object
+    rows: list[Ids] = []
+    for number in range(len(beliefs) - 1, -1, -1):
+        belief = beliefs[number]
+        found = np.where(ancestors[:, None] >= 0, associated_objects(belief)[ancestors], -1)
+        for row, changes in enumerate(changed):
+            for detection in range(found.shape[1]):
+                found[row, detection] = changes.get((belief.keyframe, detection), found[row, detection])
+        rows.append(found)
+        ids = np.where(ancestors >= 0, belief.hypothesis_ids[ancestors], 0)
+        for changes, own in zip(changed, ids, strict=True):
+            for change in np.flatnonzero(belief.revised_ids == own):
+                place = int(belief.revised_keyframes[change]), int(belief.revised_detections[change])
+                changes.setdefault(place, int(belief.revised_objects[change]))  # later revisions have the last word
+        if number:
+            place_of = {int(own): at for at, own in enumerate(beliefs[number - 1].hypothesis_ids)}
+            known = [place_of.get(int(parent), -1) for parent in belief.parent_ids[ancestors]]
+            ancestors = np.where(ancestors >= 0, known, -1).astype(int)
+    return rows[::-1]
+
+
+def best_history(beliefs: Sequence[HybridBelief]) -> list[Ids | None]:
+    """(D,) object id of every detection of each keyframe under the hypothesis that is best at the end.
+
+    None where the lineage is not recorded.
+    """
+    return [
+        found[best_index(beliefs[-1])] if ancestor >= 0 else None
+        for found, ancestor in zip(histories(beliefs), lineage(beliefs), strict=True)
+    ]
+
+
 def step_is_right(belief: HybridBelief, true_objects: Ids) -> NDArray[np.bool_]:
     """(H,) whether a hypothesis gives every detection of this keyframe its true object.
 

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.evaluation.association import CLUTTER
-from semantic_slam.evaluation.history import associated_objects
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.belief import HybridBelief
 
 BINS = 10
 
@@ -20,25 +18,6 @@ class PairCalibration:
     right_at_90: float  # share that are one object of those stated to be one with probability 0.9 or more
     ece: float  # |stated - observed| over ten equal bins, weighted by their pairs
     ece_of_stated: float  # over pairs alone that some hypothesis takes for one object
-
-
-def histories(beliefs: Sequence[HybridBelief]) -> list[Index]:
-    """(H, D) object id of every detection of each keyframe under the H hypotheses that live at the end.
-
-    -1: clutter, or a lineage that is not recorded.
-    """
-    ancestors = np.arange(len(beliefs[-1].hypothesis_ids)) if beliefs else np.zeros(0, dtype=int)
-    rows: list[Index] = []
-    for number in range(len(beliefs) - 1, -1, -1):
-        belief = beliefs[number]
-        found = associated_objects(belief)[ancestors]
-        rows.append(np.where(ancestors[:, None] >= 0, found, CLUTTER))
-        if number:
-            place = {int(own): at for at, own in enumerate(beliefs[number - 1].hypothesis_ids)}
-            parents = belief.parent_ids[ancestors]
-            known = [place.get(int(parent), -1) for parent in parents]
-            ancestors = np.where(ancestors >= 0, known, -1).astype(int)
-    return rows[::-1]
 
 
 def pair_calibration(weights: Array, objects: Index, reference: Sequence[int]) -> PairCalibration:

@@ -55,6 +55,10 @@ class HybridBelief(ObjectTable):
     noise_values: Array = field(default_factory=left_out)  # (N,)
     noise_sigmas: Array = field(default_factory=left_out)  # (N,)
     state_space: str = "planar"  # or "spatial"
+    revised_ids: NDArray[np.uint64] = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))  # (R,) hypotheses
+    revised_keyframes: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (R,)
+    revised_detections: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (R,) of it
+    revised_objects: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))  # (R,) id, or -1
 
     @property
     def objects(self) -> tuple[ObjectEstimate, ...]:

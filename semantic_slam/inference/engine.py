@@ -208,9 +208,10 @@ class Engine:
         rows = [components[n] for n in self.live]
         return Mixture(
             ids=list(self.live),
-            parent_ids=[live.parent_id for live in self.live.values()],
+            parent_ids=[live.told_parent_id for live in self.live.values()],
             log_weights=np.array([live.log_weight for live in self.live.values()]),
             lineages=[live.lineage for live in self.live.values()],
+            changes=[(n, *change) for n, live in self.live.items() for change in live.changes()],
             poses=np.array([own.pose for own in rows]),
             pose_covariances=np.array([own.covariance for own in rows]),
             objects=stack_rows([own.objects for own in rows]),

@@ -25,6 +25,24 @@ class Hypothesis:
     log_weight: float
     parent_id: int
     lineage: tuple[LineageStep, ...]  # one step for every keyframe
+    revises: "Hypothesis | None" = None  # the live one of whose history it is a revision, when it enters as one
+
+    @property
+    def told_parent_id(self) -> int:
+        """The hypothesis of the keyframe before that beliefs name: a revised history's own parent was not live."""
+        return self.parent_id if self.revises is None else self.revises.parent_id
+
+    def changes(self) -> list[tuple[int, int, int]]:
+        """(keyframe, detection, object or -1) wherever a revision differs from what it revises."""
+        if self.revises is None:
+            return []
+        pairs = zip(self.revises.lineage, self.lineage, strict=True)
+        return [
+            (keyframe, detection, number)
+            for keyframe, (before, after) in enumerate(pairs)
+            for detection, number in enumerate(after.association)
+            if number != before.association[detection]
+        ]
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ class Mixture:
     ids: list[int]
     parent_ids: list[int]
     log_weights: Array  # (H,) normalised
+    changes: list[tuple[int, int, int, int]]  # R hypothesis id, keyframe, detection, object, of revised histories
     lineages: list[tuple[LineageStep, ...]]
     poses: Array  # (H, 7)
     pose_covariances: Array  # (H, 6, 6)
@@ -39,6 +41,15 @@ class Mixture:
     def associations(self) -> NDArray[np.int64]:
         """(H, D) object ids of the newest keyframe's detections, -1 clutter."""
         return np.array([lineage[-1].association for lineage in self.lineages], dtype=np.int64)
+
+
+def _revisions(changes: list[tuple[int, int, int, int]]) -> dict[str, Any]:
+    """What a belief says of revised histories."""
+    kinds = {"ids": np.uint64, "keyframes": np.uint32, "detections": np.uint32, "objects": np.int32}
+    columns = zip(*changes, strict=True) if changes else ((),) * len(kinds)
+    return {
+        f"revised_{name}": np.array(own, dtype=kind) for (name, kind), own in zip(kinds.items(), columns, strict=True)
+    }
 
 
 def association_probabilities(weights: Array, columns: NDArray[np.int32], num_objects: int) -> Array:
@@ -95,6 +106,7 @@ def state_belief(
         association_probabilities=association_probabilities(weights, known, len(reported.ids)),
         outlier_probability=clutter,
         state_space="planar",
+        **_revisions(mixture.changes),
         **inferred_noise.marginals(weights, mixture.noise, step.sensed),
         **marginals(weights, mixture.objects),
     )

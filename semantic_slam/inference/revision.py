@@ -118,7 +118,11 @@ class Revision:
         gains = {own: own.log_joint - followed.log_joint for own in others if own is not None}
         return {
             own.number: Hypothesis(
-                owner=best.owner, log_weight=best.log_weight + gain, parent_id=own.parent_id, lineage=own.lineage
+                owner=best.owner,
+                log_weight=best.log_weight + gain,
+                parent_id=own.parent_id,
+                lineage=own.lineage,
+                revises=best,
             )
             for own, gain in gains.items()
             if own.number not in live and gain >= -float(np.log(ratio))

@@ -28,6 +28,10 @@ BELIEF_LAYOUT: Layout = {
     "noise_names": ("N",),
     "noise_values": ("N",),
     "noise_sigmas": ("N",),
+    "revised_ids": ("R",),
+    "revised_keyframes": ("R",),
+    "revised_detections": ("R",),
+    "revised_objects": ("R",),
 }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.evaluation.evaluate import Evaluation, evaluate
-from semantic_slam.evaluation.history import associated_objects, best_index, lineage
+from semantic_slam.evaluation.history import associated_objects, best_history, best_index, lineage
 from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
@@ -38,12 +38,7 @@ def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysi
         "belief_bag": str(belief_bag),
     }
     ancestors = lineage(record.beliefs)
-    counts = Counter(
-        int(number)
-        for belief, index in zip(record.beliefs, ancestors, strict=True)
-        if index >= 0
-        for number in associated_objects(belief)[index]
-    )
+    counts = Counter(int(number) for found in best_history(record.beliefs) if found is not None for number in found)
     evaluation = evaluate(record, record.truth) if record.truth else None
     return Analysis(record, bag, json_object(record.run.configuration), ancestors, evaluation, counts)
 

@@ -1,10 +1,13 @@
 """Metrics of drives on cases whose answers are derived in the comments."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from worlds.belief_factory import small_belief
 
 from semantic_slam.evaluation import clusters, mixture, pairs, trajectory
+from semantic_slam.evaluation.history import best_history, histories
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 
 
@@ -61,7 +64,33 @@ def test_histories_follow_every_hypothesis_that_lives_at_the_end() -> None:
         small_belief(0, ids=[1, 2], parents=[0, 0], weights=[0.6, 0.4], objects=[10, 20], associations=[[0], [1]]),
         small_belief(1, ids=[3, 4], parents=[2, 1], weights=[0.7, 0.3], objects=[10, 20], associations=[[-1], [1]]),
     ]
-    assert [row.ravel().tolist() for row in pairs.histories(beliefs)] == [[20, 10], [-1, 20]]
+    assert [row.ravel().tolist() for row in histories(beliefs)] == [[20, 10], [-1, 20]]
+
+
+def test_a_revised_history_is_told_as_it_was_revised() -> None:
+    """The later revision has the last word, and what it does not change is that of the parents."""
+    known = {"objects": [10, 20, 30], "weights": [1.0]}
+    beliefs = [
+        small_belief(0, ids=[1], parents=[0], associations=[[0, 1, 2]], **known),
+        replace(
+            small_belief(1, ids=[2], parents=[1], associations=[[1]], **known),
+            revised_ids=np.array([2, 2], dtype=np.uint64),
+            revised_keyframes=np.array([0, 0], dtype=np.uint32),
+            revised_detections=np.array([0, 1], dtype=np.uint32),
+            revised_objects=np.array([30, 10], dtype=np.int32),
+        ),
+        replace(
+            small_belief(2, ids=[3, 4], parents=[2, 2], associations=[[0], [2]], **(known | {"weights": [0.7, 0.3]})),
+            revised_ids=np.array([4], dtype=np.uint64),
+            revised_keyframes=np.array([0], dtype=np.uint32),
+            revised_detections=np.array([1], dtype=np.uint32),
+            revised_objects=np.array([-1], dtype=np.int32),
+        ),
+    ]
+    first, second, third = histories(beliefs)
+    assert first.tolist() == [[30, 10, 30], [30, -1, 30]]
+    assert (second.tolist(), third.tolist()) == ([[20], [20]], [[10], [30]])
+    assert [None if row is None else row.tolist() for row in best_history(beliefs)] == [[30, 10, 30], [20], [10]]
 
 
 def test_alignment_moves_what_was_mapped_with_the_path() -> None:

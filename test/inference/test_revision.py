@@ -1,5 +1,7 @@
 """Association revised afterwards: objects that are one become one, with the weight that they would have had."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from worlds.open_room import make_room
@@ -7,6 +9,7 @@ from worlds.same_beliefs import assert_same
 
 from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
 from semantic_slam.errors import InputError
+from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision import Replay, merged, seen_together
@@ -34,26 +37,37 @@ def seen_from(robot: np.ndarray, numbers: list[int]) -> list[Detection]:
     return [Detection(range_m=r, bearing_rad=b, covariance=np.diag(SIGMAS**2)) for r, b in polar]
 
 
-def return_with_drift(revision: dict[str, int]) -> tuple[Engine, HybridBelief]:
+def return_with_drift(revision: dict[str, int]) -> tuple[Engine, list[HybridBelief]]:
     """One hypothesis alone: back from a blind stretch with 1.9 m of drift, it takes what it sees first for new."""
     engine = Engine(open_world(revision, max_hypotheses=1), initial_covariance=np.diag([1e-6] * 3))
-    for k in range(3):
+    beliefs = [
         engine.process(Keyframe.planar(k, detections=seen_from(np.zeros(3), [0, 1, 2]), motion_sigmas=(1e-3,) * 3))
+        for k in range(3)
+    ]
     drift = np.array([-1.2, 1.4, 0.0])
     for k, numbers in enumerate([[0], [1], [2], [0], [1], [2]], start=3):
         motion, sigmas = (drift, (1.0, 1.0, 0.05)) if k == 3 else (np.zeros(3), (1e-3,) * 3)
         detections = seen_from(np.zeros(3), numbers)
-        belief = engine.process(Keyframe.planar(k, motion=motion, detections=detections, motion_sigmas=sigmas))
-    return engine, belief
+        beliefs.append(engine.process(Keyframe.planar(k, motion=motion, detections=detections, motion_sigmas=sigmas)))
+    return engine, beliefs
 
 
 def test_objects_that_were_started_twice_become_one_when_more_of_them_is_seen() -> None:
-    engine, belief = return_with_drift({"every_keyframes": 1})
+    engine, (*_, belief) = return_with_drift({"every_keyframes": 1})
     assert belief.object_ids.tolist() == [0, 1, 2]
     assert np.hypot(*belief.poses[0, :2]) < 0.1
-    _, without = return_with_drift({"every_keyframes": 0})
+    _, (*_, without) = return_with_drift({"every_keyframes": 0})
     assert len(without.object_ids) > len(LANDMARKS)
     assert engine.hypotheses.discarded.total < 1.0
+
+
+def test_beliefs_tell_every_history_as_it_was_revised() -> None:
+    engine, beliefs = return_with_drift({"every_keyframes": 1})
+    assert sum(len(belief.revised_ids) for belief in beliefs) > 0
+    assert all(set(own.parent_ids) <= set(before.hypothesis_ids) for before, own in pairwise(beliefs))
+    told = histories(beliefs)
+    for row, live in enumerate(engine.live.values()):
+        assert [tuple(found[row].tolist()) for found in told] == [step.association for step in live.lineage]
 
 
 def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:

@@ -12,7 +12,7 @@ from semantic_slam.messages.codec import CODECS
 from semantic_slam.messages.layout import Layout, element_types
 from semantic_slam.messages.measurements import FIELD_NAMES
 
-SIZES = {letter: 2 + row for row, letter in enumerate("BCDEFHKLMNOPSTX")}
+SIZES = {letter: 2 + row for row, letter in enumerate("BCDEFHKLMNOPSTXR")}
 """Rows of each dimension: all different, so that no array passes for one of other dimensions."""
 STANDARD = {"pose": (7,), "covariance": (6, 6), "odometry": (7,), "odometry_covariance": (6, 6)}
 STANDARD |= {"initial_pose": (7,), "initial_covariance": (6, 6)}

@@ -7,9 +7,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from semantic_slam.configuration import Configuration
-from semantic_slam.evaluation.history import associated_objects, best_index
+from semantic_slam.evaluation.history import associated_objects, best_history, histories
 from semantic_slam.evaluation.mixture import pose_error, position_region
-from semantic_slam.evaluation.pairs import histories
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import pose_vector_from_planar
@@ -73,9 +72,9 @@ def _bias_ranks(belief: HybridBelief, biases: Array) -> dict[str, float]:
 def _object_ranks(beliefs: Sequence[HybridBelief], world: DrawnWorld, random: np.random.Generator) -> dict[str, float]:
     """Ranks of an object that the best hypothesis ties to a true one by two detections or more."""
     last = beliefs[-1]
-    best = [rows[best_index(last)] for rows in histories(beliefs)]
     votes: dict[int, list[int]] = {}
-    for known, labels in zip(best, world.detected, strict=True):
+    for known, labels in zip(best_history(beliefs), world.detected, strict=True):
+        assert known is not None  # every keyframe is there
         for number, label in zip(known.tolist(), labels, strict=True):
             votes.setdefault(number, []).append(label)
     ids = last.object_ids.tolist()

@@ -7,8 +7,7 @@ import numpy as np
 
 from semantic_slam.evaluation.association import CLUTTER
 from semantic_slam.evaluation.evaluate import Evaluation, evaluate
-from semantic_slam.evaluation.history import best_index
-from semantic_slam.evaluation.pairs import histories
+from semantic_slam.evaluation.history import best_index, histories
 from semantic_slam.evaluation.record import GroundTruth, Record
 from semantic_slam.evaluation.trajectory import RigidMotion, alignment
 from semantic_slam.geometry.arrays import Array, Flags, Index
