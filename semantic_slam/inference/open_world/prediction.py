@@ -93,7 +93,7 @@ class Prediction:
         for number, object_id in enumerate(association):
             if object_id in births:
                 own = self.births[number]
-                local = local.with_new(object_id, own.gain, *self._place_by_errors(number, own))
+                local = local.with_new(object_id, own.prior.mean, own.gain, *self._place_by_errors(number, own))
         return local
 
     def _residual_by_errors(self, number: int) -> Array:
@@ -154,7 +154,7 @@ class Predictor:
             near, beyond = named, np.full(len(births), -np.inf)
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
-        local = local.moved(wider, transition, motion.covariance)
+        local = local.moved(robot, wider, transition, motion.covariance)
         carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
@@ -299,6 +299,8 @@ def _local(component: Component, robot: Array, near: Index) -> LocalMap:
     return LocalMap(
         layout=component.spaces.layout,
         ids=ids,
+        robot=tracked.robot,
+        objects=tracked.states[component.objects.rows(ids)],
         covariance=together,
         num_biases=len(tracked.bias),
         num_errors=tracked.num_errors,
