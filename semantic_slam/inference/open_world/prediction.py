@@ -29,7 +29,7 @@ from semantic_slam.inference.open_world.detection_probability import (
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap
+from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.smoothing.tracking import carried_keys
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.keys import object_key
@@ -38,7 +38,7 @@ from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
-LOCAL_OBJECTS = 12
+LOCAL_OBJECTS = 40
 """Objects around the robot that a local map holds from the start, besides those near the detections."""
 
 
@@ -83,18 +83,18 @@ class Prediction:
 
     def local_after(self, pairs: PairDensities, association: tuple[int, ...], births: Collection[int]) -> LocalMap:
         """The local map with the detections of one continuation (D,), and the objects that it starts."""
-        seen, local = [], self.local
+        seen = []
         for number, object_id in enumerate(association):
             if object_id >= 0 and object_id not in births:
                 part, column = pairs.parts[number], int(np.searchsorted(self.near_ids, object_id))
                 slopes = part.jacobian_robot[column], part.jacobian_object[column], self._residual_by_errors(number)
                 seen.append(LocalDetection(object_id, *slopes))
-        local = local.updated(seen)
-        for number, object_id in enumerate(association):
-            if object_id in births:
-                own = self.births[number]
-                local = local.with_new(object_id, own.prior.mean, own.gain, *self._place_by_errors(number, own))
-        return local
+        started = [
+            LocalStart(object_id, own.prior.mean, own.gain, *self._place_by_errors(number, own))
+            for number, (object_id, own) in enumerate(zip(association, self.births, strict=True))
+            if object_id in births
+        ]
+        return self.local.updated(seen).with_new(started)
 
     def _residual_by_errors(self, number: int) -> Array:
         """(2, q) slope of a detection's whitened residual by the errors that repeat."""

@@ -9,10 +9,10 @@ that linearises at ever new estimates otherwise learns of the heading of the who
 (Barrau and Bonnabel, An EKF-SLAM algorithm with consistency properties, 2015).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.layout import Layout
@@ -29,6 +29,17 @@ class LocalDetection:
     by_robot: Array
     by_object: Array
     by_errors: Array  # by the frame's errors that repeat
+
+
+@dataclass(frozen=True)
+class LocalStart:
+    """An object at ``state`` (s,) that follows from robot and errors: o = G x + H f + e."""
+
+    object_id: int
+    state: Array
+    gain: Array  # G (l, r)
+    noise: Array  # (l, l) covariance of e
+    by_errors: Array  # H (l, q)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,11 +133,17 @@ class LocalMap:
 
     def with_errors(self, matrix: Array, noise: Array) -> "LocalMap":
         """The map with other errors f' = A f + v, ``matrix`` A and ``noise`` the covariance of v."""
-        start, end, size = self.errors.start, self.errors.stop, len(self.covariance)
-        transition = block_diag(np.eye(start), matrix, np.eye(size - end))
-        covariance = transition @ self.covariance @ transition.T
-        rows = slice(start, start + len(matrix))
-        covariance[rows, rows] += noise
+        rows = slice(self.errors.start, self.errors.start + len(matrix))
+        kept = np.delete(self.covariance, self.errors, axis=0)
+        cross = np.delete(matrix @ self.covariance[self.errors], self.errors, axis=1)
+        kept = np.delete(kept, self.errors, axis=1)
+        split, size = self.errors.start, len(kept) + len(matrix)
+        covariance = np.empty((size, size))
+        here = np.r_[:split, rows.stop : size]
+        covariance[np.ix_(here, here)] = kept
+        covariance[rows, here] = cross
+        covariance[here, rows] = cross.T
+        covariance[rows, rows] = matrix @ self.covariance[self.errors, self.errors] @ matrix.T + noise
         return replace(self, covariance=covariance, num_errors=len(matrix))
 
     def updated(self, detections: list[LocalDetection]) -> "LocalMap":
@@ -147,14 +164,21 @@ class LocalMap:
         innovation = cross @ jacobian.T + np.eye(at)
         return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
-    def with_new(self, object_id: int, state: Array, gain: Array, noise: Array, by_errors: Array) -> "LocalMap":
-        """The map with an object at ``state`` that follows from robot and errors: o = G x + H f + e, H (l, q)."""
-        slopes = np.zeros((len(gain), len(self.covariance)))
-        slopes[:, : self.layout.robot], slopes[:, self.errors] = gain, by_errors
+    def with_new(self, started: Sequence[LocalStart]) -> "LocalMap":
+        """The map with objects that follow from robot and errors."""
+        if not started:
+            return self
+        slopes = np.zeros((self.layout.landmark * len(started), len(self.covariance)))
+        slopes[:, : self.layout.robot] = np.concatenate([own.gain for own in started])
+        slopes[:, self.errors] = np.concatenate([own.by_errors for own in started])
         cross = slopes @ self.covariance
-        new = cross @ slopes.T + noise
+        new = cross @ slopes.T
+        for place, own in enumerate(started):
+            rows = slice(self.layout.landmark * place, self.layout.landmark * (place + 1))
+            new[rows, rows] += own.noise
         covariance = np.block([[self.covariance, cross.T], [cross, new]])
-        ids, objects = np.append(self.ids, object_id), np.concatenate([self.objects, state[None]])
+        ids = np.append(self.ids, [own.object_id for own in started])
+        objects = np.concatenate([self.objects, [own.state for own in started]])
         return replace(self, ids=ids, objects=objects, covariance=covariance)
 
 
