@@ -28,6 +28,7 @@ from semantic_slam.inference.open_world.detection_probability import (
 )
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import unseen_share
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.smoothing.tracking import carried_keys
@@ -55,6 +56,7 @@ class Prediction:
     births: list[Birth]  # D
     log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, in the region
     birth_existence: Array  # (D,)
+    expected_births: float  # first detections
     log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
     in_reach: Index  # (N,) rows of the population that may be in the region
     objects: PredictedObjects  # of those
@@ -175,6 +177,7 @@ class Predictor:
             births=births,
             log_intensity=intensity,
             birth_existence=existence,
+            expected_births=self._expected_births(tracked, region, runs, robot),
             log_beyond=beyond,
             in_reach=reach,
             objects=objects,
@@ -246,6 +249,11 @@ class Predictor:
         weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
+
+    def _expected_births(self, tracked: TrackedStates, region: SensorRegion, runs: MissRuns, robot: Array) -> float:
+        """First detections expected from ``robot`` (3,), most of them where it has not looked before."""
+        share = unseen_share(region, runs, tracked.trail, robot, self.settings.least_undetected_share)
+        return region.detection_probability * self.settings.birth_density * region.area_m2 * share
 
     def _births(
         self,
