@@ -22,9 +22,6 @@ from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
 
 Outcome = Component | LostComponentError
 
-LEAP = 10.0
-"""Thresholds of relinearisation that a robot may move by in one update, where updates are not iterated."""
-
 
 def grow(
     parents: Sequence[Component],
@@ -109,7 +106,7 @@ def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> 
     """(K,) whether the mode of the robot is elsewhere than odometry has it; far, where updates are not iterated."""
     space = parents[0].spaces.robot
     predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
-    limit = np.maximum(JUMP, LEAP * space.far) if parents[0].single_steps else JUMP
+    limit = np.maximum(JUMP, space.far) if parents[0].single_steps else JUMP
     return np.asarray((np.abs(space.local(predicted, modes)) > limit).any(axis=-1))
 
 

@@ -21,7 +21,7 @@ class PlanarPoses:
     heading: ClassVar[int | None] = 2
     origin = np.full(3, 0.7)
     relinearize_threshold = np.array([0.1, 0.1, 0.05])
-    far = np.array([0.5, 0.5, 0.02])
+    far = np.array([5.0, 5.0, 0.1])
 
     def compose(self, state: Array, control: Array) -> Array:
         return se2.compose(state, control)
