@@ -1,7 +1,5 @@
 """Many matrices of two or three rows, entry by entry: far cheaper than a call of LAPACK for each."""
 
-from math import log
-
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
@@ -29,15 +27,6 @@ def forward(root: Array, values: Array) -> Array:
             entry = entry - root[..., i, j, None] * found[..., j, :]
         found[..., i, :] = entry / root[..., i, i, None]
     return found
-
-
-def inverted(matrix: Array) -> tuple[Array, float]:
-    """Inverse and log determinant of one symmetric, positive matrix."""
-    if len(matrix) != 2:
-        return np.asarray(np.linalg.inv(matrix), dtype=np.float64), float(np.linalg.slogdet(matrix)[1])
-    (a, b), (_, c) = matrix.tolist()
-    determinant = a * c - b * b
-    return np.asarray(np.array([[c, -b], [-b, a]]) / determinant), log(determinant)
 
 
 def backward(root: Array, values: Array) -> Array:

@@ -5,9 +5,7 @@ radian, as false alarms'; class scores by one Gaussian with the moments of all c
 theirs are. What a belief counts besides densities, the reference counts alike:
 
 - objects that come and go: the number of detections is geometric, with the mean that the configuration expects where
-  nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture. The weights of that
-  mixture have a factor that no candidate differs in, exp(-expected first detections), for ground not seen yet alone;
-  the reference gives back what it takes too much elsewhere.
+  nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture.
 - a known map: Eq. 4.18 weighs each assignment of the detections to visible objects with P(beta | x, O) = 1, so that the
   reference counts once for each of them.
 - given identities: an object named for the first time has the broad prior that the belief gives it, which says nothing.
@@ -27,12 +25,10 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.open_world.unseen_ground import unseen_share
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
 
@@ -93,7 +89,6 @@ class Reference:
         self._configuration, self._scores = configuration, scores
         self._association = strategy_of(configuration)
         self._region = _region(configuration, is_open=self._association.tracks_objects)
-        self._trail: list[Array] = []  # of the heaviest hypothesis, as estimated then
         self._named = {name for entry in objects for name in (entry.name, str(entry.object_id))}
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
@@ -107,7 +102,7 @@ class Reference:
             return self._given(step)
         if self._association.needs_map:
             return self._mapped(step, belief)
-        return self._evenly(step.detections) + self._log_count(len(step.detections)) - self._expected_too_many(belief)
+        return self._evenly(step.detections) + self._log_count(len(step.detections))
 
     def _given(self, step: Step) -> float:
         """Detections of known objects lie anywhere; what is named for the first time is where its prior has it."""
@@ -159,15 +154,6 @@ class Reference:
             return -0.5 * float(np.log(2.0 * np.pi * (across**2 + detection.covariance[1, 1])))
         spread = np.diag([1.0, detection.range_m**-2]) * new.sigma_position_m**2 + detection.covariance
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
-
-    def _expected_too_many(self, belief: HybridBelief) -> float:
-        """First detections that the weights expect where the heaviest hypothesis has looked already."""
-        robot = planar_from_pose_vector(belief.poses[0])
-        settings, trail = self._configuration.open_world, np.array(self._trail).reshape(-1, 3)
-        runs = MissRuns(settings.detection_probability, settings.miss_persistence)
-        share = unseen_share(self._region, runs, trail, robot, settings.least_undetected_share)
-        self._trail.append(robot)
-        return (1.0 - share) * self._expected_births
 
     @property
     def _expected_births(self) -> float:

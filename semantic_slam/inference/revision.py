@@ -31,9 +31,13 @@ LARGEST_DISTANCE_M = 3.0
 LEAST_EXISTENCE = 0.1
 AGAIN = 3
 """Rounds of revision after which a pair that was tried may be tried again."""
+CHECKPOINT = 10
+"""Keyframes from one component that is kept along a replay to the next."""
 
 Lineage = tuple[LineageStep, ...]
 Pair = tuple[int, int]
+_Known = tuple[Component, float]
+"""A component, and log P(history, Z_1:k) of the history that leads to it."""
 
 
 @dataclass(frozen=True)
@@ -48,39 +52,57 @@ class Revised:
 
 @dataclass
 class Replay:
-    """Replays histories; what several have in common from the start is replayed once in each round."""
+    """Replays histories, from where they part from what was replayed before."""
 
     problem: Problem
     association: AssociationStrategy
     steps: list[Step] = field(default_factory=list)  # so far
+    _kept: dict[int, _Known] = field(default_factory=dict)  # of the history that was replayed first in the last round
 
     def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
-        """What each weighs; None for one that is impossible."""
-        known: dict[int, tuple[Component, float]] = {}
-        return [self._replayed(lineage, known) for lineage in lineages]
+        """What each weighs; None for one that is impossible. The next round begins where the first of them was."""
+        known = dict(self._kept)
+        found = [self._replayed(lineage, known) for lineage in lineages]
+        self._kept = {number: known[number] for number in self._numbers(lineages[0]) if number in known}
+        return found
 
-    def _replayed(self, lineage: Lineage, known: dict[int, tuple[Component, float]]) -> Revised | None:
+    def _replayed(self, lineage: Lineage, known: dict[int, _Known]) -> Revised | None:
         try:
             return self._along(lineage, known)
         except LostComponentError:
             return None
 
-    def _along(self, lineage: Lineage, known: dict[int, tuple[Component, float]]) -> Revised:
+    def _along(self, lineage: Lineage, known: dict[int, _Known]) -> Revised:
         expander = Expander(self.problem, self.association)
-        kind = lineage[0].mode if len(self.problem.noises) > 1 else 0
-        number = parent = ROOT_ID + kind
-        component, total = self.association.root(kind), self.problem.log_root_weights[kind]
+        numbers = self._numbers(lineage)
+        begin = max((at for at, number in enumerate(numbers) if number in known), default=0)
+        kind = self._kind(lineage)
+        at_root = self.association.root(kind), self.problem.log_root_weights[kind]
+        component, total = known[numbers[begin]] if begin else at_root
+        for at in range(begin, len(lineage)):
+            step, number, child = self.steps[at], numbers[at], numbers[at + 1]
+            expansion = expander.expand(step, [number], [WeightedComponent(component, 0.0)], lineage[at])
+            if child not in expansion.ids:
+                raise LostComponentError("a lineage names an impossible continuation")
+            row = expansion.ids.index(child)
+            nobodys = number not in known
+            component = certain(expander.grow(step, expansion, [component], [row], in_place=nobodys)[0])
+            total += float(expansion.log_psi[row])
+            if (at + 1) % CHECKPOINT == 0:
+                known[child] = component, total
+        return Revised(numbers[-1], numbers[-2], lineage, total)
+
+    def _numbers(self, lineage: Lineage) -> list[int]:
+        """Ids of the hypotheses along a history, the root's first."""
+        numbers = [ROOT_ID + self._kind(lineage)]
         for step, taken in zip(self.steps, lineage, strict=True):
-            child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
-            if child not in known:
-                expansion = expander.expand(step, [number], [WeightedComponent(component, 0.0)], taken)
-                if child not in expansion.ids:
-                    raise LostComponentError("a lineage names an impossible continuation")
-                row = expansion.ids.index(child)
-                grown = certain(expander.grow(step, expansion, [component], [row], in_place=False)[0])
-                known[child] = grown, total + float(expansion.log_psi[row])
-            parent, number, (component, total) = number, child, known[child]
-        return Revised(number, parent, lineage, total)
+            own = hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
+            numbers.append(own)
+        return numbers
+
+    def _kind(self, lineage: Lineage) -> int:
+        """Which of the noises it begins with."""
+        return lineage[0].mode if len(self.problem.noises) > 1 else 0
 
 
 class Revision:

@@ -84,6 +84,7 @@ def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> Non
     expected = [own.log_weight + engine.log_evidence for _, own in live]
     assert [own.number for own in found if own is not None] == [number for number, _ in live]
     np.testing.assert_allclose([own.log_joint for own in found if own is not None], expected, atol=1e-9)
+    assert replay.log_joints([own.lineage for _, own in live]) == found  # from where the last round was
 
 
 def test_a_revised_belief_is_that_of_any_number_of_backends() -> None:

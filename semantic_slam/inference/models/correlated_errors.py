@@ -127,13 +127,18 @@ class ErrorTransition:
         keys = [*before, *now]
         blocks = [np.asfortranarray(whole[:, 2 * at : 2 * at + 2]) for at in range(len(keys))]
 
-        def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        def at_origin(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
             if jacobians is not None:
                 for at, block in enumerate(blocks):
                     jacobians[at] = block
-            return np.asarray(whole @ np.concatenate([values.atVector(key) for key in keys]))
+            return np.zeros(len(whole))
 
-        return gtsam.CustomFactor(unit_noise(len(whole)), keys, error)
+        origin = gtsam.Values()
+        for key in keys:
+            origin.insert(key, np.zeros(2))
+        callback = gtsam.CustomFactor(unit_noise(len(whole)), keys, at_origin)
+        # Linear, so that GTSAM needs no callback: with each it would copy all values of its graph.
+        return gtsam.LinearContainerFactor(callback.linearize(origin), origin)
 
 
 @dataclass(frozen=True, kw_only=True)

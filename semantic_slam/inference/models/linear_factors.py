@@ -35,6 +35,17 @@ def linear_factors(
     return factors
 
 
+def linearised(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
+    """A graph's factors, each linearised at ``values``, in the same order.
+
+    iSAM2 would hand a copy of all of its values to each callback into Python.
+    """
+    linear, found = graph.linearize(values), gtsam.NonlinearFactorGraph()
+    for place in range(linear.size()):
+        found.add(gtsam.LinearContainerFactor(linear.at(place), values))
+    return found
+
+
 def linearisation_points(
     spaces: Spaces, keys: Sequence[Sequence[tuple[int, ...]]], states: Array
 ) -> list[gtsam.Values]:

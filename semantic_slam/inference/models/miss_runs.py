@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.arrays import Array, Flags, Index
 
 HIT_PROBABILITY = 0.9
 """Detection probability of what is detectable, or the configured one where that is larger."""
@@ -46,16 +46,23 @@ class MissRuns:
         missed = (detectable - detected) / np.maximum(1.0 - detected, 1e-12)
         return np.asarray(np.where(observed, 1.0, missed))
 
-    @cache  # noqa: B019  (a few sensors in a process)
-    def _never(self, looks: int) -> tuple[float, float]:
-        """Probabilities of no detection in so many looks, one a keyframe, and of then being detectable or not."""
-        if looks == 0:
-            return self.share, 1.0 - self.share
-        seen, hidden = self._never(looks - 1)
-        seen *= 1.0 - self.hit
-        change = (1.0 - self.persistence) * np.array([1.0 - self.share, self.share])
-        return seen * (1.0 - change[0]) + hidden * change[1], seen * change[0] + hidden * (1.0 - change[1])
+    def never_detected(self, looks: Index) -> Array:
+        """(...,) probabilities that objects in view for so many keyframes (...,) were detected in none of them."""
+        if self.persistence == 0.0:
+            return np.asarray((1.0 - self.detection_probability) ** looks)
+        return self._never(1 << int(looks.max(initial=0)).bit_length())[looks]
 
-    def never_detected(self, looks: int) -> float:
-        """Probability that an object in view for so many keyframes was detected in none of them."""
-        return float(sum(self._never(looks)))
+    @cache  # noqa: B019  (a few sensors in a process)
+    def _never(self, count: int) -> Array:
+        """(count,) probabilities of no detection in 0, 1, ... looks, one a keyframe."""
+        found = np.ones(count)
+        seen, hidden = self.share, 1.0 - self.share  # and of being detectable then, or not
+        change = (1.0 - self.persistence) * np.array([1.0 - self.share, self.share])
+        for looks in range(1, count):
+            missed = seen * (1.0 - self.hit)
+            found[looks] = missed + hidden
+            seen, hidden = (
+                missed * (1.0 - change[0]) + hidden * change[1],
+                missed * change[0] + hidden * (1.0 - change[1]),
+            )
+        return found

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 
@@ -73,12 +73,13 @@ def undetected_share(region: SensorRegion, runs: MissRuns, trail: Array, points:
 
     Positions count as known: what is looked for lies where a detection is.
     """
-    share = np.ones(len(points))
-    for row, point in enumerate(points):
-        x, y = point[0] - trail[:, 0], point[1] - trail[:, 1]
-        distance = np.hypot(x, y)
-        near = np.flatnonzero((distance > region.min_range_m) & (distance < region.max_range_m))
-        bearing = region.off_centre(np.arctan2(y[near], x[near]) - trail[near, 2])
-        looks = int((np.abs(bearing) <= 0.5 * region.field_of_view_rad).sum())
-        share[row] = runs.never_detected(looks) if runs.persistence else (1.0 - region.detection_probability) ** looks
-    return share
+    return runs.never_detected(_looks(region, trail, points))
+
+
+def _looks(region: SensorRegion, trail: Array, points: Array) -> Index:
+    """(D,) how many of the robot's poses ``trail`` (T, 3) have points (D, 2) in the region."""
+    x, y = (points[:, None, axis] - trail[:, axis] for axis in (0, 1))
+    squared = x * x + y * y
+    numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
+    bearing = region.off_centre(np.arctan2(y[numbers, times], x[numbers, times]) - trail[times, 2])
+    return np.bincount(numbers[np.abs(bearing) <= 0.5 * region.field_of_view_rad], minlength=len(points))

@@ -11,7 +11,6 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.detection_probability import Occluders, detection_probabilities
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, missed
 from semantic_slam.inference.open_world.prediction import Prediction
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 LEAST_DETECTION_SHARE = 0.02
@@ -37,7 +36,7 @@ class ExistenceAccounts:
         updates: dict[int, ExistenceUpdate] = {}
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            factors[rows] = -self._expected(prediction.region)
+            factors[rows] = -(self._settings.clutter_per_frame + prediction.expected_births)
             detected = self._detected(prediction, assignments.take(rows))
             log_missed, after = missed(prediction.existence, detected)
             for at, row in enumerate(rows.tolist()):
@@ -46,11 +45,6 @@ class ExistenceAccounts:
                 added, updates[row] = self._account(prediction, object_ids[row], *if_missed)
                 factors[row] += added
         return factors, [updates[row] for row in range(len(assignments))]
-
-    def _expected(self, region: SensorRegion) -> float:
-        """False alarms and first detections that a frame is expected to have."""
-        births = region.detection_probability * self._settings.birth_density * region.area_m2
-        return self._settings.clutter_per_frame + births
 
     def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
         """(K, O) detection probabilities at the modes; (1, O) at the prediction where that tells as much."""

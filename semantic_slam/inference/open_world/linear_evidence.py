@@ -10,10 +10,10 @@ from typing import Self
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.small_matrices import inverted
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
+from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.spaces import Spaces
@@ -49,13 +49,16 @@ class _Results:
 
 @dataclass(frozen=True)
 class JointInnovation:
-    """Whitened residuals of n detections before they are taken in, with a robot and n objects, k coordinates."""
+    """Whitened residuals of n detections before they are taken in, with a robot and n objects, k coordinates.
 
-    residual: Array  # (m,)
-    jacobian: Array  # (m, k)
-    cross: Array  # (m, k) covariance with robot and objects
-    covariance: Array  # (m, m)
-    log_normalisers: list[float]  # n
+    In each of G assignments, or (without that axis) in one.
+    """
+
+    residual: Array  # (G, m)
+    jacobian: Array  # (G, m, k)
+    cross: Array  # (G, m, k) covariance with robot and objects
+    covariance: Array  # (G, m, m)
+    log_normalisers: Array  # (G, n)
 
 
 class LinearisedEvidence:
@@ -76,8 +79,9 @@ class LinearisedEvidence:
         ``errors`` of the detections where these repeat, the ``pairs`` being whitened accordingly.
         """
         self.spaces, self.mean, self.covariance = spaces, mean, covariance
-        self.pairs, self.births, self.turns, self.errors = pairs, births, turns, errors
+        self.births, self.turns, self.errors = births, turns, errors
         self.layout, self.known = spaces.layout, len(mean) - 1
+        self._part = _stacked(pairs)
 
     @classmethod
     def of(cls, spaces: Spaces, prediction: Prediction, pairs: PairDensities) -> Self:
@@ -98,94 +102,130 @@ class LinearisedEvidence:
         ``columns`` (K, D): object, M + i where detection i starts one, or -1 where it is of none and counts nothing.
         """
         results = _Results.empty(columns.shape, self.spaces)
-        for row in range(len(columns)):
-            self._row(columns[row], results, row)
+        is_known = (columns >= 0) & (columns < self.known)
+        counts = is_known.sum(axis=1)
+        for count in np.unique(counts).tolist():
+            rows = np.flatnonzero(counts == count)
+            seen = np.nonzero(is_known[rows])[1].reshape(len(rows), count)
+            self._alike(rows, columns[rows], seen, results)
         return assignments.gaining(**vars(results))
 
-    def _row(self, columns: Index, result: _Results, row: int) -> None:
-        seen = [number for number, column in enumerate(columns.tolist()) if 0 <= column < self.known]
-        places = self._places(columns, seen)
-        prior = self.covariance[places[:, None], places]
-        shift, after = np.zeros(len(places)), prior
-        if seen:
-            joint = self.innovation(columns, seen)
-            residual, jacobian, cross = joint.residual, joint.jacobian, joint.cross
-            inverse, log_determinant = inverted(joint.covariance)
-            weighted = inverse @ residual
-            shift = -weighted @ cross
-            after = prior - cross.T @ inverse @ cross
-            squared, degrees = float(residual @ weighted), np.count_nonzero(jacobian.any(axis=1))
-            result.log_evidence[row] = sum(joint.log_normalisers) - 0.5 * squared - 0.5 * log_determinant
-            result.innovation_nees[row] = squared / degrees
-        self._fill(result, row, columns, seen, self.layout.blocks(shift), after)
-        if seen:
-            result.bend[row] = self._bend(seen, jacobian @ shift, joint.covariance.diagonal() - 1.0)
-
-    def _places(self, columns: Index, seen: list[int]) -> Index:
-        """Rows of the robot and of the objects of the detections ``seen``."""
-        return self.layout.rows([0, *(1 + int(columns[number]) for number in seen)])
+    def _alike(self, rows: Index, columns: Index, seen: Index, result: _Results) -> None:
+        """Evaluate the assignments ``rows`` (G,), of ``columns`` (G, D), whose ``seen`` (G, n) are of known objects."""
+        objects = np.take_along_axis(columns, seen, axis=1)
+        places = self._places(objects)
+        shift, after = np.zeros(places.shape), self.covariance[places[:, :, None], places[:, None, :]]
+        if seen.shape[1]:
+            joint = self._innovation(seen, objects)
+            inverse, (_, log_determinant) = np.linalg.inv(joint.covariance), np.linalg.slogdet(joint.covariance)
+            weighted = (inverse @ joint.residual[..., None])[..., 0]
+            shift = -(weighted[:, None] @ joint.cross)[:, 0]
+            after = after - _transposed(joint.cross) @ inverse @ joint.cross
+            squared = (joint.residual * weighted).sum(axis=1)
+            degrees = np.count_nonzero(joint.jacobian.any(axis=2), axis=1)
+            log_normaliser = joint.log_normalisers.sum(axis=1)
+            result.log_evidence[rows] = log_normaliser - 0.5 * squared - 0.5 * log_determinant
+            result.innovation_nees[rows] = squared / degrees
+            change = (joint.jacobian @ shift[..., None])[..., 0]
+            result.bend[rows] = self._bend(seen, change, np.diagonal(joint.covariance, axis1=1, axis2=2) - 1.0)
+        own = np.concatenate([np.zeros((len(rows), 1), dtype=int), 1 + objects], axis=1)
+        self._fill(result, rows, columns, seen, own, self.layout.blocks(shift), after)
 
     def innovation(self, columns: Index, seen: list[int]) -> JointInnovation:
         """The detections ``seen`` together, before they are taken in; ``columns`` (D,): of which object each is."""
-        places = self._places(columns, seen)
-        residual, jacobian, log_normalisers = self._system(columns, seen)
-        cross = jacobian @ self.covariance[places[:, None], places]
-        covariance = cross @ jacobian.T
+        numbers = np.array(seen, dtype=int)
+        joint = self._innovation(numbers[None], columns[numbers][None])
+        return JointInnovation(*(values[0] for values in vars(joint).values()))
+
+    def _innovation(self, seen: Index, objects: Index) -> JointInnovation:
+        """Detections ``seen`` (G, n) of ``objects`` (G, n), before they are taken in."""
+        places = self._places(objects)
+        residual, jacobian, log_normalisers = self._system(seen, objects)
+        cross = jacobian @ self.covariance[places[:, :, None], places[:, None, :]]
+        covariance = cross @ _transposed(jacobian)
         if self.errors is not None:
             repeated = self._repeated(self.errors, seen, places)
-            cross += repeated.T
+            cross += _transposed(repeated)
             both = jacobian @ repeated
-            covariance += both + both.T + self._repeated_noise(self.errors, seen)
-        covariance.flat[:: len(residual) + 1] += 1.0
+            covariance += both + _transposed(both) + self._repeated_noise(self.errors, seen)
+        diagonal = np.arange(residual.shape[1])
+        covariance[:, diagonal, diagonal] += 1.0
         return JointInnovation(residual, jacobian, cross, covariance, log_normalisers)
 
-    @staticmethod
-    def _repeated(errors: PredictedErrors, seen: list[int], places: Index) -> Array:
-        """(n, m) covariance of the states at ``places`` with the part of the residuals that repeats."""
-        return np.asarray(errors.cross[places[:, None], errors.rows(seen)] * errors.slopes[seen].ravel())
+    def _places(self, objects: Index) -> Index:
+        """(G, k) rows of the robot and of objects (G, n)."""
+        return self.layout.rows_of_slots(np.concatenate([np.zeros((len(objects), 1), dtype=int), 1 + objects], axis=1))
 
     @staticmethod
-    def _repeated_noise(errors: PredictedErrors, seen: list[int]) -> Array:
-        """(m, m) covariance of that part."""
-        rows, slopes = errors.rows(seen), errors.slopes[seen].ravel()
-        return np.asarray(slopes[:, None] * errors.covariance[rows[:, None], rows] * slopes)
+    def _repeated(errors: PredictedErrors, seen: Index, places: Index) -> Array:
+        """(G, p, m) covariance of the states at ``places`` (G, p) with the part of the residuals that repeats."""
+        rows = _components(seen)
+        return np.asarray(errors.cross[places[:, :, None], rows[:, None]] * errors.slopes.ravel()[rows][:, None])
 
-    def _system(self, columns: Index, seen: list[int]) -> tuple[Array, Array, list[float]]:
-        """Whitened residuals (m,), their Jacobian by robot and objects in turn, and the log normaliser of each."""
-        parts = [self.pairs.parts[number] for number in seen]
-        residual = np.concatenate([part.residual[columns[n]] for part, n in zip(parts, seen, strict=True)])
-        jacobian = np.zeros((len(residual), self.layout.size(len(seen))))
-        at, log_normalisers = 0, list[float]()
-        for place, (part, number) in enumerate(zip(parts, seen, strict=True), start=1):
-            own = part.jacobian_robot[columns[number]]
-            rows = slice(at, at + len(own))
-            jacobian[rows, self.layout.block(0)] = own
-            jacobian[rows, self.layout.block(place)] = part.jacobian_object[columns[number]]
-            log_normalisers.append(float(part.log_normaliser[columns[number]]))
-            at += len(own)
-        return residual, jacobian, log_normalisers
+    @staticmethod
+    def _repeated_noise(errors: PredictedErrors, seen: Index) -> Array:
+        """(G, m, m) covariance of that part."""
+        rows = _components(seen)
+        slopes = errors.slopes.ravel()[rows]
+        return np.asarray(slopes[:, :, None] * errors.covariance[rows[:, :, None], rows[:, None]] * slopes[:, None])
 
-    def _bend(self, seen: list[int], change: Array, variances: Array) -> float:
-        """A direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term.
+    def _system(self, seen: Index, objects: Index) -> tuple[Array, Array, Array]:
+        """Whitened residuals (G, m), their Jacobians by robot and objects in turn, and (G, n) log normalisers."""
+        part, (count, n) = self._part, seen.shape
+        residual = part.residual[seen, objects]
+        size = residual.shape[-1]
+        jacobian = np.zeros((count, n, size, self.layout.size(n)))
+        jacobian[..., self.layout.block(0)] = part.jacobian_robot[seen, objects]
+        by_object = part.jacobian_object[seen, objects]
+        for place in range(n):
+            jacobian[:, place, :, self.layout.block(1 + place)] = by_object[:, place]
+        stacked = jacobian.reshape(count, n * size, -1)
+        return residual.reshape(count, -1), stacked, part.log_normaliser[seen, objects]
 
-        ``change`` c of the whitened measurements from prediction to mode, and ``variances`` of the prediction.
+    def _bend(self, seen: Index, change: Array, variances: Array) -> Array:
+        """(G,) a direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term.
+
+        ``change`` (G, m) of the whitened measurements from prediction to mode, and ``variances`` of the prediction.
         """
-        squared = np.maximum(change**2, variances).reshape(len(seen), -1).sum(axis=1)
-        return float((0.5 * self.turns[seen] * squared).max())
+        squared = np.maximum(change**2, variances).reshape(*seen.shape, -1).sum(axis=2)
+        return np.asarray((0.5 * self.turns[seen] * squared).max(axis=1))
 
-    def _fill(self, result: _Results, row: int, columns: Index, seen: list[int], shift: Array, after: Array) -> None:
-        """States and covariances at the mode; charts are those of the prediction, for shifts are small."""
+    def _fill(
+        self, result: _Results, rows: Index, columns: Index, seen: Index, own: Index, shift: Array, after: Array
+    ) -> None:
+        """States and covariances at the modes; charts are those of the prediction, for shifts are small."""
         robot, storage = self.layout.block(0), self.spaces.storage
-        own = [0, *(1 + int(columns[number]) for number in seen)]
         states = self.spaces.joint.retract(self.mean[own], shift)
-        result.robot[row], result.robot_covariance[row] = states[0, : storage.robot], after[robot, robot]
-        for place, number in enumerate(seen, start=1):
-            block = self.layout.block(place)
-            result.object_states[row, number] = states[place, : storage.landmark]
-            result.object_covariances[row, number] = after[block, block]
-        for number in [number for number, column in enumerate(columns) if column >= self.known]:
-            born = self.births[number]
-            moved = born.gain @ shift[0, robot]
-            result.object_states[row, number] = self.spaces.landmark.retract(born.prior.mean, moved)
-            result.object_covariances[row, number] = born.gain @ after[robot, robot] @ born.gain.T + born.noise
-            result.log_evidence[row] += born.log_stand_in
+        result.robot[rows], result.robot_covariance[rows] = states[:, 0, : storage.robot], after[:, robot, robot]
+        is_new = columns >= self.known
+        for place in range(seen.shape[1]):
+            block, numbers = self.layout.block(1 + place), seen[:, place]
+            result.object_states[rows, numbers] = states[:, 1 + place, : storage.landmark]
+            result.object_covariances[rows, numbers] = after[:, block, block]
+        for number in np.flatnonzero(is_new.any(axis=0)).tolist():
+            born, chosen = self.births[number], is_new[:, number]
+            moved = shift[chosen, 0, robot] @ born.gain.T
+            mean = np.broadcast_to(born.prior.mean, (len(moved), storage.landmark))
+            result.object_states[rows[chosen], number] = self.spaces.landmark.retract(mean, moved)
+            spread = born.gain @ after[chosen, robot, robot] @ born.gain.T + born.noise
+            result.object_covariances[rows[chosen], number] = spread
+            result.log_evidence[rows[chosen]] += born.log_stand_in
+
+
+def _stacked(pairs: PairDensities) -> Linearisation:
+    """(D, M, ...) of all pairs."""
+    return Linearisation(
+        residual=np.array([part.residual for part in pairs.parts]),
+        jacobian_robot=np.array([part.jacobian_robot for part in pairs.parts]),
+        jacobian_object=np.array([part.jacobian_object for part in pairs.parts]),
+        log_normaliser=np.array([part.log_normaliser for part in pairs.parts]),
+    )
+
+
+def _transposed(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)
+
+
+def _components(seen: Index) -> Index:
+    """(G, 2 n) components of the errors of detections (G, n)."""
+    return np.asarray((2 * seen[:, :, None] + np.arange(2)).reshape(len(seen), -1))

@@ -46,30 +46,33 @@ def merge_copies(
     if limits.merge_position_m <= 0.0:
         return Merged(order, log_weights[order], 0)
     planar = planar_from_pose_vector(looks.poses)
-    kept: list[int] = []
-    weights: list[float] = []
-    for row in order:
-        if kept:
-            near = _near(planar, looks, int(row), np.array(kept), limits)
-            if near.any():
-                at = int(np.argmax(near))
-                weights[at] = float(np.logaddexp(weights[at], log_weights[row]))
-                continue
-        kept.append(int(row))
-        weights.append(float(log_weights[row]))
-    return Merged(np.array(kept, dtype=int), np.array(weights), len(order) - len(kept))
+    kept = np.empty(len(order), dtype=int)
+    weights = np.empty(len(order))
+    count = 0
+    for row in order.tolist():
+        original = _near(planar, looks, row, kept[:count], limits)
+        if len(original):
+            weights[original[0]] = np.logaddexp(weights[original[0]], log_weights[row])
+        else:
+            kept[count], weights[count] = row, log_weights[row]
+            count += 1
+    return Merged(kept[:count], weights[:count], len(order) - count)
 
 
-def _near(
-    planar: Array, looks: MergeCandidates, row: int, others: Index, limits: OpenWorldConfiguration
-) -> NDArray[np.bool_]:
-    """(n,) which of ``others`` the hypothesis is a near copy of."""
+def _near(planar: Array, looks: MergeCandidates, row: int, others: Index, limits: OpenWorldConfiguration) -> Index:
+    """Places among ``others`` (n,) of those that the hypothesis is a near copy of, ascending."""
     offset = planar[others] - planar[row]
     near = np.hypot(offset[:, 0], offset[:, 1]) <= limits.merge_position_m
     near &= np.abs(wrap_angle(offset[:, 2])) <= limits.merge_heading_rad
-    near &= (looks.classes[others] == looks.classes[row]).all(axis=1)
+    found = np.flatnonzero(near)
+    if not len(found):
+        return found
+    others = others[found]
+    same = (looks.classes[others] == looks.classes[row]).all(axis=1)
     if not limits.merge_ghosts:
-        near &= (looks.confirms[others] == looks.confirms[row]).all(axis=1)
-        near &= looks.alike[looks.parents[others], looks.parents[row]]
-    distance = np.linalg.norm(looks.objects[others] - looks.objects[row], axis=-1)
-    return np.asarray(near & (np.nan_to_num(distance, nan=0.0) <= limits.merge_object_m).all(axis=1))
+        same &= (looks.confirms[others] == looks.confirms[row]).all(axis=1)
+        same &= looks.alike[looks.parents[others], looks.parents[row]]
+    found, others = found[same], others[same]
+    apart = looks.objects[others] - looks.objects[row]
+    squared = apart[..., 0] ** 2 + apart[..., 1] ** 2 + apart[..., 2] ** 2  # NaN where given up: no distance
+    return np.asarray(found[~(squared > limits.merge_object_m**2).any(axis=1)])

@@ -28,8 +28,9 @@ from semantic_slam.inference.open_world.detection_probability import (
 )
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import unseen_share
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap
+from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.smoothing.tracking import carried_keys
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.keys import object_key
@@ -38,7 +39,7 @@ from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
-LOCAL_OBJECTS = 12
+LOCAL_OBJECTS = 40
 """Objects around the robot that a local map holds from the start, besides those near the detections."""
 
 
@@ -55,6 +56,7 @@ class Prediction:
     births: list[Birth]  # D
     log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, in the region
     birth_existence: Array  # (D,)
+    expected_births: float  # first detections
     log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
     in_reach: Index  # (N,) rows of the population that may be in the region
     objects: PredictedObjects  # of those
@@ -83,18 +85,18 @@ class Prediction:
 
     def local_after(self, pairs: PairDensities, association: tuple[int, ...], births: Collection[int]) -> LocalMap:
         """The local map with the detections of one continuation (D,), and the objects that it starts."""
-        seen, local = [], self.local
+        seen = []
         for number, object_id in enumerate(association):
             if object_id >= 0 and object_id not in births:
                 part, column = pairs.parts[number], int(np.searchsorted(self.near_ids, object_id))
                 slopes = part.jacobian_robot[column], part.jacobian_object[column], self._residual_by_errors(number)
                 seen.append(LocalDetection(object_id, *slopes))
-        local = local.updated(seen)
-        for number, object_id in enumerate(association):
-            if object_id in births:
-                own = self.births[number]
-                local = local.with_new(object_id, own.gain, *self._place_by_errors(number, own))
-        return local
+        started = [
+            LocalStart(object_id, own.prior.mean, own.gain, *self._place_by_errors(number, own))
+            for number, (object_id, own) in enumerate(zip(association, self.births, strict=True))
+            if object_id in births
+        ]
+        return self.local.updated(seen).with_new(started)
 
     def _residual_by_errors(self, number: int) -> Array:
         """(2, q) slope of a detection's whitened residual by the errors that repeat."""
@@ -154,7 +156,7 @@ class Predictor:
             near, beyond = named, np.full(len(births), -np.inf)
         local = _local(component, robot, near)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
-        local = local.moved(wider, transition, motion.covariance)
+        local = local.moved(robot, wider, transition, motion.covariance)
         carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
@@ -175,6 +177,7 @@ class Predictor:
             births=births,
             log_intensity=intensity,
             birth_existence=existence,
+            expected_births=self._expected_births(tracked, region, runs, robot),
             log_beyond=beyond,
             in_reach=reach,
             objects=objects,
@@ -247,6 +250,11 @@ class Predictor:
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
 
+    def _expected_births(self, tracked: TrackedStates, region: SensorRegion, runs: MissRuns, robot: Array) -> float:
+        """First detections expected from ``robot`` (3,), most of them where it has not looked before."""
+        share = unseen_share(region, runs, tracked.trail, robot, self.settings.least_undetected_share)
+        return region.detection_probability * self.settings.birth_density * region.area_m2 * share
+
     def _births(
         self,
         tracked: TrackedStates,
@@ -299,6 +307,8 @@ def _local(component: Component, robot: Array, near: Index) -> LocalMap:
     return LocalMap(
         layout=component.spaces.layout,
         ids=ids,
+        robot=tracked.robot,
+        objects=tracked.states[component.objects.rows(ids)],
         covariance=together,
         num_biases=len(tracked.bias),
         num_errors=tracked.num_errors,

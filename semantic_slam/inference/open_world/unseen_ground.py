@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, broadcast_copy
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 
 NUM_RINGS, NUM_BEARINGS = 4, 8
@@ -18,16 +18,9 @@ def unseen_share(region: SensorRegion, runs: MissRuns, trail: Array, robot: Arra
     """
     if least >= 1.0 or not len(trail):
         return 1.0
-    near = trail[np.hypot(*(trail[:, :2] - robot[:2]).T) < 2.0 * region.max_range_m]
     centres = (np.arange(NUM_RINGS) + 0.5) / NUM_RINGS
     ranges = np.sqrt(region.min_range_m**2 + centres * (region.max_range_m**2 - region.min_range_m**2))
     bearings = region.direction_rad + region.field_of_view_rad * ((np.arange(NUM_BEARINGS) + 0.5) / NUM_BEARINGS - 0.5)
-    turn, reach = (grid.ravel() for grid in np.meshgrid(bearings, ranges))
-    body = np.stack([reach * np.cos(turn), reach * np.sin(turn), np.zeros(len(turn))], axis=1)
-    points = se2.compose(broadcast_copy(robot, body.shape), body)
-    shape = (len(near), len(points), 3)
-    relative = se2.between(np.broadcast_to(near[:, None], shape), np.broadcast_to(points, shape))[..., :2]
-    x, y = relative[..., 0], relative[..., 1]
-    looks = region.holds(np.hypot(x, y), np.arctan2(y, x)).sum(axis=0)
-    shares = np.array([runs.never_detected(times) for times in range(looks.max() + 1)])
-    return float(np.maximum(shares[looks], least).mean())
+    turn, reach = (grid.ravel() for grid in np.meshgrid(bearings + robot[2], ranges))
+    points = robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)
+    return float(np.maximum(undetected_share(region, runs, trail, points), least).mean())

@@ -142,19 +142,20 @@ class Component:
         change = np.column_stack([motion.by_bias[:, :CLOCK], line.slope])
         return Motion(line.control, motion.covariance + line.covariance, change)
 
-    def child(self, update: ComponentUpdate, smoother: Smoother, local: LocalMap | None, max_fresh: int) -> "Component":
+    def child(self, update: ComponentUpdate, smoother: Smoother, max_fresh: int, *, far: bool = False) -> "Component":
         """The component of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.
 
-        Where states are tracked, ``max_fresh`` objects at most get fresh marginals besides those observed.
+        Where states are tracked, ``max_fresh`` objects at most get fresh marginals besides those observed; ``far``:
+        the local map does not tell where they are.
         """
         objects, keyframe = self.objects.updated(update.existence), self.keyframe + 1
         classes, views = self.classes | update.assigned_classes, self.views | update.views
         if not update.existence.kept.all():
             classes = {n: cls for n, cls in classes.items() if n in objects.id_set}
             views = {n: record for n, record in views.items() if n in objects.id_set}
-        tracked = self.tracked
+        tracked, local = self.tracked, None
         if tracked is not None:
-            tracked = tracked_after(smoother, keyframe, tracked, objects.ids, update, max_fresh)
+            tracked, local = tracked_after(smoother, keyframe, tracked, objects.ids, update, max_fresh)
         return replace(
             self,
             smoother=smoother,
@@ -166,7 +167,7 @@ class Component:
             window=update.window,
             corrections=update.corrections,
             tracked=tracked,
-            local=local,
+            local=None if far else local,
         )
 
 

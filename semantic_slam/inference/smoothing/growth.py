@@ -59,7 +59,7 @@ def _converged(
         [parent.smoother for parent in parents], extensions, only_children(parents) if in_place else ()
     )
     return [
-        outcome if isinstance(outcome, LostComponentError) else _attempt(parent.child, update, outcome, None, max_fresh)
+        outcome if isinstance(outcome, LostComponentError) else _attempt(parent.child, update, outcome, max_fresh)
         for parent, update, outcome in zip(parents, updates, smoothers, strict=True)
     ]
 
@@ -84,7 +84,7 @@ def _stepped(
         mine = parent.smoother if last.get(id(parent)) == place else parent.smoother.fork()
         far = bool(moved[place])
         smoother = mine.stepped(graph, values, classed, start, again=far)
-        return parent.child(update, smoother, None if far else update.local, max_fresh)
+        return parent.child(update, smoother, max_fresh, far=far)
 
     return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, updates, strict=True))]
 

@@ -3,14 +3,18 @@
 Marginals of old objects lie deep in the Bayes tree of a long drive and cost more than everything else. Once the joint
 Gaussian of robot and neighbourhood is known, odometry and detections of the neighbourhood change it in closed form;
 it is taken from the smoother again when another object comes near, when the estimate jumps, and after a while.
+
+Where estimates change, the error of a position counts without what the robot's heading error turns it by: a filter
+that linearises at ever new estimates otherwise learns of the heading of the whole map, which nothing measures
+(Barrau and Bonnabel, An EKF-SLAM algorithm with consistency properties, 2015).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.layout import Layout
 
 LARGEST_AGE = 25
@@ -27,6 +31,17 @@ class LocalDetection:
     by_errors: Array  # by the frame's errors that repeat
 
 
+@dataclass(frozen=True)
+class LocalStart:
+    """An object at ``state`` (s,) that follows from robot and errors: o = G x + H f + e."""
+
+    object_id: int
+    state: Array
+    gain: Array  # G (l, r)
+    noise: Array  # (l, l) covariance of e
+    by_errors: Array  # H (l, q)
+
+
 @dataclass(frozen=True, kw_only=True)
 class LocalMap:
     """M objects; r and l dimensions of the tangent spaces of robot and objects.
@@ -36,6 +51,8 @@ class LocalMap:
 
     layout: Layout
     ids: Index  # (M,)
+    robot: Array  # (s,) estimate at whose tangent space the covariance stands
+    objects: Array  # (M, s) estimates
     covariance: Array  # (r + p + q + M l) square: robot, biases, errors, objects, in tangent spaces at the estimates
     age: int = 0
     num_biases: int = 0  # p
@@ -72,22 +89,61 @@ class LocalMap:
         rows = self.rows(object_ids)[self.layout.robot :].reshape(-1, self.layout.landmark)
         return self.covariance[rows[:, :, None], rows[:, None, :]]
 
-    def moved(self, before: Array, transition: Array, noise: Array) -> "LocalMap":
-        """The map after a motion with (r, r + p) [F G] and covariance, ``before`` being the covariance until then."""
+    def moved(self, robot: Array, before: Array, transition: Array, noise: Array) -> "LocalMap":
+        """The map after a motion to ``robot`` (s,) with (r, r + p) [F G] and covariance; ``before`` it, and after."""
         size, width = transition.shape
         covariance = before.copy()
         covariance[:size] = transition @ covariance[:width]
         covariance[:, :size] = covariance[:, :width] @ transition.T
         covariance[:size, :size] += noise
-        return replace(self, covariance=covariance, age=self.age + 1)
+        return replace(self, robot=robot, covariance=covariance, age=self.age + 1)
+
+    def at(self, robot: Array, objects: Array) -> "LocalMap":
+        """The map at other estimates (s,) and (M, s): what turns with the heading error turns about the new ones.
+
+        Poses are x, y, yaw with tangents in their own frames; positions are x, y.
+        """
+        heading = 2
+        before, after = self.objects, objects
+        places = np.concatenate([[0], self._starts()])
+        positions = places[:, None] + np.arange(2)
+        shift = np.concatenate([(robot - self.robot)[None, :2], (after - before)[:, :2]])
+        turns = np.concatenate([[robot[2] - self.robot[2]], np.zeros(len(after))])
+        frames = np.concatenate([[robot[2]], np.zeros(len(after))])
+        if self.layout.landmark > heading:
+            turns[1:], frames[1:] = after[:, 2] - before[:, 2], after[:, 2]
+        turned_back = _rotations(-turns)  # from the tangent space there to that here
+        aside = _rotations(-frames) @ np.stack([-shift[:, 1], shift[:, 0]], axis=1)[..., None]  # (1 + M, 2, 1)
+        covariance = self.covariance.copy()
+        for _ in range(2):  # rows, and then columns
+            blocks = turned_back @ covariance[positions] + aside * covariance[heading]
+            covariance[positions] = blocks
+            covariance = np.ascontiguousarray(covariance.T)
+        return replace(self, robot=robot, objects=objects, covariance=covariance)
+
+    def without(self, gone: Flags) -> "LocalMap":
+        """The map of the objects that are not ``gone`` (M,)."""
+        rows = np.concatenate([np.zeros(self.carried.stop, dtype=bool), np.repeat(gone, self.layout.landmark)])
+        covariance = self.covariance[~rows][:, ~rows]
+        return replace(self, ids=self.ids[~gone], objects=self.objects[~gone], covariance=covariance)
+
+    def _starts(self) -> Index:
+        """(M,) the first row of each object."""
+        return np.asarray(self.carried.stop + self.layout.landmark * np.arange(len(self.ids)))
 
     def with_errors(self, matrix: Array, noise: Array) -> "LocalMap":
         """The map with other errors f' = A f + v, ``matrix`` A and ``noise`` the covariance of v."""
-        start, end, size = self.errors.start, self.errors.stop, len(self.covariance)
-        transition = block_diag(np.eye(start), matrix, np.eye(size - end))
-        covariance = transition @ self.covariance @ transition.T
-        rows = slice(start, start + len(matrix))
-        covariance[rows, rows] += noise
+        rows = slice(self.errors.start, self.errors.start + len(matrix))
+        kept = np.delete(self.covariance, self.errors, axis=0)
+        cross = np.delete(matrix @ self.covariance[self.errors], self.errors, axis=1)
+        kept = np.delete(kept, self.errors, axis=1)
+        split, size = self.errors.start, len(kept) + len(matrix)
+        covariance = np.empty((size, size))
+        here = np.r_[:split, rows.stop : size]
+        covariance[np.ix_(here, here)] = kept
+        covariance[rows, here] = cross
+        covariance[here, rows] = cross.T
+        covariance[rows, rows] = matrix @ self.covariance[self.errors, self.errors] @ matrix.T + noise
         return replace(self, covariance=covariance, num_errors=len(matrix))
 
     def updated(self, detections: list[LocalDetection]) -> "LocalMap":
@@ -108,11 +164,25 @@ class LocalMap:
         innovation = cross @ jacobian.T + np.eye(at)
         return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
-    def with_new(self, object_id: int, gain: Array, noise: Array, by_errors: Array) -> "LocalMap":
-        """The map with an object that follows from the robot and the errors: o = G x + H f + e, H (l, q)."""
-        slopes = np.zeros((len(gain), len(self.covariance)))
-        slopes[:, : self.layout.robot], slopes[:, self.errors] = gain, by_errors
+    def with_new(self, started: Sequence[LocalStart]) -> "LocalMap":
+        """The map with objects that follow from robot and errors."""
+        if not started:
+            return self
+        slopes = np.zeros((self.layout.landmark * len(started), len(self.covariance)))
+        slopes[:, : self.layout.robot] = np.concatenate([own.gain for own in started])
+        slopes[:, self.errors] = np.concatenate([own.by_errors for own in started])
         cross = slopes @ self.covariance
-        new = cross @ slopes.T + noise
+        new = cross @ slopes.T
+        for place, own in enumerate(started):
+            rows = slice(self.layout.landmark * place, self.layout.landmark * (place + 1))
+            new[rows, rows] += own.noise
         covariance = np.block([[self.covariance, cross.T], [cross, new]])
-        return replace(self, ids=np.append(self.ids, object_id), covariance=covariance)
+        ids = np.append(self.ids, [own.object_id for own in started])
+        objects = np.concatenate([self.objects, [own.state for own in started]])
+        return replace(self, ids=ids, objects=objects, covariance=covariance)
+
+
+def _rotations(angles: Array) -> Array:
+    """(n, 2, 2) of (n,) radians."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.estimate import Estimate
@@ -26,7 +27,7 @@ from semantic_slam.inference.smoothing.factor_table import (
     FactorTable,
     RelinearisedFactors,
 )
-from semantic_slam.inference.smoothing.isam import OwnedIsam, new_isam, single_step_isam
+from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
 from semantic_slam.inference.states.spaces import Spaces
@@ -54,6 +55,8 @@ class Smoother:
     num_variables: int
     factor_table: FactorTable = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
+    exact: gtsam.NonlinearFactorGraph | None = None  # its factors where iSAM2 holds them linearised; None: it does not
+    steps: int = 0  # updates since it began to be updated once per keyframe
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
@@ -180,6 +183,8 @@ class Smoother:
         try:
             points = LinearisationPoints.of(measurements, start)
             added = AddedFactors(measurements, self.semantics.make([measurements], [points])[0], points)
+            if self.exact is not None:
+                return self._stepped_linearised(self.exact, graph, values, added, again=again)
             child = self.updated(graph, values, added)
             if again:
                 child.isam.update(force_relinearize=True)
@@ -187,17 +192,50 @@ class Smoother:
             raise LostComponentError(f"an update failed ({first_line(fault)})") from None
         return child
 
+    def _stepped_linearised(
+        self,
+        before: gtsam.NonlinearFactorGraph,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        added: AddedFactors,
+        *,
+        again: bool,
+    ) -> "Smoother":
+        """One update with factors that are linearised here, at the estimates; all anew where these have moved far."""
+        point = self.isam.calculateEstimate([key for key in graph.keyVector() if not values.exists(key)])
+        point.insert(values)
+        exact = gtsam.NonlinearFactorGraph(before)
+        exact.push_back(graph)
+        for factor in added.factors:
+            exact.add(factor)
+        child = replace(self.updated(linearised(graph, point), values, added), exact=exact, steps=self.steps + 1)
+        if (again or child.steps % STEPPED_SKIP == 0) and not child._is_near():
+            isam = single_step_isam(self.spaces, errors_repeat=True)
+            estimate = child.isam.calculateEstimate()
+            isam.update(linearised(exact, estimate), estimate)
+            return replace(child, owned=OwnedIsam(isam), _known={})
+        return child
+
+    def _is_near(self) -> bool:
+        """Whether robots and landmarks, of one size and last by their keys, are near where they are linearised."""
+        count = len(self.spaces.states(self.isam.getLinearizationPoint()))
+        changes = np.abs(self.isam.getDelta().vector())
+        return self.spaces.are_within(changes[len(changes) - count * self.spaces.layout.width :], count)
+
     def with_single_steps(self, num_biases: int, *, errors_repeat: bool) -> "Smoother":
         """The smoother to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
 
         Nearer where ``errors_repeat``. With biases of odometry as a variable of its own, in which all is linear.
         """
         isam = single_step_isam(self.spaces, errors_repeat=errors_repeat)
-        isam.update(self.isam.getFactorsUnsafe(), self.isam.getLinearizationPoint())
+        graph, values = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe()), self.isam.getLinearizationPoint()
         if num_biases:
-            isam.update(*bias_prior(num_biases))
-        size = self.num_variables + bool(num_biases)
-        return replace(self, owned=OwnedIsam(isam), num_variables=size, _known={})
+            prior, zero = bias_prior(num_biases)
+            graph.push_back(prior)
+            values.insert(zero)
+        isam.update(linearised(graph, values) if errors_repeat else graph, values)
+        exact = graph if errors_repeat else None
+        return replace(self, owned=OwnedIsam(isam), num_variables=values.size(), exact=exact, _known={})
 
     def updated(
         self,

@@ -34,8 +34,10 @@ def tracked_before(
 
 def tracked_after(
     smoother: Smoother, keyframe: int, before: TrackedStates, ids: Index, update: ComponentUpdate, max_fresh: int
-) -> TrackedStates:
-    """Tracked states after one keyframe, over the objects ``ids`` (O,). Raises LostComponentError.
+) -> tuple[TrackedStates, LocalMap | None]:
+    """Tracked states after one keyframe, over the objects ``ids`` (O,), and the update's local map at them.
+
+    Raises LostComponentError.
 
     ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
     """
@@ -49,19 +51,29 @@ def tracked_after(
     if len(ids) > max_fresh:
         fresh = np.unique(np.searchsorted(ids, update.object_ids)).astype(int)
     errors = _errors_after(smoother, keyframe, before, update)
-    together, covariances[fresh] = _joint(smoother, keyframe, len(before.bias), errors, update.local, ids[fresh])
+    robot, objects = states[-1, : storage.robot], states[:-1, : storage.landmark]
+    local = None if update.local is None else _local_at(update.local, ids, robot, objects)
+    together, covariances[fresh] = _joint(smoother, keyframe, len(before.bias), errors, local, ids[fresh])
     sigmas[fresh] = position_sigmas(covariances[fresh])
-    return TrackedStates(
-        states=states[:-1, : storage.landmark],
+    tracked = TrackedStates(
+        states=objects,
         covariances=covariances,
         sigmas=sigmas,
-        robot=states[-1, : storage.robot],
+        robot=robot,
         robot_covariance=together[: layout.robot, : layout.robot],
         trail=np.concatenate([before.trail, states[-1:, : storage.robot]]),
         bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
         errors=errors,
         carried_covariance=together if len(before.bias) or errors is not None else None,
     )
+    return tracked, local
+
+
+def _local_at(local: LocalMap, ids: Index, robot: Array, objects: Array) -> LocalMap:
+    """A local map of those of its objects that are still among ``ids`` (O,), at the estimates (s,) and (O, s)."""
+    kept = np.isin(local.ids, ids)
+    left = local if kept.all() else local.without(~kept)
+    return left.at(robot, objects[np.searchsorted(ids, left.ids)])
 
 
 def _errors_after(

@@ -80,9 +80,12 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
     before = root @ root.T
     transition, noise = random.normal(size=(3, 5)), np.diag([0.1, 0.2, 0.3])
     seen = LocalDetection(7, random.normal(size=(2, 3)), random.normal(size=(2, 3)), np.zeros((2, 0)))
+    robot, objects = np.zeros(3), np.zeros((2, 3))
     local = (
-        LocalMap(layout=Layout(3, 3), ids=np.array([4, 7]), covariance=before, num_biases=2)
-        .moved(before, transition, noise)
+        LocalMap(
+            layout=Layout(3, 3), ids=np.array([4, 7]), robot=robot, objects=objects, covariance=before, num_biases=2
+        )
+        .moved(robot, before, transition, noise)
         .updated([seen])
     )
     full, jacobian = np.eye(11), np.zeros((2, 11))

@@ -183,8 +183,8 @@ def test_numbers_given_find_the_bias_of_a_robot_whose_ranges_repeat_their_errors
 def test_single_steps_end_near_the_optimum_of_their_graph_where_errors_repeat() -> None:
     """Half the sum of squared errors is that of a batch solution; linearised as seldom as else it is 7 above it."""
     _, engine = driven(biased_drive(1, 60))
-    isam = engine.pool._backends[0].held[next(iter(engine.live))].component.smoother.isam
-    graph, estimate = gtsam.NonlinearFactorGraph(isam.getFactorsUnsafe()), isam.calculateEstimate()
+    smoother = engine.pool._backends[0].held[next(iter(engine.live))].component.smoother
+    graph, estimate = smoother.exact, smoother.isam.calculateEstimate()
     optimum = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
     assert graph.error(estimate) < graph.error(optimum) + 0.5
 

@@ -72,11 +72,11 @@ def test_a_child_that_is_lost_takes_no_other_along(iterates: bool, monkeypatch: 
     manager = Engine.of_run(room.run, InProcessPool(1))
     child, given_up = Component.child, []
 
-    def breaks_once(component: Component, *arguments: Any) -> Component:
+    def breaks_once(component: Component, *arguments: Any, **options: Any) -> Component:
         if len(manager.live) > 1 and not given_up:
             given_up.append(component.keyframe)
             raise LostComponentError("not finite")
-        return child(component, *arguments)
+        return child(component, *arguments, **options)
 
     monkeypatch.setattr(Component, "child", breaks_once)
     for keyframe in room.keyframes:
