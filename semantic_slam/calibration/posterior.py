@@ -21,7 +21,7 @@ def refinements(configuration: Configuration, noise: Noise) -> dict[str, dict[st
     """Name -> new values of parameters, from what a run under ``configuration`` has inferred of the noise."""
     found = {
         "biases of odometry": _biases(configuration, noise, NAMES[:CLOCK]),
-        "clock of odometry": _biases(configuration, noise, NAMES[CLOCK:]),  # it may choose other keyframes
+        "clock of odometry": _biases(configuration, noise, NAMES[CLOCK:]),
         "detection probability": _detection_probability(noise),
         "region of the sensor": _region(noise),
     }
