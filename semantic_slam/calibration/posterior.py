@@ -1,13 +1,13 @@
 """What a run has inferred, as what the next one expects before its drive."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from semantic_slam.calibration.quantities import rounded, value_of
 from semantic_slam.configuration import Configuration
-from semantic_slam.inference.models.odometry_bias import NAMES
+from semantic_slam.inference.models.odometry_bias import CLOCK, NAMES
 
 WIDENED = 0.5
 """Share of the prior's standard deviation that is left to a bias at least: another drive is another day."""
@@ -20,17 +20,18 @@ Noise = Mapping[str, tuple[float, float]]
 def refinements(configuration: Configuration, noise: Noise) -> dict[str, dict[str, Any]]:
     """Name -> new values of parameters, from what a run under ``configuration`` has inferred of the noise."""
     found = {
-        "biases of odometry": _biases(configuration, noise),
+        "biases of odometry": _biases(configuration, noise, NAMES[:CLOCK]),
+        "clock of odometry": _biases(configuration, noise, NAMES[CLOCK:]),
         "detection probability": _detection_probability(noise),
         "region of the sensor": _region(noise),
     }
     return {name: changes for name, changes in found.items() if changes}
 
 
-def _biases(configuration: Configuration, noise: Noise) -> dict[str, Any]:
+def _biases(configuration: Configuration, noise: Noise, names: Sequence[str]) -> dict[str, Any]:
     """Each as it was at the end, and as well known."""
     changes: dict[str, Any] = {}
-    for name in NAMES:
+    for name in names:
         if name in noise:
             mean, sigma = noise[name]
             spread = name.replace(".", ".sigma_")

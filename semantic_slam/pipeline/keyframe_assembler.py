@@ -58,7 +58,10 @@ class KeyframeAssembler:
         self._newest: OdometryPoint | None = None
         self._last_keyframe: OdometryPoint | None = None  # before the first keyframe: the first odometry sample
         self._last_poses: Array | None = None  # (G, 7) odometry there at all offsets of its clock, where estimated
+        self._last_chosen: OdometryPoint | None = None  # there, by the stamps of the odometry as they came
+        self._expected_ns = round(configuration.odometry.clock_offset_s * NANOSECONDS)
         self._offsets_ns = _offsets_ns(configuration.odometry)
+        self._instants_ns = [0, -self._expected_ns, *self._offsets_ns]  # at which odometry is asked for, about a stamp
         self._next_index = 0
 
     def add_odometry(self, message: Any) -> None:
@@ -68,7 +71,7 @@ class KeyframeAssembler:
         except InputError:
             self.dropped[f"{topics.ODOMETRY}: pose is not finite"] += 1
             return
-        stamp_ns = sample.stamp_ns - round(self._configuration.odometry.clock_offset_s * NANOSECONDS)
+        stamp_ns = sample.stamp_ns - self._expected_ns
         self._odometry.add(stamp_ns, replace(sample, stamp_ns=stamp_ns))
 
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
@@ -120,7 +123,7 @@ class KeyframeAssembler:
 
     def _odometry_known(self, stamp_ns: int) -> bool:
         """Whether no more odometry will follow that the motion to this stamp depends on."""
-        return self._odometry.has_reached(stamp_ns + max(self._offsets_ns, default=0))
+        return self._odometry.has_reached(stamp_ns + max(self._instants_ns))
 
     def _identities_known(self, measurements: SemanticMeasurements) -> bool:
         return not self._needs_identities(measurements) or self._identities.has_reached(measurements.stamp_ns)
@@ -144,7 +147,8 @@ class KeyframeAssembler:
             return None
         assert self._last_keyframe is not None
         measurements = self._inside(measurements)
-        if not self._is_chosen(measurements, self._last_keyframe, point):
+        as_stamped = self._standing(measurements.stamp_ns - self._expected_ns)
+        if not self._is_chosen(measurements, as_stamped):
             return None
         named = self._with_identities(measurements)
         if named is None:
@@ -160,7 +164,7 @@ class KeyframeAssembler:
             odometry_shifts=self._shifts(point),
         )
         self._next_index += 1
-        self._last_keyframe = point
+        self._last_keyframe, self._last_chosen = point, as_stamped
         return keyframe
 
     def _point(self, stamp_ns: int) -> OdometryPoint | None:
@@ -168,7 +172,7 @@ class KeyframeAssembler:
         earlier, later = self._around(stamp_ns)
         if earlier is None:
             return later
-        oldest, _ = self._around(stamp_ns + min(self._offsets_ns, default=0))
+        oldest, _ = self._around(stamp_ns + min(self._instants_ns))
         if oldest is not None:
             self._odometry.forget_before(oldest.stamp_ns)
         if later is not None:
@@ -190,28 +194,29 @@ class KeyframeAssembler:
         if not self._offsets_ns:
             return None
         assert self._last_keyframe is not None
-        poses = np.array([self._pose(point.stamp_ns + offset_ns) for offset_ns in self._offsets_ns])
+        poses = np.array([self._standing(point.stamp_ns + offset_ns).pose for offset_ns in self._offsets_ns])
         before = (
             self._last_poses if self._last_poses is not None else np.tile(self._last_keyframe.pose, (len(poses), 1))
         )
         self._last_poses = poses
         return motion_shifts(before, poses)
 
-    def _pose(self, stamp_ns: int) -> Array:
-        """(7,) odometry at an instant, standing still before its first sample and after its last."""
+    def _standing(self, stamp_ns: int) -> OdometryPoint:
+        """Odometry at an instant, standing still before its first sample and after its last."""
         earlier, later = self._around(stamp_ns)
         if earlier is not None and later is not None:
-            return point_between(earlier, later, stamp_ns).pose
+            return point_between(earlier, later, stamp_ns)
         end = earlier or later
         assert end is not None
-        return end.pose
+        return end
 
-    def _is_chosen(self, measurements: SemanticMeasurements, last: OdometryPoint, point: OdometryPoint) -> bool:
-        policy = self._configuration.keyframes
+    def _is_chosen(self, measurements: SemanticMeasurements, point: OdometryPoint) -> bool:
+        """Whatever is expected of the odometry's clock, the same frames are chosen."""
+        policy, last = self._configuration.keyframes, self._last_chosen
         if policy.policy == "every_detection":
             return len(measurements) > 0 or self._association.counts_misses
         return (
-            self._next_index == 0
+            last is None
             or point.travelled_m - last.travelled_m >= policy.distance_m
             or point.turned_rad - last.turned_rad >= policy.angle_rad
         )

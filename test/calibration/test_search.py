@@ -16,7 +16,12 @@ from semantic_slam.errors import InputError
 
 BEGIN = Configuration.of(
     association="open",
-    odometry={"estimate_bias": True, "sigma_bias_rad_per_m": 0.05, "sigma_bias_scale": 0.04},
+    odometry={
+        "estimate_bias": True,
+        "sigma_bias_rad_per_m": 0.05,
+        "sigma_bias_scale": 0.04,
+        "sigma_clock_offset_s": 0.2,
+    },
     detection_errors={"correlated_share": 0.9},
 )
 ODOMETRY, DETECTIONS, SHARE, CLUTTER = quantities(BEGIN, places_are_told=False)
@@ -122,6 +127,7 @@ def test_what_was_inferred_is_expected_next_time() -> None:
     noise: dict[str, tuple[float, float]] = {
         "odometry.bias_rad_per_m": (0.031234, 0.002),
         "odometry.bias_scale": (-0.01, 0.03),
+        "odometry.clock_offset_s": (0.2, 0.01),
         "open_world.detection_probability": (0.5, 0.1),
         **{f"open_world.{name}": (1.5, np.nan) for name in ("min_range_m", "field_of_view_rad", "direction_rad")},
         "open_world.max_range_m": (7.0, np.nan),
@@ -133,6 +139,7 @@ def test_what_was_inferred_is_expected_next_time() -> None:
         "odometry.bias_scale": -0.01,
         "odometry.sigma_bias_scale": 0.03,
     }
+    assert found["clock of odometry"] == {"odometry.clock_offset_s": 0.2, "odometry.sigma_clock_offset_s": 0.1}
     probabilities: Any = found["detection probability"]["open_world.detection_probabilities"]
     assert probabilities == pytest.approx([1.0 / 3.0, 0.5, 2.0 / 3.0], abs=1e-4)
     region = with_values(BEGIN, found["region of the sensor"]).open_world

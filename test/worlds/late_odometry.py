@@ -1,6 +1,7 @@
 """A robot that stops and turns among standing objects, its odometry stamped by another clock than its detections."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,12 @@ def true_pose(time_s: float) -> Array:
 
 
 def late_drive(
-    offset_s: float, sigma_offset_s: float, duration_s: float = 20.0, seed: int = 0, expected_s: float = 0.0
+    offset_s: float,
+    sigma_offset_s: float,
+    duration_s: float = 20.0,
+    seed: int = 0,
+    expected_s: float = 0.0,
+    **settings: Any,
 ) -> LateDrive:
     """Odometry stamped ``offset_s`` later than detections of the same instant, where ``expected_s`` is expected."""
     random = np.random.default_rng(seed)
@@ -62,6 +68,7 @@ def late_drive(
                 "sigma_rotation_per_rad": 0.02,
             },
             "pruning": {"max_hypotheses": 4},
+            **settings,
         }
     )
     assembler = KeyframeAssembler(configuration)

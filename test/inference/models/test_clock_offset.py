@@ -71,6 +71,14 @@ def test_without_an_offset_to_estimate_keyframes_tell_none() -> None:
     assert {keyframe.odometry_shifts is None for keyframe in late_drive(0.0, 0.0, duration_s=5.0).keyframes} == {True}
 
 
+@pytest.mark.parametrize("expected_s", [-0.3, 0.3])
+def test_what_is_expected_of_the_clock_chooses_no_other_frames(expected_s: float) -> None:
+    policy = {"policy": "odometry", "distance_m": 0.2, "angle_rad": 0.2}
+    drives = [late_drive(0.0, 0.0, duration_s=9.0, expected_s=own, keyframes=policy) for own in (0.0, expected_s)]
+    stamps = [[keyframe.stamp_ns for keyframe in drive.keyframes] for drive in drives]
+    assert 5 < len(stamps[0]) < 30 and stamps[0] == stamps[1]
+
+
 @pytest.mark.parametrize("sigma_s", [0.0, SIGMA_S])
 def test_an_offset_that_is_expected_is_in_the_motions_already(sigma_s: float) -> None:
     one_clock = late_drive(0.0, sigma_s, duration_s=8.0).keyframes
