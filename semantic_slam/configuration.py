@@ -132,6 +132,9 @@ class OpenWorldConfiguration:
     )
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
     birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
+    birth_densities: tuple[float, ...] = parameter(
+        (), "of which every hypothesis has one, in place of birth_density; evidence decides; empty: that alone"
+    )
     field_of_view_rad: float = parameter(
         1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587
     )

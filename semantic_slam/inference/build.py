@@ -116,6 +116,8 @@ def _check_detections(configuration: Configuration, association: type[Associatio
         )
     if probabilities and not 0.0 < min(probabilities) <= max(probabilities) < 1.0:
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
+    if min(configuration.open_world.birth_densities, default=1.0) <= 0.0:
+        raise InputError("open_world.birth_densities must be above 0; correct them")
 
 
 def _check_revision(configuration: Configuration, association: type[AssociationStrategy]) -> None:
@@ -137,7 +139,7 @@ def _as_used(configuration: Configuration, association: type[AssociationStrategy
     if association.wants_identities:
         revision = replace(revision, every_keyframes=0)
     if not association.counts_misses:
-        world = replace(world, detection_probabilities=(), miss_persistence=0.0)
+        world = replace(world, detection_probabilities=(), birth_densities=(), miss_persistence=0.0)
     return replace(configuration, revision=revision, open_world=world)
 
 

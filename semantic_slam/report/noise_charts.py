@@ -13,6 +13,7 @@ MEANINGS = {
     "odometry.noise_factor": "Factor on the covariance of odometry.",
     "perception.noise_factor": "Factor on the covariance of a detection's place.",
     "open_world.detection_probability": "Of an object inside the sensor's region that nothing hides.",
+    "open_world.birth_density": "Objects per square metre where nothing was seen yet.",
     "open_world.min_range_m": "Metres; as near as the detections so far, with a margin.",
     "open_world.max_range_m": "Metres; as far as the detections so far, with a margin.",
     "open_world.field_of_view_rad": "Radians; as wide as the detections so far, with a margin.",

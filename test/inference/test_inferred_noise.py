@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from semantic_slam_lab.studies.drawn_worlds.study import configuration
+from semantic_slam_lab.studies.drawn_worlds.worlds import drawn_world
 from worlds.late_odometry import late_drive
 from worlds.open_room import Room, make_room
 
@@ -53,6 +55,22 @@ def test_all_that_is_estimated_is_named_and_nothing_else() -> None:
     )
     plain, _ = last_of(make_room(3))
     assert plain.noise_names == () and plain.noise_values.shape == plain.noise_sigmas.shape == (0,)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("density", [0.01, 0.3])
+def test_how_many_objects_there_are_is_decided_by_evidence(density: float) -> None:
+    """Along drives through worlds that are sparse or crowded."""
+    base = configuration()
+    world = replace(base.open_world, detection_probabilities=(0.9,), birth_densities=(0.01, 0.3))
+    stated = replace(base, open_world=world)
+    drawn = replace(base, open_world=replace(world, birth_densities=(density,)))
+    for seed in range(3):
+        engine = Engine(stated)
+        for keyframe in drawn_world(drawn, 12, np.random.default_rng(seed)).keyframes:
+            belief = engine.process(keyframe)
+        found = belief.noise_values[belief.noise_names.index("open_world.birth_density")]
+        assert found == pytest.approx(density, abs=0.03)
 
 
 def test_what_hypotheses_differ_in_is_weighed_with_them() -> None:

@@ -161,7 +161,7 @@ class Predictor:
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
         objects = _objects_in_reach(tracked, robot, reach, near, predicted)
-        intensity, existence = self._births(tracked, region, runs, births, detections)
+        intensity, existence = self._births(component, region, runs, births, detections)
         detected = np.zeros(len(component.objects.ids))
         detected[reach] = predicted_detection_probabilities(region, objects)
         detectable = component.objects.detectable
@@ -177,7 +177,7 @@ class Predictor:
             births=births,
             log_intensity=intensity,
             birth_existence=existence,
-            expected_births=self._expected_births(tracked, region, runs, robot),
+            expected_births=self._expected_births(component, region, runs, robot),
             log_beyond=beyond,
             in_reach=reach,
             objects=objects,
@@ -250,14 +250,19 @@ class Predictor:
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
 
-    def _expected_births(self, tracked: TrackedStates, region: SensorRegion, runs: MissRuns, robot: Array) -> float:
+    def _density(self, component: Component) -> float:
+        """Objects per square metre where nothing was seen yet, as the hypothesis takes them to be."""
+        return self.settings.birth_density if component.settings is None else component.settings.birth_density
+
+    def _expected_births(self, component: Component, region: SensorRegion, runs: MissRuns, robot: Array) -> float:
         """First detections expected from ``robot`` (3,), most of them where it has not looked before."""
-        share = unseen_share(region, runs, tracked.trail, robot, self.settings.least_undetected_share)
-        return region.detection_probability * self.settings.birth_density * region.area_m2 * share
+        trail = _tracked(component).trail
+        share = unseen_share(region, runs, trail, robot, self.settings.least_undetected_share)
+        return region.detection_probability * self._density(component) * region.area_m2 * share
 
     def _births(
         self,
-        tracked: TrackedStates,
+        component: Component,
         region: SensorRegion,
         runs: MissRuns,
         births: list[Birth],
@@ -270,8 +275,8 @@ class Predictor:
         least = self.settings.least_undetected_share
         share = np.ones(len(births))
         if least < 1.0:
-            share = undetected_share(region, runs, tracked.trail, points)
-        density = self.settings.birth_density * np.maximum(share, least)
+            share = undetected_share(region, runs, _tracked(component).trail, points)
+        density = self._density(component) * np.maximum(share, least)
         intensity, existence = birth(
             density, self.settings.clutter_per_frame / region.area_m2, region.detection_probability
         )

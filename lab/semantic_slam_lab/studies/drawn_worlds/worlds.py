@@ -108,7 +108,7 @@ def drawn_world(
         biases[0] = truth.turn_rad_per_m
     path = Path.drawn(random, FIRST_S + num_keyframes * INTERVAL_S)
     times = np.concatenate([[0.0], FIRST_S + INTERVAL_S * np.arange(num_keyframes)])
-    objects = _objects(path, configuration.open_world.birth_density, random)
+    objects = _objects(path, float(random.choice(configuration.open_world.birth_densities)), random)
     sensor = _Sensor(configuration, truth, objects, random)
     pose = np.array(configuration.initial_pose.mean)
     pose = se2.compose(pose, se2.exp(np.array(configuration.initial_pose.sigma) * random.normal(size=3)))

@@ -24,7 +24,7 @@ def _with_independent_errors(base: Configuration) -> Configuration:
 
 def _with_noise_as_stated(base: Configuration) -> Configuration:
     told = replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
-    return replace(told, open_world=replace(told.open_world, detection_probabilities=()))
+    return replace(told, open_world=replace(told.open_world, detection_probabilities=(), birth_densities=()))
 
 
 def _without_revision(base: Configuration) -> Configuration:
