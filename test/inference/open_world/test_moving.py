@@ -160,7 +160,6 @@ def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float) 
 def explanations(settings: Configuration, ranges: list[float]) -> dict[str, float]:
     """P(Z_1, Z_2, explanation) of one detection in each of two frames, straight ahead of each other."""
     area = np.pi * settings.open_world.max_range_m**2
-    expected = np.exp(-CLUTTER - DETECTED * DENSITY * area)
     clutter = CLUTTER / area
     first = DETECTED * DENSITY + clutter
     exists = DETECTED * DENSITY / first
@@ -180,7 +179,8 @@ def explanations(settings: Configuration, ranges: list[float]) -> dict[str, floa
     speeds, steady = np.array(settings.moving.speeds_m_s), settings.moving.steadiness_s
     driven = 2.0 * (speeds * steady) ** 2 * (1.0 / steady + np.expm1(-1.0 / steady))
     seen = exists * DETECTED
-    common = expected**2 * first * ranges[0]
+    expected = np.exp(-2.0 * CLUTTER - DETECTED * DENSITY * area * (1.0 + unseen))
+    common = expected * first * ranges[0]
     return {
         "stands": common * seen * (1.0 - SHARE) * stands,
         "moves": common * seen * SHARE * float(np.mean([moved(own) for own in driven])),
