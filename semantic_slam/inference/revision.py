@@ -49,7 +49,7 @@ class Revised:
     parent_id: int
     lineage: Lineage
     log_joint: float  # log P(history, Z_1:k)
-    component: Component
+    component: Component = field(compare=False)
 
 
 @dataclass
