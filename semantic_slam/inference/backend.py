@@ -10,7 +10,12 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.class_marginals import add_class_marginals
-from semantic_slam.inference.component_marginals import ComponentMarginals, aligned_marginals, component_marginals
+from semantic_slam.inference.component_marginals import (
+    ComponentMarginals,
+    aligned_marginals,
+    component_marginals,
+    motion_marginals,
+)
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -213,6 +218,7 @@ class Backend:
             object_poses=poses[:, 1:],
             object_covariances=covariances[:, 1:],
             existence=existence,
+            **motion_marginals(components, reported),
             descriptors=_stacked([known.mean for known in descriptors], len(reported.ids)),
             descriptor_covariances=_stacked([known.variance for known in descriptors], len(reported.ids)),
         )
@@ -238,7 +244,7 @@ class Backend:
 
     def _present(self) -> ReportedObjects:
         """The objects that are reported."""
-        alive = frozenset[int]().union(*(held.component.object_ids for held in self.held.values()))
+        alive = frozenset[int]().union(*(held.component.every_id for held in self.held.values()))
         return self.association.reported(self.registry, alive)
 
     def _in_map(self, marginals: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:

@@ -17,6 +17,7 @@ from semantic_slam.inference.association.strategy import AssociationStrategy, st
 from semantic_slam.inference.models.clutter import EvenClutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
+from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.protocol import RunConfiguration
@@ -62,6 +63,7 @@ def make_run_configuration(
     _check_odometry(configuration, association)
     _check_detections(configuration, association)
     _check_revision(configuration, association)
+    _check_moving(configuration, association)
     latent = load_latent_model(configuration.semantic_model)
     if latent is not None:  # so that backends, reports and queries know the space of the descriptors
         noted = replace(configuration.semantic_model, space=latent.space)
@@ -128,6 +130,23 @@ def _check_revision(configuration: Configuration, association: type[AssociationS
         )
 
 
+def _check_moving(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    moving = _moving(configuration, association)
+    plain = configuration.semantic_model.kind == "none" and not configuration.open_world.iterate_updates
+    if moving.is_on and association.tracks_objects and not (plain and len(moving.speeds)):
+        raise InputError(
+            "moving.share and moving.share_by_label are for open_world.iterate_updates: false and"
+            " semantic_model.kind: none; set these, or the shares to 0"
+        )
+
+
+def _moving(configuration: Configuration, association: type[AssociationStrategy]) -> Moving:
+    """What may move: nothing where detections carry the identity of their object."""
+    if association.wants_identities:
+        return Moving()
+    return Moving(configuration.moving, configuration.detection_errors)
+
+
 def _noises(configuration: Configuration, association: type[AssociationStrategy]) -> tuple[NoiseSettings | None, ...]:
     """What hypotheses may take the noises to be; where objects are not tracked, all is as told."""
     return NoiseSettings.grid(configuration) if association.tracks_objects else (None,)
@@ -189,6 +208,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         open_world=configuration.open_world,
         detection_errors=configuration.detection_errors,
         revision=configuration.revision,
+        moving=_moving(configuration, association),
         clutter=_clutter(configuration, model),
         closed_world=configuration.closed_world,
     )

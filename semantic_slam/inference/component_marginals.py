@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.open_world.moving_objects import as_objects
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ReportedObjects
 
@@ -27,9 +29,48 @@ def component_marginals(component: Component, reported: ReportedObjects) -> Comp
     ids = [reported.ids[row] for row in present]
     states, covariances = component.robot_and_objects(ids)
     existence = component.objects.existence[component.objects.rows(np.array(ids, dtype=int))]
-    return ComponentMarginals(
+    known = ComponentMarginals(
         present=np.array(present, dtype=int), states=states, covariances=covariances, existence=existence
     )
+    return known if component.movers is None else _with_movers(known, component, component.movers, reported)
+
+
+def _with_movers(
+    known: ComponentMarginals, component: Component, movers: Movers, reported: ReportedObjects
+) -> ComponentMarginals:
+    """With the objects that move, for sure in this hypothesis."""
+    own = movers.take(movers.decided)
+    if not len(own):
+        return known
+    states, covariances = as_objects(own.seen_from(component.newest_robot()), known.covariances[0])
+    return ComponentMarginals(
+        present=np.concatenate([known.present, [reported.row_of[n] for n in own.ids.tolist()]]),
+        states=np.concatenate([known.states, states]),
+        covariances=np.concatenate([known.covariances, covariances]),
+        existence=np.concatenate([known.existence, own.existence]),
+    )
+
+
+def motion_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
+    """What (H,) hypotheses say of motion: (H, O) whether objects move and (H, O, 6) velocities, NaN for what is absent.
+
+    Nothing at all where nothing may move. An object that may still stand still has no velocity yet.
+    """
+    if not components or components[0].movers is None:
+        return {}
+    moving = np.full((len(components), len(reported.ids)), np.nan)
+    velocities = np.full((*moving.shape, 6), np.nan)
+    for row, component in enumerate(components):
+        standing = [reported.row_of[n] for n in component.object_ids]
+        moving[row, standing], velocities[row, standing] = 0.0, 0.0
+        movers = component.movers
+        assert movers is not None
+        at = np.array([reported.row_of[n] for n in movers.ids.tolist()], dtype=int)
+        moving[row, at] = movers.moving
+        means = np.einsum("ts,tsi->ti", np.exp(movers.log_speeds), movers.means)
+        velocities[row, at[movers.decided]] = 0.0
+        velocities[row, at[movers.decided], :2] = means[movers.decided, 2:4]
+    return {"moving": moving, "object_velocities": velocities}
 
 
 def aligned_marginals(

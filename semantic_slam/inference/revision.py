@@ -1,4 +1,4 @@
-"""Association revised afterwards: histories in which two objects of a live one are the same.
+"""Association revised afterwards: histories in which two objects of a live one are the same, or in which one moves.
 
 A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
 P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
@@ -17,6 +17,7 @@ from semantic_slam.inference.expander import Expander
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import ObjectTable
+from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import certain
@@ -48,6 +49,7 @@ class Revised:
     parent_id: int
     lineage: Lineage
     log_joint: float  # log P(history, Z_1:k)
+    component: Component = field(compare=False)
 
 
 @dataclass
@@ -58,6 +60,12 @@ class Replay:
     association: AssociationStrategy
     steps: list[Step] = field(default_factory=list)  # so far
     _kept: dict[int, _Known] = field(default_factory=dict)  # of the history that was replayed first in the last round
+
+    @property
+    def may_move(self) -> bool:
+        """Whether there are detections of what may move."""
+        moving = self.problem.moving
+        return moving.is_on and any(moving.shares(step.labels).any() for step in self.steps)
 
     def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
         """What each weighs; None for one that is impossible. The next round begins where the first of them was."""
@@ -90,7 +98,7 @@ class Replay:
             total += float(expansion.log_psi[row])
             if (at + 1) % CHECKPOINT == 0:
                 known[child] = component, total
-        return Revised(numbers[-1], numbers[-2], lineage, total)
+        return Revised(numbers[-1], numbers[-2], lineage, total, component)
 
     def _numbers(self, lineage: Lineage) -> list[int]:
         """Ids of the hypotheses along a history, the root's first."""
@@ -110,7 +118,7 @@ class Revision:
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
         self.settings, self._replay = settings, replay
-        self._tried: dict[Pair, int] = {}
+        self._tried: dict[tuple[int, ...], int] = {}
 
     def note(self, step: Step) -> None:
         """Keep a keyframe for later replays, where anything is revised."""
@@ -131,13 +139,13 @@ class Revision:
         were merged into it; a revised one stands for as many, so that it weighs by its ratio to the best one's own.
         """
         best = next(iter(live.values()))
-        lineages = self._proposals(best.lineage, ids, objects)
+        lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
         if not lineages:
             return {}
         followed, *others = self._replay.log_joints([best.lineage, *lineages])
         if followed is None:
             return {}
-        gains = {own: own.log_joint - followed.log_joint for own in others if own is not None}
+        gains = [(own, own.log_joint - followed.log_joint) for own in others if own is not None]
         return {
             own.number: Hypothesis(
                 owner=best.owner,
@@ -146,7 +154,7 @@ class Revision:
                 lineage=own.lineage,
                 revises=best,
             )
-            for own, gain in gains.items()
+            for own, gain in gains
             if own.number not in live and gain >= -float(np.log(ratio))
         }
 
@@ -165,11 +173,37 @@ class Revision:
             chosen.insert(0, together)
         return [merged(lineage, own) for own in chosen]
 
+    def _with_movers(self, lineage: Lineage) -> list[Lineage]:
+        """Histories in which objects are one that moves: all at once first, where there are several."""
+        problem, now = self._replay.problem, len(self._replay.steps)
+        (followed,) = self._replay.log_joints([lineage]) if self._replay.may_move else (None,)
+        if followed is None or followed.component.tracked is None:
+            return []
+        first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
+        steps, trail = self._replay.steps, followed.component.tracked.trail
+        groups = [
+            group
+            for group in mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world)
+            if now - self._tried.get(group, -now) >= AGAIN * self.settings.every_keyframes
+        ][: self.settings.proposals]
+        self._tried |= dict.fromkeys(groups, now)
+        found = [with_mover(lineage, group) for group in groups]
+        if len(found) > 1:
+            together = lineage
+            for group in groups:
+                together = with_mover(together, group)
+            found.insert(0, together)
+        return found
+
 
 def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> list[Pair]:
-    """Pairs (older, younger) of objects that may be one by where they are, never seen in one frame; nearest first."""
+    """Pairs (older, younger) of objects that may be one by where they are, never seen in one frame; nearest first.
+
+    Those that move are left out: where they are now is not where they were.
+    """
     places, spreads = objects.object_poses[:, :2], objects.object_covariances[:, :2, :2]
-    alive = [row for row in range(len(ids)) if objects.existence[row] > LEAST_EXISTENCE]
+    moving = objects.moving if objects.moving.size else np.zeros(len(ids))
+    alive = [row for row in range(len(ids)) if objects.existence[row] > LEAST_EXISTENCE and moving[row] < 1.0]
     apart = seen_together(lineage)
     found: list[tuple[float, Pair]] = []
     for one, other in combinations(alive, 2):

@@ -14,6 +14,8 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 SCHEMA_VERSION = 1
+MOVES = 0.5
+"""Probability of moving from which on an object is said to move."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,8 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
             "name": last.object_names[row],
             "class_probabilities": dict(zip(last.class_names, last.class_probabilities[row].tolist(), strict=True)),
             "existence": last.existence[row],
+            "moving": last.moving[row],
+            "velocity": last.object_velocities[row, :3],
             "pose": last.object_poses[row],
             "covariance": last.object_covariances[row],
             "mutual_information": last.mutual_information[row],
@@ -132,7 +136,10 @@ def noise_row(belief: HybridBelief) -> dict[str, dict[str, float]]:
 
 
 def map_prior(record: Record) -> MapPrior:
-    """The last belief's objects as the map prior of a later run; those that no hypothesis has placed are left out."""
+    """The last belief's objects as the map prior of a later run.
+
+    Those that no hypothesis has placed are left out, and those that move: they are elsewhere by then.
+    """
     last = record.beliefs[-1]
     settings = json_object(record.run.configuration).get("semantic_model", {})
     return MapPrior(
@@ -149,6 +156,7 @@ def map_prior(record: Record) -> MapPrior:
             )
             for row, number in enumerate(last.object_ids)
             if np.isfinite(last.object_poses[row]).all() and np.isfinite(last.object_covariances[row]).all()
+            if not last.moving[row] > MOVES
         ),
         str(settings.get("space", "")),
     )

@@ -29,6 +29,7 @@ class ObjectView:
     probability: float
     true_class: str  # "" unknown
     existence: float
+    moving: float  # probability that it moves; NaN where nothing may
     position: tuple[float, float]
     sigma_m: float  # root of the larger eigenvalue of the x-y covariance
     error_m: float  # from the true position, NaN unknown
@@ -72,6 +73,7 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
         probability=float(probabilities[best]) if best >= 0 else float("nan"),
         true_class=evaluation.true_classes.get(number, "") if evaluation else "",
         existence=float(last.existence[row]),
+        moving=float(last.moving[row]),
         position=(float(last.object_poses[row, 0]), float(last.object_poses[row, 1])),
         sigma_m=float(ellipses(last.object_covariances[row : row + 1])[0, 0]),
         error_m=float(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 
 from semantic_slam.report.charts import time_charts, truth_charts
 from semantic_slam.report.comparison import Run
@@ -47,6 +48,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
             warnings=warnings(analysis, objects),
             classes=classes,
             objects=objects,
+            may_move=bool(np.isfinite(record.beliefs[-1].moving).any()),
             descriptors=descriptor_figures(analysis),
             comparison=comparison_view(runs, classes),
             charts=[*time_charts(analysis), *explanation_charts(record)],

@@ -10,7 +10,7 @@ from semantic_slam.evaluation.history import best_index
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.report.document import Analysis
+from semantic_slam.report.document import MOVES, Analysis
 from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.objects import object_label, true_object_poses
 
@@ -94,6 +94,7 @@ def _frames(beliefs: tuple[HybridBelief, ...], drawn: list[list[int]]) -> list[d
                 "h": _hypotheses(belief, rows, place),
                 "o": _changed_objects(belief, numbers, written),
                 "s": [row for row in seen if row >= 0],
+                **_movers(belief, numbers),
             }
         )
         place = {int(belief.hypothesis_ids[row]): index for index, row in enumerate(rows)}
@@ -124,6 +125,13 @@ def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dic
     rows = [row for row in np.flatnonzero(changed) if int(belief.object_ids[row]) in numbers]
     written.update({int(belief.object_ids[row]): states[row] for row in rows})
     return [[numbers[int(belief.object_ids[row])], *_rounded(states[row])] for row in rows]
+
+
+def _movers(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[list[float]]]:
+    """Per object that moves: place in the list of objects, velocity along x and y [m/s]; nothing where none does."""
+    rows = [row for row in np.flatnonzero(belief.moving > MOVES) if int(belief.object_ids[row]) in numbers]
+    moving = [[numbers[int(belief.object_ids[row])], *_rounded(belief.object_velocities[row, :2])] for row in rows]
+    return {"m": moving} if moving else {}
 
 
 def _differs(states: Array, before: Array) -> NDArray[np.bool_]:

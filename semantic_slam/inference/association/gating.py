@@ -97,23 +97,47 @@ def best_assignments(
     limit: int,
     gate: float,
     log_beyond: Array | None = None,
+    objects: Index | None = None,
 ) -> RankedAssignments:
     """The best assignments of distinct objects, at most ``limit``, none more than ``gate`` nats behind the best.
 
     ``log_known`` (D, M) weighs a detection as one of each object, against a miss of it; ``admitted`` (D, M) says which
     pairs are looked at; ``log_new`` (D,) weighs it as one of no known object. ``log_beyond`` (D,) weighs what is
-    not among these options at all: left out.
+    not among these options at all: left out. ``objects`` (M,) number what the columns are, where two are of one object
+    that is taken in two ways; None: all are distinct.
     """
     count, known = log_known.shape
     cost = np.full((count, known + count), np.inf)
     cost[:, :known] = np.where(admitted, -log_known, np.inf)
     cost[np.arange(count), known + np.arange(count)] = -log_new
     columns, total = _cheapest(cost, limit)
+    if objects is not None:
+        possible = _distinct(columns, objects)
+        columns, total = columns[possible], total[possible]
+        if not len(columns):  # none of the best: one that is possible in any case starts an object with each detection
+            columns, total = known + np.arange(count)[None], -log_new.sum(keepdims=True)
+        log_known = _by_object(log_known, objects)
     scores = -total
     kept = scores >= scores[0] - gate
     columns, scores = columns[kept], scores[kept]
     others = log_new if log_beyond is None else np.logaddexp(log_new, log_beyond)
     return RankedAssignments(columns, scores, _log_rest(log_sum_of_all(log_known, others), scores) - float(scores[0]))
+
+
+def _distinct(columns: Index, objects: Index) -> NDArray[np.bool_]:
+    """(B,) whether no object is taken twice; columns beyond the (M,) ``objects`` are distinct."""
+    _, numbers = np.unique(objects, return_inverse=True)
+    of_columns = np.concatenate([numbers, len(numbers) + np.arange(columns.shape[1])])
+    taken = np.sort(of_columns[columns], axis=1)
+    return np.asarray((taken[:, 1:] != taken[:, :-1]).all(axis=1))
+
+
+def _by_object(log_known: Array, objects: Index) -> Array:
+    """(D, N) weights of each detection as one of N distinct objects, in whatever way, from those (D, M) in each way."""
+    distinct, numbers = np.unique(objects, return_inverse=True)
+    summed = np.full((len(distinct), len(log_known)), -np.inf)
+    np.logaddexp.at(summed, numbers, log_known.T)
+    return summed.T
 
 
 def log_sum_of_all(log_known: Array, log_new: Array) -> float:

@@ -55,6 +55,7 @@ class PlanarReader:
             detection_ids=measurements.detection_ids,
             scores=measurements.scores,
             names=measurements.track_ids,
+            labels=measurements.labels,
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
             free_range_scan=measurements.free_range_scan,

@@ -43,6 +43,7 @@ class Step:
     scores: Array  # (D,) detector's confidence
     names: tuple[str, ...]  # (D,) identities given, "" for none
     in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
+    labels: tuple[str, ...] = ()  # (D,) of the detector; empty where nobody asks for them
     sensed: SensedRegion | None = None  # of the detections so far, where the sensor's region is learned
     dropped: int = 0  # inputs not used so far
     free_range_scan: Array = field(

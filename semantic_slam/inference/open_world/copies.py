@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep
@@ -18,6 +19,8 @@ from semantic_slam.inference.world.problem import Problem
 
 SURE = 0.5
 """Existence from which on a hypothesis that lacks an object is no copy."""
+MOVING = 0.5
+"""Probability of moving from which on a hypothesis in which the object stands still is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +30,8 @@ class RecentAssociations:
     objects: Array  # (R, 3) where the object of each lies now, NaN when given up
     classes: Index  # (R,) -1 where classes are not enumerated
     confirms: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
-    sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of the objects that are likely to exist
+    sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of what is likely to exist, and stands
+    movers: dict[int, Array] = field(default_factory=dict)  # id -> (4,) position and its sigma of what moves instead
     noise: int = 0  # under which the hypothesis began
     tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
 
@@ -86,8 +90,16 @@ class Placed(Protocol):
         """(O, 7) NaN where it has no such object."""
 
     @property
+    def object_covariances(self) -> Array:
+        """(O, 6, 6)."""
+
+    @property
     def existence(self) -> Array:
         """(O,) existence probabilities, NaN where the hypothesis has no such object."""
+
+    @property
+    def moving(self) -> Array:
+        """(O,) probabilities of moving; empty where nothing does."""
 
 
 class Distinct:
@@ -163,11 +175,9 @@ class Copies:
         if self.settings.merge_ghosts:
             return alike
         for a, b in combinations(range(len(recent)), 2):
-            one, other = recent[a].sure, recent[b].sure
-            mine = [one[n] for n in one.keys() - other.keys()]
-            theirs = [other[n] for n in other.keys() - one.keys()]
-            limit = self.settings.merge_object_m
-            alike[a, b] = alike[b, a] = _all_near(mine, other, limit) and _all_near(theirs, one, limit)
+            one, other, limit = recent[a], recent[b], self.settings.merge_object_m
+            same = _both_near(one.sure, other.sure, limit) and _both_near(one.movers, other.movers, limit)
+            alike[a, b] = alike[b, a] = same
         return alike
 
     def remember(
@@ -196,21 +206,36 @@ class Copies:
             confirms[row] = object_id >= first_new and times[object_id] == 1
             times[object_id] += 1
         tentative = {object_id for object_id, count in times.items() if object_id >= first_new and count == 1}
-        likely = () if self.settings.merge_ghosts else np.flatnonzero(objects.existence > SURE)
-        sure = {reported.ids[row]: objects.object_poses[row, :3] for row in likely}
+        likely = np.zeros(0, dtype=int) if self.settings.merge_ghosts else np.flatnonzero(objects.existence > SURE)
+        moves = objects.moving[likely] > MOVING if objects.moving.size else np.zeros(len(likely), dtype=bool)
+        sure = {reported.ids[row]: objects.object_poses[row, :3] for row in likely[~moves]}
+        vague = position_sigmas(objects.object_covariances[likely[moves]])
+        movers = {
+            reported.ids[row]: np.append(objects.object_poses[row, :3], sigma)
+            for row, sigma in zip(likely[moves], vague, strict=True)
+        }
         return RecentAssociations(
             objects=padded[reported.rows(associated)],
             classes=classes,
             confirms=confirms,
             sure=sure,
+            movers=movers,
             noise=lineage[0].mode,
             tentative=tentative,
         )
 
 
+def _both_near(one: dict[int, Array], other: dict[int, Array], limit_m: float) -> bool:
+    """Whether each place that one has alone is near one of the other's, and the other way round."""
+    mine = [one[n] for n in one.keys() - other.keys()]
+    theirs = [other[n] for n in other.keys() - one.keys()]
+    return _all_near(mine, other, limit_m) and _all_near(theirs, one, limit_m)
+
+
 def _all_near(points: list[Array], others: dict[int, Array], limit_m: float) -> bool:
-    """Whether each point has one of the others near it."""
+    """Whether each point has one of the others near it; a fourth number is how far off a point may well be."""
     if not points or not others:
         return not points
-    places = np.array(list(others.values()))
-    return bool((np.linalg.norm(np.array(points)[:, None] - places, axis=-1) <= limit_m).any(axis=1).all())
+    places, own = np.array(list(others.values()))[:, :3], np.array(points)
+    limits = np.maximum(limit_m, own[:, 3:].max(axis=1, initial=0.0))
+    return bool((np.linalg.norm(own[:, None, :3] - places, axis=-1) <= limits[:, None]).any(axis=1).all())

@@ -1,6 +1,7 @@
 """What a keyframe says of the existence of objects: detected, missed, or born."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.detection_probability import Occluders, detection_probabilities
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, missed
 from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 LEAST_DETECTION_SHARE = 0.02
@@ -20,6 +22,15 @@ LEAST_DETECTION_SHARE = 0.02
 def least_detected(settings: OpenWorldConfiguration) -> float:
     """The detection probability of an object that was detected is not below this."""
     return LEAST_DETECTION_SHARE * settings.detection_probability
+
+
+class IfMissed(NamedTuple):
+    """A parent's O objects at one candidate's mode, if they are not detected."""
+
+    standing: Array  # (O,) probability of being detected, if it stands still
+    detected: Array  # (O,) probability of being detected
+    log_factor: Array  # (O,)
+    existence: Array  # (O,) afterwards
 
 
 class ExistenceAccounts:
@@ -32,17 +43,21 @@ class ExistenceAccounts:
 
     def of(self, assignments: Assignments, object_ids: Index) -> tuple[Array, list[ExistenceUpdate]]:
         """(K,) log factors of births, detections and misses, and the updates; ``object_ids`` (K, D) as associated."""
+        moves = np.zeros(object_ids.shape, dtype=bool)
+        if assignments.classes is not None:
+            moves = assignments.classes == MOVES
         factors = np.zeros(len(assignments))
         updates: dict[int, ExistenceUpdate] = {}
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
             factors[rows] = -(self._settings.clutter_per_frame + prediction.expected_births)
             detected = self._detected(prediction, assignments.take(rows))
-            log_missed, after = missed(prediction.existence, detected)
+            at_all = prediction.detected_at_all(detected)
+            log_missed, after = missed(prediction.existence, at_all)
             for at, row in enumerate(rows.tolist()):
                 candidate = at if len(detected) > 1 else 0
-                if_missed = detected[candidate], log_missed[candidate], after[candidate].copy()
-                added, updates[row] = self._account(prediction, object_ids[row], *if_missed)
+                if_missed = IfMissed(detected[candidate], at_all[candidate], log_missed[candidate], after[candidate])
+                added, updates[row] = self._account(prediction, object_ids[row], moves[row], if_missed)
                 factors[row] += added
         return factors, [updates[row] for row in range(len(assignments))]
 
@@ -62,31 +77,46 @@ class ExistenceAccounts:
         return detected
 
     def _account(
-        self, prediction: Prediction, association: Index, detected: Array, log_missed: Array, after: Array
+        self, prediction: Prediction, association: Index, moves: Flags, if_missed: IfMissed
     ) -> tuple[float, ExistenceUpdate]:
-        """Log factor and update of one candidate.
-
-        For the parent's objects: (O,) probabilities of being ``detected``, log factors of not being, and existence
-        ``after`` that, which is used up.
-        """
+        """Log factor and update of one candidate; (D,) objects and whether they move."""
         is_new = association >= self._born[0] if len(self._born) else np.zeros(0, dtype=bool)
-        observed = prediction.component.objects.rows(association[~is_new])
-        least = np.maximum(detected[observed], least_detected(self._settings))
-        log_detected = np.log(np.maximum(prediction.existence[observed] * least, LEAST_PROBABILITY))
-        total = float(log_missed.sum() + (log_detected - log_missed[observed]).sum())
+        observed = prediction.component.objects.rows(association[~is_new & ~moves])
+        least = least_detected(self._settings)
+        stands = prediction.existence[observed] * prediction.stands[observed]
+        log_detected = np.log(np.maximum(stands * np.maximum(if_missed.standing[observed], least), LEAST_PROBABILITY))
+        total = float(if_missed.log_factor.sum() + (log_detected - if_missed.log_factor[observed]).sum())
+        after = if_missed.existence.copy()
         after[observed] = 1.0
         new = np.flatnonzero(is_new)
         total += sum(prediction.births[n].log_area - prediction.births[n].log_stand_in for n in new)
         total += float(prediction.log_intensity[new].sum())
-        kept = after >= self._settings.least_existence
+        if prediction.movers is not None:
+            moving = prediction.movers.movers.rows(association[moves])
+            factors = prediction.movers.log_detected(least, if_missed.log_factor, prediction.undecided)
+            total += float(prediction.movers.log_missed.sum() + factors[moving].sum())
+        kept, may_move = self._kept(prediction, association[moves], if_missed, after)
         update = ExistenceUpdate(
             existence=after,
             kept=kept,
             new_ids=association[new],
             new_existence=prediction.birth_existence[new],
-            detectable=_detectable(prediction, detected, observed, kept, len(new)),
+            detectable=_detectable(prediction, if_missed.detected, observed, kept, len(new)),
+            moving=may_move,
         )
         return total, update
+
+    def _kept(
+        self, prediction: Prediction, moving_ids: Index, if_missed: IfMissed, after: Array
+    ) -> tuple[Flags, Array | None]:
+        """(O,) whether objects that stand still are kept, of which some turn out to move; and whether others may."""
+        if prediction.movers is None:
+            return np.asarray(after >= self._settings.least_existence), None
+        stands = prediction.stands * (1.0 - if_missed.standing) / (1.0 - if_missed.detected)
+        kept = (after * stands >= self._settings.least_existence) & ~np.isin(
+            prediction.component.objects.ids, moving_ids
+        )
+        return np.asarray(kept), np.asarray(1.0 - stands)
 
 
 def _detectable(prediction: Prediction, detected: Array, observed: Index, kept: Flags, num_new: int) -> Array | None:

@@ -99,7 +99,8 @@ class LinearisedEvidence:
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
         """Assignments with evidence and states.
 
-        ``columns`` (K, D): object, M + i where detection i starts one, or -1 where it is of none and counts nothing.
+        ``columns`` (K, D): object, M + i where detection i starts one, or -1 where it counts nothing: it is of none, or
+        weighed elsewhere.
         """
         results = _Results.empty(columns.shape, self.spaces)
         is_known = (columns >= 0) & (columns < self.known)

@@ -1,6 +1,7 @@
 """Association without a fixed map: objects come and go, and a detection may be a false alarm."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction import Prediction, Predictor
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
@@ -35,7 +36,7 @@ class OpenAssociation:
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         self.problem, self.registry, self.settings = problem, registry, problem.open_world
-        self.predictor = Predictor(problem.model, problem.open_world, problem.detection_errors)
+        self.predictor = Predictor(problem.model, problem.open_world, problem.detection_errors, problem.moving)
 
     @classmethod
     def suited_to(cls, configuration: Configuration) -> type[Any]:
@@ -73,7 +74,9 @@ class OpenAssociation:
         """Each parent on its own."""
         sensed = [component.sensed(step.detections) for component in parents.components]
         predictions = [
-            self.predictor.predict(component, step.motion, detections, step.sensed)
+            self.predictor.predict(
+                component, step.motion, detections, step.sensed, stamp_ns=step.stamp_ns, labels=step.labels
+            )
             for component, detections in zip(parents.components, sensed, strict=True)
         ]
         pairs = [self.pairs_of(prediction) for prediction in predictions]
@@ -105,24 +108,46 @@ class OpenAssociation:
         )
 
     def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:
-        """The joint assignments of one parent that are weighed."""
-        r, detected = prediction.existence[prediction.near], prediction.detected[prediction.near]
+        """The joint assignments of one parent that are weighed.
+
+        Columns are its near objects, then what the detections may start, then what moves.
+        """
+        near, least = prediction.near, least_detected(self.settings)
+        log_missed = missed(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])[0]
+        r, detected = prediction.existence[near] * prediction.stands[near], prediction.detected[near]
         with np.errstate(divide="ignore"):
-            log_ratio = np.log(r * np.maximum(detected, least_detected(self.settings))) - missed(r, detected)[0]
+            log_ratio = np.log(r * np.maximum(detected, least)) - log_missed[near]
+        log_known, admitted = pairs.log_density + log_ratio, pairs.distance < self.settings.gate_sigma
         log_new = prediction.log_intensity + np.array([birth.log_area for birth in prediction.births])
-        return best_assignments(
-            pairs.log_density + log_ratio,
-            pairs.distance < self.settings.gate_sigma,
+        limits = self.problem.weights.max_candidates, self.problem.weights.gate
+        movers = prediction.movers
+        if movers is None or not len(movers):
+            return best_assignments(log_known, admitted, log_new, *limits, prediction.log_beyond)
+        density, distance = movers.pairs(prediction.predicted.covariance[0, :3, :3])
+        moving = density + movers.log_detected(least, log_missed, prediction.undecided)
+        best = np.maximum(log_new, np.where(admitted, log_known, -np.inf).max(axis=1, initial=-np.inf))
+        likely = moving > best[:, None] - np.log(self.problem.pruning.ratio)
+        found = best_assignments(
+            np.concatenate([log_known, moving], axis=1),
+            np.concatenate([admitted, likely & (distance < self.settings.gate_sigma)], axis=1),
             log_new,
-            self.problem.weights.max_candidates,
-            self.problem.weights.gate,
+            *limits,
             prediction.log_beyond,
+            np.concatenate([prediction.near_ids, movers.movers.ids]),
         )
+        known = found.columns < len(near)
+        born = found.columns >= len(near) + len(movers)
+        columns = found.columns + np.where(known, 0, np.where(born, -len(movers), len(log_new)))
+        return replace(found, columns=columns)
 
     def _columns(self, step: Step, prediction: Prediction, path: LineageStep) -> Index:
         """(1, D) columns of a lineage's association."""
         born = self.registry.first_new_id(step.index) + np.arange(len(step.detections))
-        place = {n: column for column, n in enumerate([*prediction.near_ids.tolist(), *born.tolist()])}
-        if not place.keys() >= set(path.association):
+        place = {(n, False): column for column, n in enumerate([*prediction.near_ids.tolist(), *born.tolist()])}
+        if prediction.movers is not None:
+            ids = prediction.movers.movers.ids.tolist()
+            place |= {(n, True): column for column, n in enumerate(ids, start=len(place))}
+        named = [(n, own == MOVES) for n, own in zip(path.association, path.class_assignment, strict=True)]
+        if not place.keys() >= set(named):
             raise LostComponentError("a lineage names an object that its hypothesis does not know")
-        return np.array([place[n] for n in path.association], dtype=int).reshape(1, -1)
+        return np.array([place[own] for own in named], dtype=int).reshape(1, -1)

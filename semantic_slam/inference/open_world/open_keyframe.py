@@ -24,11 +24,12 @@ from semantic_slam.inference.models.step import AssociatedDetection, Step
 from semantic_slam.inference.open_world.existence_accounts import ExistenceAccounts
 from semantic_slam.inference.open_world.keyframe_problems import open_keyframe_problem
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.mover_updates import movers_after
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
@@ -69,8 +70,13 @@ class OpenKeyframe:
 
     @cached_property
     def known(self) -> Index:
-        """(N,) ids of the objects near some parent's detections, ascending."""
-        return np.unique(np.concatenate([prediction.near_ids for prediction in self.predictions])).astype(int)
+        """(N,) ids of the objects near some parent's detections, and of what moves, ascending."""
+        ids = [own for prediction in self.predictions for own in (prediction.near_ids, prediction.mover_ids)]
+        return np.unique(np.concatenate(ids)).astype(int)
+
+    def _places(self, object_ids: Index) -> Index:
+        """Positions of (m,) known objects among them."""
+        return np.asarray(np.searchsorted(self.known, object_ids))
 
     @property
     def object_ids(self) -> Index:
@@ -82,19 +88,31 @@ class OpenKeyframe:
         counts = [len(item.columns) for item in self.ranked]
         born = len(self.known) + np.arange(len(self.born))
         places = [
-            np.concatenate([np.searchsorted(self.known, prediction.near_ids), born, [-1]])[item.columns]
-            for prediction, item in zip(self.predictions, self.ranked, strict=True)
+            np.concatenate([self._places(own.near_ids), born, self._places(own.mover_ids), [-1]])[item.columns]
+            for own, item in zip(self.predictions, self.ranked, strict=True)
         ]
         rows = Assignments(
             parents=np.repeat(np.arange(len(self.parents)), counts),
             objects=np.concatenate(places).astype(int).reshape(sum(counts), -1),
             log_evidence=np.concatenate([item.log_scores for item in self.ranked]),
+            classes=self._kinds,
             log_class_prior=np.zeros(sum(counts)),
             effective_sample_sizes=np.full(sum(counts), np.nan),
         )
         left_out = np.array([item.log_left_out for item in self.ranked])
         new = len(self.born)
         return Candidates(assignments=rows, object_ids=self.object_ids, log_left_out=left_out, num_new=new)
+
+    @property
+    def _kinds(self) -> Index | None:
+        """(K, D) which detections are of what moves, in place of classes; None: nothing moves."""
+        if not self.problem.moving.is_on:
+            return None
+        parts = [
+            item.columns >= len(own.near) + len(self.used)
+            for own, item in zip(self.predictions, self.ranked, strict=True)
+        ]
+        return np.where(np.concatenate(parts), MOVES, -1)
 
     def weigh(self, candidates: Candidates) -> Candidates:
         """Assignments times classes at their modes, or assignments alone by one linearisation where that is enough."""
@@ -134,16 +152,21 @@ class OpenKeyframe:
         parent = int(own.parents[row])
         prediction, births = self.predictions[parent], self._births[parent]
         given = zip(prediction.detections, taken.association, taken.class_assignment, strict=True)
-        of_objects = [number for number, object_id in enumerate(taken.association) if object_id >= 0]
+        pairs = list(zip(taken.association, taken.class_assignment, strict=True))
+        standing = [number for number, (object_id, kind) in enumerate(pairs) if object_id >= 0 and kind != MOVES]
         observed = [AssociatedDetection(*item, number) for number, item in enumerate(given)]
         modes = dict(zip(taken.association, states, strict=True))
         local = None
         if self.parents.components[parent].single_steps:
-            local = prediction.local_after(self.pairs[parent], taken.association, births)
+            seen = [(number, taken.association[number]) for number in standing]
+            local = prediction.local_after(self.pairs[parent], seen, births)
+        robot, spread = own.column("robot")[row], own.column("robot_covariance")[row]
+        least = self.problem.open_world.least_existence
         return ComponentUpdate(
-            observed=[observed[number] for number in of_objects],
-            objects=list(states[of_objects]),
-            robot=own.column("robot")[row],
+            observed=[observed[number] for number in standing],
+            objects=list(states[standing]),
+            robot=robot,
+            movers=movers_after(prediction, taken, robot, spread, existence, least),
             predicted=prediction.objects.robot,
             new_objects={int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in existence.new_ids},
             existence=existence,
@@ -165,14 +188,36 @@ class OpenKeyframe:
         curved: list[int] = []
         for parent, (own, ranked) in enumerate(zip(self._linearised, self.ranked, strict=True)):
             numbers = np.flatnonzero(rows.parents == parent)
-            part = own.evaluate(rows.take(numbers), ranked.columns)
+            columns = ranked.columns
+            moves = columns >= len(self.predictions[parent].near) + len(self.used)
+            part = own.evaluate(rows.take(numbers), np.where(moves, -1, columns))
             likely = scores[numbers] >= scores[numbers].max() - UNLIKELY
             curved += numbers[(part.column("bend") > LARGEST_BEND) & likely].tolist()
             parts.append(part)
         found = Assignments.joined(parts)
         if curved and len(self.used) and not self._errors_repeat:
             found = found.with_rows(np.array(curved), self._searched(found.take(np.array(curved))))
-        return replace(candidates, assignments=found)
+        return replace(candidates, assignments=self._with_movers(found))
+
+    def _with_movers(self, rows: Assignments) -> Assignments:
+        """The assignments with what moves: weighed and placed, given the robot at their modes."""
+        if rows.classes is None or not (rows.classes == MOVES).any():
+            return rows
+        evidence, states = rows.column("log_evidence").copy(), rows.column("object_states").copy()
+        covariances = rows.column("object_covariances").copy()
+        robot, spread = rows.column("robot"), rows.column("robot_covariance")
+        at, numbers = np.nonzero(rows.classes == MOVES)
+        ids = rows.object_ids(self.object_ids)[at, numbers]
+        for parent, prediction in enumerate(self.predictions):
+            own = np.flatnonzero(rows.parents[at] == parent)
+            if prediction.movers is None or not len(own):
+                continue
+            objects, detections, row = prediction.movers.movers.rows(ids[own]), numbers[own], at[own]
+            density = prediction.movers.log_densities(objects, detections, robot[row], spread[row])[0]
+            np.add.at(evidence, row, density)
+            places, around = prediction.movers.places(detections, robot[row], spread[row])
+            states[row, detections], covariances[row, detections] = places, around
+        return rows.gaining(log_evidence=evidence, object_states=states, object_covariances=covariances)
 
     @property
     def _errors_repeat(self) -> bool:
@@ -186,7 +231,9 @@ class OpenKeyframe:
 
     def _searched(self, rows: Assignments) -> Assignments:
         """The assignments weighed at modes that are searched for each."""
-        problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, rows)
+        objects = rows.objects if rows.classes is None else np.where(rows.classes == MOVES, -1, rows.objects)
+        still = rows.gaining(objects=objects)
+        problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, still)
         mode = find_modes(problem, search_start(problem), tolerance=WEIGHING_TOLERANCE)
         found = Candidates(
             assignments=rows,

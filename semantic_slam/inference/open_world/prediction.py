@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
 from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.planar_observation import object_in_body
@@ -27,6 +29,7 @@ from semantic_slam.inference.open_world.detection_probability import (
     undetected_share,
 )
 from semantic_slam.inference.open_world.existence import birth, missed
+from semantic_slam.inference.open_world.moving_objects import PredictedMovers, RobotMotion, predicted_movers
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.unseen_ground import unseen_share
 from semantic_slam.inference.smoothing.component import Component
@@ -65,6 +68,31 @@ class Prediction:
     detected: Array  # (O,) detection probabilities at the prediction, nothing being hidden
     detectable: Array | None  # (O,) probability that an object can be detected at all, where misses come in runs
     miss_runs: MissRuns
+    movers: PredictedMovers | None = None  # objects that move, or may; None: nothing does
+
+    @cached_property
+    def stands(self) -> Array:
+        """(O,) probability that the parent's objects stand still, if they exist."""
+        stands = np.ones(len(self.existence))
+        if self.movers is not None:
+            stands[self.undecided] -= self.movers.movers.moving[~self.movers.movers.decided]
+        return stands
+
+    @cached_property
+    def undecided(self) -> Index:
+        """(u,) rows of the objects that may move, in the order of their ids."""
+        assert self.movers is not None
+        own = self.movers.movers
+        return self.component.objects.rows(own.ids[~own.decided])
+
+    def detected_at_all(self, detected: Array) -> Array:
+        """(K, O) detection probabilities of objects that stand still or move, from those if they stand still."""
+        if self.movers is None:
+            return detected
+        mixed = detected * self.stands
+        own = self.movers.movers
+        mixed[:, self.undecided] += (own.moving * self.movers.detected)[~own.decided]
+        return mixed
 
     @property
     def existence(self) -> Array:
@@ -83,18 +111,27 @@ class Prediction:
         far = float(position_sigmas(spread[None])[0]) > LOST_SIGMA_M
         return far or float(spread[2, 2]) > LOST_SIGMA_RAD**2
 
-    def local_after(self, pairs: PairDensities, association: tuple[int, ...], births: Collection[int]) -> LocalMap:
-        """The local map with the detections of one continuation (D,), and the objects that it starts."""
+    @property
+    def mover_ids(self) -> Index:
+        """(T,) ids of the objects that move, or may."""
+        return np.zeros(0, dtype=int) if self.movers is None else self.movers.movers.ids
+
+    def local_after(
+        self, pairs: PairDensities, association: Sequence[tuple[int, int]], births: Collection[int]
+    ) -> LocalMap:
+        """The local map with the detections of one continuation, with the objects that stand still, and that it starts.
+
+        ``association``: detection and object.
+        """
         seen = []
-        for number, object_id in enumerate(association):
-            if object_id >= 0 and object_id not in births:
+        for number, object_id in association:
+            if object_id not in births:
                 part, column = pairs.parts[number], int(np.searchsorted(self.near_ids, object_id))
                 slopes = part.jacobian_robot[column], part.jacobian_object[column], self._residual_by_errors(number)
                 seen.append(LocalDetection(object_id, *slopes))
         started = [
             LocalStart(object_id, own.prior.mean, own.gain, *self._place_by_errors(number, own))
-            for number, (object_id, own) in enumerate(zip(association, self.births, strict=True))
-            if object_id in births
+            for number, object_id, own in ((n, of, self.births[n]) for n, of in association if of in births)
         ]
         return self.local.updated(seen).with_new(started)
 
@@ -118,8 +155,15 @@ class Prediction:
 class Predictor:
     """Predicts; a pure function of the component and the keyframe."""
 
-    def __init__(self, model: ObservationModel, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration):
+    def __init__(
+        self,
+        model: ObservationModel,
+        settings: OpenWorldConfiguration,
+        errors: DetectionErrorsConfiguration,
+        moving: Moving | None = None,
+    ):
         self.model, self.settings, self.errors = model, settings, errors
+        self._moving = moving or Moving()
         self._region = sensor_region(settings)
 
     def predict(
@@ -129,11 +173,14 @@ class Predictor:
         detections: Sequence[Any],
         sensed: SensedRegion | None = None,
         named: Index | None = None,
+        *,
+        stamp_ns: int = 0,
+        labels: Sequence[str] = (),
     ) -> Prediction:
         """Under the noises that the component takes robot and sensor to have. Raises LostComponentError.
 
         ``sensed``: the sensor's region where it is learned. ``named``: (M,) rows of the objects that the detections may
-        be of; None: of those near them.
+        be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter where objects move.
         """
         motion, space, tracked = component.moved_by(motion), component.spaces.robot, _tracked(component)
         region = self._region_of(component, sensed)
@@ -167,7 +214,28 @@ class Predictor:
         detectable = component.objects.detectable
         if detectable is not None:
             detected *= detectable / runs.share
+        movers = None
+        if component.movers is not None and (len(component.movers) or self._moving.shares(labels).any()):
+            robot_motion = RobotMotion(
+                before=tracked.robot,
+                after=robot,
+                covariance_before=tracked.robot_covariance,
+                cross=before[: len(spread)] @ transition.T,
+                covariance=spread,
+                control=control,
+            )
+            movers = predicted_movers(
+                self._moving,
+                component.movers,
+                robot_motion,
+                stamp_ns,
+                region=region,
+                miss_runs=runs,
+                detections=detections,
+                labels=labels,
+            )
         return Prediction(
+            movers=movers,
             component=component,
             near=near,
             predicted=predicted,

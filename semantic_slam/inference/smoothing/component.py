@@ -23,6 +23,7 @@ from semantic_slam.inference.smoothing.tracking import tracked_after
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects, TrackedStates
@@ -47,6 +48,7 @@ class Component:
     local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
     noise: int = 0  # which of the noises that robot and sensor may have
     settings: NoiseSettings | None = None  # that number's; None: all as told
+    movers: Movers | None = None  # objects that move, or may; None: nothing does
 
     @classmethod
     def root(
@@ -70,8 +72,13 @@ class Component:
 
     @property
     def object_ids(self) -> frozenset[int]:
-        """Ids of its objects."""
+        """Ids of its objects, without those that it takes to move."""
         return self.objects.id_set
+
+    @property
+    def every_id(self) -> frozenset[int]:
+        """Ids of its objects."""
+        return self.object_ids if self.movers is None else self.object_ids | self.movers.decided_ids
 
     def newest_robot(self) -> Array:
         """(s,) estimate of the robot at the newest keyframe."""
@@ -168,6 +175,7 @@ class Component:
             corrections=update.corrections,
             tracked=tracked,
             local=None if far else local,
+            movers=update.movers,
         )
 
 

@@ -11,6 +11,7 @@ from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
@@ -19,7 +20,7 @@ from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 class ComponentUpdate:
     """One continuation of a component, with the modes at which its new factors are created; s numbers of a state."""
 
-    observed: Sequence[AssociatedDetection]
+    observed: Sequence[AssociatedDetection]  # of objects that stand still
     objects: Sequence[Array]  # (s,) mode of the object of each entry of ``observed``
     robot: Array  # (s,) mode
     predicted: Array  # (s,) of the robot, by odometry alone
@@ -32,6 +33,7 @@ class ComponentUpdate:
     corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of the Gaussian at that mode
     local: LocalMap | None = None  # after the detections, where updates are not iterated
     errors: ErrorTransition | None = None  # to those of this frame's detections, where they repeat
+    movers: Movers | None = None  # afterwards; None: nothing moves
     carried_errors: CarriedErrors | None = None  # as the motion leaves them, where this frame has no detections
 
     @property

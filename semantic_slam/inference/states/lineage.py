@@ -7,13 +7,16 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Index
 
+MOVES = -2
+"""In place of a class, of a detection whose object moves: one history has it standing still, another one moving."""
+
 
 @dataclass(frozen=True)
 class LineageStep:
     """What one keyframe added to a hypothesis."""
 
     association: tuple[int, ...]  # (D,) object id per detection, -1 clutter
-    class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated
+    class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated, MOVES
     mode: int = 0
 
 

@@ -85,6 +85,7 @@ class ExistenceUpdate:
     new_ids: Index  # (n,) ascending, above all of the parent's
     new_existence: Array  # (n,)
     detectable: Array | None = None  # of those kept, and then of the new ones, where misses come in runs
+    moving: Array | None = None  # (O,) probability that it moves, if it was missed; None: nothing does
     changes_nothing: bool = False
 
     @classmethod

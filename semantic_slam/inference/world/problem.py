@@ -17,6 +17,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
@@ -25,6 +26,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
@@ -57,6 +59,7 @@ class Problem:
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
+    moving: Moving = field(default_factory=Moving)
     clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
@@ -102,4 +105,5 @@ class Problem:
             single_steps=single_steps,
             noise=number,
             settings=self.noises[number],
+            movers=Movers.none(len(self.moving.speeds), sensor.miss_persistence > 0.0) if self.moving.is_on else None,
         )

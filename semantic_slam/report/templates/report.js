@@ -2,7 +2,8 @@
 const scene = JSON.parse(document.getElementById("scene").textContent);
 const SVG = "http://www.w3.org/2000/svg";
 const REGION = Math.sqrt(5.991); // 95 % of a Gaussian in the plane
-const INK = "#14212b", GREY = "#6f7d89", SIGHT = "#0b62b8";
+const INK = "#14212b", GREY = "#6f7d89", SIGHT = "#0b62b8", MOVER = "#8a2be2";
+const TRAIL = 15, AHEAD = 2, VAGUE = 3; // keyframes behind what moves, seconds ahead of it, sigma [m] from which on it is gone
 
 // Objects are stored where they change: fill in what holds at every keyframe.
 const objectsAt = [];
@@ -75,9 +76,16 @@ class MapView {
       const o = objectsAt[i][place], h = frame.h[best];
       if (o) line([[h[2], h[3]], [o[0], o[1]]], SIGHT, 1, { opacity: .7 });
     }
-    objectsAt[i].forEach((o, place) => o && this.object(o, scene.objects[place]));
+    const moves = new Set((frame.m || []).map(m => m[0])), gone = (o, place) => moves.has(place) && o[3] > VAGUE;
+    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.object(o, scene.objects[place]));
+    for (const [place, vx, vy] of frame.m || []) {
+      const o = objectsAt[i][place], past = objectsAt.slice(Math.max(0, i - TRAIL), i + 1).map(at => at[place]).filter(at => at);
+      if (!o || o[3] > VAGUE) continue;
+      line(past, MOVER, 1.6, { "stroke-dasharray": `${2 * u} ${3 * u}` });
+      this.arrow(o[0], o[1], o[0] + AHEAD * vx, o[1] + AHEAD * vy);
+    }
     for (const j of order) this.robot(frame.h[j], j === best);
-    if (!this.small) objectsAt[i].forEach((o, place) => o && this.label(this.x(o[0]) + 12 * u, this.y(o[1]) - 8 * u, scene.objects[place].label));
+    if (!this.small) objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.label(this.x(o[0]) + 12 * u, this.y(o[1]) - 8 * u, scene.objects[place].label));
   }
 
   grid() {
@@ -111,6 +119,12 @@ class MapView {
       const [tx, ty] = [this.x(about.true[0]), this.y(about.true[1])], c = (this.small ? 2.5 : 3.5) * u;
       make(this.svg, "path", { d: `M${tx - c} ${ty - c}L${tx + c} ${ty + c}M${tx - c} ${ty + c}L${tx + c} ${ty - c}`, stroke: INK, "stroke-width": 1.6 * u });
     }
+  }
+
+  arrow(x0, y0, x1, y1) {
+    const u = this.u, [ax, ay, bx, by] = [this.x(x0), this.y(y0), this.x(x1), this.y(y1)], turn = Math.atan2(by - ay, bx - ax), s = 6 * u;
+    const wing = side => `${round(bx - s * Math.cos(turn + side * .5))} ${round(by - s * Math.sin(turn + side * .5))}`;
+    make(this.svg, "path", { d: `M${ax} ${ay}L${bx} ${by}M${wing(1)}L${bx} ${by}L${wing(-1)}`, fill: "none", stroke: MOVER, "stroke-width": 2 * u });
   }
 
   label(x, y, text) { // where no other label stands

@@ -31,6 +31,10 @@ def _without_revision(base: Configuration) -> Configuration:
     return replace(base, revision=replace(base.revision, every_keyframes=0))
 
 
+def _without_motion(base: Configuration) -> Configuration:
+    return replace(base, moving=replace(base.moving, share=0.0, share_by_label=()))
+
+
 ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
     "without_correlation": _with_independent_errors,
     "without_outliers": None,
@@ -38,7 +42,7 @@ ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
     "without_clusters": None,
     "without_revision": _without_revision,
     "without_check": None,
-    "without_motion": None,
+    "without_motion": _without_motion,
 }
 """Name -> what switches it off; None where the engine has no such switch."""
 

@@ -1,0 +1,94 @@
+"""How things move that move: a velocity that is kept for a while, of one of a few sizes.
+
+Each part of the velocity is an Ornstein-Uhlenbeck process, the Singer model of tracking (Singer, IEEE T-AES 6(4),
+1970) with the velocity in place of the acceleration: what is not seen for long may be anywhere, and yet no faster.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.configuration import DetectionErrorsConfiguration, MovingConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+
+
+@dataclass(frozen=True)
+class Moving:
+    """What is known of moving objects before any is seen."""
+
+    settings: MovingConfiguration = field(default_factory=MovingConfiguration)
+    errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
+
+    @cached_property
+    def by_label(self) -> dict[str, float]:
+        """Detector's label, in lower case -> share of its objects that move. Raises InputError."""
+        return dict(map(_entry, self.settings.share_by_label))
+
+    @cached_property
+    def largest_share(self) -> float:
+        """Largest share of any label. Raises InputError."""
+        return max(self.settings.share, *self.by_label.values(), 0.0)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether anything may move. Raises InputError."""
+        return self.largest_share > 0.0
+
+    @cached_property
+    def speeds(self) -> Array:
+        """(S,) standard deviations [m/s] of a velocity's parts. Raises InputError."""
+        speeds = self.settings.speeds_m_s
+        if not speeds or min(speeds) <= 0.0:
+            raise InputError("moving.speeds_m_s must be positive, and one at least; correct them")
+        return np.array(speeds)
+
+    def shares(self, labels: Sequence[str]) -> Array:
+        """(D,) prior probabilities that the objects of detections with these labels move."""
+        return np.array([self.by_label.get(label.lower(), self.settings.share) for label in labels], dtype=np.float64)
+
+    def transition(self, elapsed_s: float) -> Array:
+        """(4, 4) of x, y and their rates."""
+        return np.asarray(np.kron(self.unit_transition(elapsed_s), np.eye(2)))
+
+    def noise(self, elapsed_s: float) -> Array:
+        """(S, 4, 4) covariances of what the transition leaves open, by speed."""
+        return np.asarray(self.speeds[:, None, None] ** 2 * np.kron(self.unit_noise(elapsed_s), np.eye(2)))
+
+    def unit_transition(self, elapsed_s: float) -> Array:
+        """(2, 2) of one coordinate and its rate."""
+        keeps = np.exp(-elapsed_s / self.settings.steadiness_s)
+        return np.array([[1.0, self.settings.steadiness_s * (1.0 - keeps)], [0.0, keeps]])
+
+    def unit_noise(self, elapsed_s: float) -> Array:
+        """(2, 2) covariance of what that leaves open, for a speed of 1 m/s."""
+        steady, ratio = self.settings.steadiness_s, elapsed_s / self.settings.steadiness_s
+        keeps, lost = np.exp(-ratio), -np.expm1(-ratio)
+        place = max(2.0 * ratio - 2.0 * lost - lost**2, 0.0) * steady**2
+        return np.array([[place, steady * lost**2], [steady * lost**2, 1.0 - keeps**2]])
+
+    def repeats(self, control: Array, driven: Array, variance: Array) -> Array:
+        """(..., 2) correlation of the errors of one object's range and bearing with those a motion (3,) ago.
+
+        ``driven`` (..., 2) metres is how far it went by itself, known with ``variance`` (...) along each axis: of the
+        kernel over places (see ``correlated_errors``) the mean over that Gaussian.
+        """
+        settings, square = self.errors, self.errors.neighbour_m**2
+        motion = np.hypot(*control[:2]) / settings.motion_m + abs(control[2]) / settings.motion_rad
+        spread = square + variance
+        near = square / spread * np.exp(-0.5 * (driven**2).sum(axis=-1) / spread)
+        common = np.array([settings.common_range_share, settings.common_bearing_share])
+        return np.asarray(np.exp(-motion) * (common + (1.0 - common) * near[..., None]))
+
+
+def _entry(text: str) -> tuple[str, float]:
+    label, _, share = text.rpartition("=")
+    try:
+        value = float(share)
+    except ValueError:
+        value = -1.0
+    if not label or not 0.0 <= value < 1.0:
+        raise InputError(f"moving.share_by_label: {text!r} is not LABEL=SHARE with a share in [0, 1); correct it")
+    return label.strip().lower(), value

@@ -1,0 +1,142 @@
+"""Histories in which objects that were taken to stand still are one that moves: proposals, which replays then weigh.
+
+Objects are joined greedily, by what their detections weigh as one moving object against what they weigh apart, the
+robot being where the history at hand has it. That is rough, and only says what is worth a replay.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Self
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.moving import Moving
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.open_world.moving_objects import PlacedDetections, rotation
+from semantic_slam.inference.states.lineage import MOVES, LineageStep
+
+MOST_DETECTIONS = 40
+"""Detections from which on an object stands where it was seen, or moves and is known to."""
+LEAST_DETECTIONS = 3
+ROBOT_SIGMA_M = 0.05
+"""By which the robot's path may be off from one keyframe to the next, besides what detections are off."""
+
+Lineage = tuple[LineageStep, ...]
+Group = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """The n detections of one or several objects, in the order of their keyframes."""
+
+    keyframes: Index  # (n,)
+    stamps_ns: Index  # (n,)
+    places: Array  # (n, 2) in map
+    variances: Array  # (n,) along x and along y
+
+    def with_others(self, others: Self) -> "Sightings":
+        """Sightings of both, in the order of their keyframes."""
+        order = np.argsort(np.concatenate([self.keyframes, others.keyframes]), kind="stable")
+        columns = zip(vars(self).values(), vars(others).values(), strict=True)
+        return Sightings(*(np.concatenate(pair)[order] for pair in columns))
+
+
+def mover_proposals(
+    lineage: Lineage,
+    steps: Sequence[Step],
+    trail: Array,
+    first_new: int,
+    moving: Moving,
+    settings: OpenWorldConfiguration,
+) -> list[Group]:
+    """Objects of a history, younger than ``first_new``, that may be one that moves; the most gain first.
+
+    ``trail`` (K, 3): the robot at the keyframes of ``steps``.
+    """
+    seen = {n: own for n, own in _sightings(lineage, steps, trail).items() if n >= first_new}
+    groups: dict[Group, Sightings] = {(n,): own for n, own in seen.items() if len(own.stamps_ns) <= MOST_DETECTIONS}
+    share = moving.largest_share
+    log_birth = float(np.log(settings.birth_density))  # detections have the same probability either way
+    allowance = -float(np.log(share / len(moving.speeds)))  # two sightings do not tell a velocity: a third one may
+    scores = {group: _scores(own, moving, share) for group, own in groups.items()}
+    apart = {group: max(own) for group, own in scores.items()}
+
+    def gain(pair: tuple[Group, Group]) -> float:
+        one, other = pair
+        if np.intersect1d(groups[one].keyframes, groups[other].keyframes).size:
+            return -np.inf
+        known = any(scores[group][1] > scores[group][0] for group in pair)
+        together = _scores(groups[one].with_others(groups[other]), moving, share)[1]
+        return together - max(scores[one]) - max(scores[other]) - log_birth + (0.0 if known else allowance)
+
+    gains = {pair: gain(pair) for pair in combinations(sorted(groups), 2)}
+    while gains and max(gains.values()) > 0.0:
+        pair = max(gains, key=lambda own: gains[own])
+        joined = tuple(sorted(pair[0] + pair[1]))
+        groups[joined] = groups.pop(pair[0]).with_others(groups.pop(pair[1]))
+        scores[joined] = _scores(groups[joined], moving, share)
+        apart[joined] = apart[pair[0]] + apart[pair[1]] + log_birth
+        gains = {own: value for own, value in gains.items() if not set(own) & set(pair)}
+        gains |= {own: gain(own) for own in ((joined, other) for other in groups if other != joined)}
+    kinds = (pair for step in lineage for pair in zip(step.association, step.class_assignment, strict=True))
+    known = {n for n, kind in kinds if kind == MOVES}
+    found = {
+        group: scores[group][1] - apart[group]
+        for group, own in groups.items()
+        if len(own.stamps_ns) >= LEAST_DETECTIONS and not (len(group) == 1 and group[0] in known)
+    }
+    return sorted((group for group, value in found.items() if value > 0.0), key=lambda group: -found[group])
+
+
+def with_mover(lineage: Lineage, group: Group) -> Lineage:
+    """The history in which all of a group are the one that was seen first, and moves."""
+    members, started = set(group), False
+    steps: list[LineageStep] = []
+    for step in lineage:
+        association, kinds = list(step.association), list(step.class_assignment)
+        for number, object_id in enumerate(step.association):
+            if object_id in members:
+                association[number] = min(group)
+                kinds[number] = MOVES if started else -1
+                started = True
+        steps.append(replace(step, association=tuple(association), class_assignment=tuple(kinds)))
+    return tuple(steps)
+
+
+def _sightings(lineage: Lineage, steps: Sequence[Step], trail: Array) -> Mapping[int, Sightings]:
+    rows: dict[int, list[tuple[int, int, Array, float]]] = {}
+    for keyframe, (taken, step, robot) in enumerate(zip(lineage, steps, trail, strict=True)):
+        if not len(step.detections):
+            continue
+        placed = PlacedDetections.of(step.detections)
+        places = robot[:2] + placed.points @ rotation(robot[None])[0].T
+        variances = 0.5 * np.trace(placed.covariances, axis1=1, axis2=2) + ROBOT_SIGMA_M**2
+        for number in np.flatnonzero(placed.has_range).tolist():
+            own = (keyframe, step.stamp_ns, places[number], float(variances[number]))
+            rows.setdefault(taken.association[number], []).append(own)
+    return {n: Sightings(*(np.array(column) for column in zip(*own, strict=True))) for n, own in rows.items()}
+
+
+def _scores(seen: Sightings, moving: Moving, share: float) -> tuple[float, float]:
+    """Log weights of all detections but the first, as of an object that stands still and as of one that moves."""
+    speeds = np.concatenate([[0.0], moving.speeds])
+    place = np.full(len(speeds), seen.variances[0])
+    both, rate = np.zeros(len(speeds)), speeds**2
+    mean, drift = np.tile(seen.places[0], (len(speeds), 1)), np.zeros((len(speeds), 2))
+    total = np.zeros(len(speeds))
+    for row in range(1, len(seen.stamps_ns)):
+        elapsed_s = (seen.stamps_ns[row] - seen.stamps_ns[row - 1]) / 1e9
+        transition, noise = moving.unit_transition(elapsed_s), moving.unit_noise(elapsed_s)
+        a, keeps = transition[0, 1], transition[1, 1]
+        mean, drift = mean + a * drift, keeps * drift
+        place = place + 2.0 * a * both + a * a * rate + noise[0, 0] * speeds**2
+        both, rate = keeps * (both + a * rate) + noise[0, 1] * speeds**2, keeps**2 * rate + noise[1, 1] * speeds**2
+        apart, spread = seen.places[row] - mean, place + seen.variances[row]
+        total += -np.log(2.0 * np.pi * spread) - 0.5 * (apart**2).sum(axis=1) / spread
+        mean, drift = mean + (place / spread)[:, None] * apart, drift + (both / spread)[:, None] * apart
+        place, both, rate = place - place**2 / spread, both - place * both / spread, rate - both**2 / spread
+    moves = float(np.logaddexp.reduce(total[1:])) - np.log(len(speeds) - 1) + np.log(share)
+    return float(total[0] + np.log1p(-share)), float(moves)

@@ -1,0 +1,79 @@
+"""What one continuation of a hypothesis makes of what moves, or may: detected, missed, decided, given up, started."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.moving_objects import PredictedMovers
+from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.states.lineage import MOVES, LineageStep
+from semantic_slam.inference.states.movers import Movers
+from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+
+LIKELY = 0.5
+"""Existence from which on what moves is kept although nothing could be recognised as it any more."""
+
+
+def movers_after(
+    prediction: Prediction,
+    taken: LineageStep,
+    robot: Array,
+    covariance: Array,
+    update: ExistenceUpdate,
+    least_existence: float,
+) -> Movers | None:
+    """With the robot's mode ``robot`` (3,) and its ``covariance`` (3, 3); ``update`` of the objects that stand still.
+
+    An object that is seen a second time is decided: if it stands still it is not among what moves any more.
+    """
+    predicted = prediction.movers
+    if predicted is None:
+        return prediction.component.movers
+    association, moves = np.array(taken.association, dtype=int), np.array(taken.class_assignment) == MOVES
+    numbers = np.flatnonzero(moves)
+    rows = predicted.movers.rows(association[numbers])
+    seen = predicted.observed(rows, numbers, robot, covariance)
+    left = np.flatnonzero(~np.isin(predicted.movers.ids, association))
+    others = _missed(prediction, predicted, left, update, least_existence).seen_from(robot)
+    known = others.joined(_detectable_again(predicted, seen))
+    new = np.flatnonzero(np.isin(association, update.new_ids) & (predicted.shares > 0.0))
+    existence = update.new_existence[np.searchsorted(update.new_ids, association[new])]
+    return known.take(np.argsort(known.ids)).joined(
+        _detectable_again(predicted, predicted.started(new, association[new], existence, robot))
+    )
+
+
+def _missed(
+    prediction: Prediction, predicted: PredictedMovers, left: Index, update: ExistenceUpdate, least_existence: float
+) -> Movers:
+    """The objects in the rows ``left``, which were not detected, without those that are given up."""
+    own, detected = predicted.movers.take(left), predicted.detected[left]
+    existence = missed(own.existence, detected)[1]
+    kept = (existence >= least_existence) & (predicted.recognised[left] | (existence > LIKELY))
+    moving = own.moving.copy()
+    undecided = ~own.decided
+    places = prediction.component.objects.rows(own.ids[undecided])
+    assert update.moving is not None
+    existence[undecided], moving[undecided] = update.existence[places], update.moving[places]
+    kept[undecided] = update.kept[places]
+    detectable = own.detectable
+    if detectable is not None:
+        runs = predicted.miss_runs
+        detectable = runs.next(runs.after(detectable, detected, np.zeros(len(left), dtype=bool)))
+        detectable[undecided & kept] = _of_static(prediction, update, own.ids[undecided & kept])
+    return replace(own, existence=existence, moving=moving, detectable=detectable).take(np.asarray(kept))
+
+
+def _of_static(prediction: Prediction, update: ExistenceUpdate, object_ids: Index) -> Array:
+    """(n,) whether objects that are kept among those that stand still can be detected next."""
+    assert update.detectable is not None
+    return np.asarray(update.detectable[np.searchsorted(prediction.component.objects.ids[update.kept], object_ids)])
+
+
+def _detectable_again(predicted: PredictedMovers, movers: Movers) -> Movers:
+    """Movers that were just seen, one keyframe later."""
+    if movers.detectable is None:
+        return movers
+    return replace(movers, detectable=predicted.miss_runs.next(np.ones(len(movers))))

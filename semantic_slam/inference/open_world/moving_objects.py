@@ -1,0 +1,322 @@
+"""Moving objects in a keyframe of one hypothesis: where they are expected, what is detected of them, what is left.
+
+They have no part in the smoother. A detection of one is weighed given the robot as it is known by all that stands
+still, robot and object being integrated out; the object is updated given the robot, and the robot is not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
+from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.moving import Moving
+from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.states.movers import STATE, Movers
+
+LOST_M = 5.0
+"""Standard deviation of its place, under every speed, from which on a moving object is not recognised any more."""
+HEADING_VARIANCE = 3.1**2
+"""Variance [rad^2] of the heading of what moves: nothing is known of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedDetections:
+    """D detections as points in the body frame."""
+
+    has_range: Flags  # (D,) those of a bearing alone tell nothing of what moves
+    points: Array  # (D, 2) metres
+    covariances: Array  # (D, 2, 2)
+    by_error: Array  # (D, 2, 2) slopes by the errors of range and bearing, of unit variance
+    log_area: Array  # (D,) from a density per square metre to one per metre and radian
+
+    @classmethod
+    def of(cls, detections: Sequence[Any]) -> Self:
+        """With the covariances that a hypothesis takes them to have."""
+        count = len(detections)
+        has_range = np.array([item.has_range for item in detections], dtype=bool)
+        reach = np.array([item.range_m for item in detections])
+        reach = np.where(has_range, reach, 1.0)
+        bearing = np.array([item.bearing_rad for item in detections])
+        cos, sin = np.cos(bearing), np.sin(bearing)
+        polar = np.stack([np.stack([cos, -reach * sin], -1), np.stack([sin, reach * cos], -1)], -2)
+        spread = np.array([item.covariance for item in detections]).reshape(count, 2, 2)
+        spread = np.where(has_range[:, None, None], spread, np.eye(2))
+        by_error = polar.reshape(count, 2, 2) @ np.linalg.cholesky(spread)
+        return cls(
+            has_range=has_range,
+            points=np.stack([reach * cos, reach * sin], axis=-1).reshape(count, 2),
+            covariances=by_error @ np.swapaxes(by_error, -1, -2),
+            by_error=by_error,
+            log_area=np.log(reach),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictedMovers:
+    """T moving objects before the D detections, their reference pose being the predicted robot's."""
+
+    model: Moving
+    movers: Movers
+    detections: PlacedDetections
+    detected: Array  # (T,) detection probabilities, if they exist and move
+    shares: Array  # (D,) probability that what a detection would start moves
+    recognised: Flags  # (T,) whether a detection may be of them
+    miss_runs: MissRuns
+
+    def __len__(self) -> int:
+        return len(self.movers)
+
+    def log_densities(self, rows: Index, numbers: Index, robot: Array, covariance: Array) -> tuple[Array, Array]:
+        """(N,) log densities per metre and radian of detections ``numbers`` of the objects in ``rows``, (N,) each.
+
+        And (N,) their Mahalanobis distances, under the speed that suits best. The robot is known by (N, 3) poses and
+        (N, 3, 3) covariances.
+        """
+        residual, by_state, by_robot = self._linearised(rows, numbers, robot)
+        innovation = by_robot @ covariance[:, None] @ np.swapaxes(by_robot, -1, -2)
+        innovation = innovation + by_state @ self.movers.spreads[rows] @ np.swapaxes(by_state, -1, -2)
+        innovation = innovation + self._white(numbers)
+        squared, log_determinant = _squared(residual, innovation)
+        by_speed = -np.log(2.0 * np.pi) - 0.5 * (squared + log_determinant) + self.movers.log_speeds[rows]
+        density = np.logaddexp.reduce(by_speed, axis=1) + self.detections.log_area[numbers]
+        return density, np.sqrt(squared.min(axis=1))
+
+    def pairs(self, covariance: Array) -> tuple[Array, Array]:
+        """(D, T) log densities and distances at the prediction; infinitely far where there is nothing to recognise."""
+        shape = (len(self.shares), len(self))
+        numbers, rows = (grid.ravel() for grid in np.indices(shape))
+        robots = broadcast_copy(self.movers.robot, (len(rows), 3))
+        found = self.log_densities(rows, numbers, robots, np.broadcast_to(covariance, (len(rows), 3, 3)))
+        density, distance = (values.reshape(shape) for values in found)
+        possible = self.detections.has_range[:, None] & self.recognised
+        return np.where(possible, density, -np.inf), np.where(possible, distance, np.inf)
+
+    @cached_property
+    def log_missed(self) -> Array:
+        """(T,) log probabilities that what is known to move is not detected; 0 for others."""
+        own = self.movers
+        return np.asarray(np.where(own.decided, missed(own.existence, self.detected)[0], 0.0))
+
+    def log_detected(self, least: float, log_missed: Array, undecided: Index) -> Array:
+        """(T,) log weights of being detected, as an object that moves, against a miss.
+
+        Detection probabilities are not below ``least``. ``log_missed`` (O,) are those of misses of static objects,
+        among which the ``undecided`` (u,) stand.
+        """
+        own = self.movers
+        against = self.log_missed.copy()
+        against[~own.decided] = log_missed[undecided]
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(own.existence * own.moving * np.maximum(self.detected, least)) - against)
+
+    def observed(self, rows: Index, numbers: Index, robot: Array, covariance: Array) -> Movers:
+        """The objects in ``rows`` after the detections ``numbers``, one of each; they move, and surely exist.
+
+        The robot is known by ``robot`` (3,), the new reference pose, and ``covariance`` (3, 3).
+        """
+        own = self.movers.take(rows).seen_from(robot)
+        residual, by_state, by_robot = self._linearised(rows, numbers, broadcast_copy(robot, (len(rows), 3)))
+        cross = own.spreads @ np.swapaxes(by_state, -1, -2)
+        innovation = by_state @ cross + self._white(numbers)
+        gain = cross @ np.linalg.inv(innovation)
+        squared, log_determinant = _squared(
+            residual, innovation + by_robot @ covariance @ np.swapaxes(by_robot, -1, -2)
+        )
+        log_speeds = own.log_speeds - 0.5 * (squared + log_determinant)
+        return replace(
+            own,
+            moving=np.ones(len(rows)),
+            existence=np.ones(len(rows)),
+            log_speeds=log_speeds - np.logaddexp.reduce(log_speeds, axis=1, keepdims=True),
+            means=own.means + np.einsum("tsij,tsj->tsi", gain, residual),
+            gains=own.gains - gain @ by_robot,
+            spreads=own.spreads - gain @ innovation @ np.swapaxes(gain, -1, -2),
+        )
+
+    def places(self, numbers: Index, robot: Array, covariance: Array) -> tuple[Array, Array]:
+        """(N, 3) states and (N, 3, 3) covariances of objects where they are detected from robots (N, 3) with (N, 3, 3).
+
+        To first order, and without what was known of their places before.
+        """
+        turn, points = rotation(robot), self.detections.points[numbers]
+        states, covariances = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3, 3))
+        states[:, :2] = robot[:, :2] + np.einsum("nij,nj->ni", turn, points)
+        slope = np.zeros((len(numbers), 2, 3))
+        slope[:, 0, 0] = slope[:, 1, 1] = 1.0
+        slope[:, 0, 2], slope[:, 1, 2] = -points[:, 1], points[:, 0]
+        spread = slope @ covariance @ np.swapaxes(slope, 1, 2) + self.detections.covariances[numbers]
+        covariances[:, :2, :2] = turn @ spread @ np.swapaxes(turn, 1, 2)
+        covariances[:, 2, 2] = HEADING_VARIANCE
+        return states, covariances
+
+    def started(self, numbers: Index, ids: Index, existence: Array, robot: Array) -> Movers:
+        """What the detections ``numbers`` start if it moves, from a robot (3,) that sees them there."""
+        count, speeds = len(numbers), self.model.speeds
+        turn, place = rotation(robot[None])[0], self.detections.points[numbers]
+        by_error = np.sqrt(self.model.errors.correlated_share) * (turn @ self.detections.by_error[numbers])[:, None]
+        shape = (count, len(speeds))
+        means, gains, spreads = (
+            np.zeros((*shape, STATE)),
+            np.zeros((*shape, STATE, 3)),
+            np.zeros((*shape, STATE, STATE)),
+        )
+        means[..., :2] = (robot[:2] + place @ turn.T)[:, None]
+        gains[..., :2, :2] = turn
+        gains[..., :2, 2] = (np.stack([-place[:, 1], place[:, 0]], axis=1) @ turn.T)[:, None]
+        spreads[..., :2, :2] = (turn @ self.detections.covariances[numbers] @ turn.T)[:, None]
+        spreads[..., 2:4, 2:4] = self.model.speeds[:, None, None] ** 2 * np.eye(2)
+        spreads[..., 4:, 4:] = np.eye(2)
+        spreads[..., :2, 4:], spreads[..., 4:, :2] = -by_error, -np.swapaxes(by_error, -1, -2)
+        known = self.movers.detectable is not None
+        return Movers(
+            stamp_ns=self.movers.stamp_ns,
+            robot=robot,
+            ids=ids,
+            moving=self.shares[numbers],
+            existence=existence,
+            detectable=np.ones(count) if known else None,
+            log_speeds=np.full(shape, -np.log(len(speeds))),
+            means=means,
+            gains=gains,
+            spreads=spreads,
+        )
+
+    def _white(self, numbers: Index) -> Array:
+        """(N, 1, 2, 2) covariances of the part of detections' errors that does not repeat."""
+        return (1.0 - self.model.errors.correlated_share) * self.detections.covariances[numbers, None]
+
+    def _linearised(self, rows: Index, numbers: Index, robot: Array) -> tuple[Array, Array, Array]:
+        """(N, S, 2) residuals in the body frame, (N, 1, 2, 6) slopes by the state and (N, S, 2, 3) by the robot.
+
+        Points are linear in the state; turning the robot is linearised where the detection is.
+        """
+        shift = se2.log(se2.between(broadcast_copy(self.movers.robot, robot.shape), robot))
+        gains = self.movers.gains[rows]
+        states = self.movers.means[rows] + np.einsum("nsij,nj->nsi", gains, shift)
+        points, by_state = self.detections.points[numbers], np.zeros((len(rows), 1, 2, STATE))
+        by_state[:, 0, :, :2] = np.swapaxes(rotation(robot), -1, -2)
+        by_state[:, 0, :, 4:] = np.sqrt(self.model.errors.correlated_share) * self.detections.by_error[numbers]
+        states[..., :2] -= robot[:, None, :2]
+        turned = np.zeros((len(rows), 1, 2, 3))
+        turned[..., 0, 0] = turned[..., 1, 1] = -1.0
+        turned[:, 0, 0, 2], turned[:, 0, 1, 2] = points[:, 1], -points[:, 0]
+        residual = points[:, None] - (by_state @ states[..., None])[..., 0]
+        return residual, by_state, by_state @ gains + turned
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotMotion:
+    """The robot from one keyframe to the next, as it is predicted; poses (3,), covariances (3, 3)."""
+
+    before: Array  # as it is estimated by now
+    after: Array
+    covariance_before: Array
+    cross: Array  # of the pose before with the one after
+    covariance: Array  # after
+    control: Array  # (3,) from one to the other
+
+
+def predicted_movers(
+    model: Moving,
+    movers: Movers,
+    motion: RobotMotion,
+    stamp_ns: int,
+    *,
+    region: SensorRegion,
+    miss_runs: MissRuns,
+    detections: Sequence[Any],
+    labels: Sequence[str],
+) -> PredictedMovers:
+    """What is expected at ``stamp_ns`` of the objects of one hypothesis; (D,) ``labels`` of the detections."""
+    moved = _moved(model, movers, motion, stamp_ns)
+    detected = _detected(moved, motion.covariance, region)
+    if moved.detectable is not None:
+        detected = detected * moved.detectable / miss_runs.share
+    placed = PlacedDetections.of(detections)
+    variances = 0.5 * np.trace(moved.spreads[..., :2, :2], axis1=-2, axis2=-1)
+    return PredictedMovers(
+        model=model,
+        movers=moved,
+        detections=placed,
+        detected=detected,
+        shares=np.where(placed.has_range, model.shares(labels), 0.0),
+        recognised=np.sqrt(variances.min(axis=1)) < LOST_M,
+        miss_runs=miss_runs,
+    )
+
+
+def _moved(model: Moving, movers: Movers, motion: RobotMotion, stamp_ns: int) -> Movers:
+    """One motion of the robot later, which is the new reference."""
+    elapsed_s = max(stamp_ns - movers.stamp_ns, 0) / 1e9
+    known = movers.seen_from(motion.before)
+    transition, noise = _transition(model, known, motion.control, elapsed_s)
+    turned = np.swapaxes(transition, -1, -2)
+    by_robot = known.gains @ motion.covariance_before @ np.swapaxes(known.gains, -1, -2)
+    gains = transition @ known.gains @ motion.cross @ np.linalg.inv(motion.covariance)
+    spreads = transition @ (known.spreads + by_robot) @ turned + noise
+    return replace(
+        known,
+        stamp_ns=stamp_ns,
+        robot=motion.after,
+        means=(transition @ known.means[..., None])[..., 0],
+        gains=gains,
+        spreads=spreads - gains @ motion.covariance @ np.swapaxes(gains, -1, -2),
+    )
+
+
+def _transition(model: Moving, movers: Movers, control: Array, elapsed_s: float) -> tuple[Array, Array]:
+    """(T, S, 6, 6) of the states, and the covariances of what it leaves open."""
+    shape = (*movers.means.shape[:2], STATE, STATE)
+    transition, noise = np.zeros(shape), np.zeros(shape)
+    transition[..., :4, :4], noise[..., :4, :4] = model.transition(elapsed_s), model.noise(elapsed_s)
+    variance = 0.5 * elapsed_s**2 * np.trace(movers.spreads[..., 2:4, 2:4], axis1=-2, axis2=-1)
+    repeats = model.repeats(control, elapsed_s * movers.means[..., 2:4], variance)
+    for at in (0, 1):
+        transition[..., 4 + at, 4 + at] = repeats[..., at]
+        noise[..., 4 + at, 4 + at] = 1.0 - repeats[..., at] ** 2
+    return transition, noise
+
+
+def _detected(movers: Movers, covariance: Array, region: SensorRegion) -> Array:
+    """(T,) probabilities of being detected, if they exist and move; nothing hides anything."""
+    if not len(movers):
+        return np.zeros(0)
+    turn = rotation(movers.robot[None])[0]
+    relative = (movers.means[..., :2] - movers.robot[:2]) @ turn
+    slope = turn.T @ movers.gains[..., :2, :]
+    slope[..., 0, 0] -= 1.0
+    slope[..., 1, 1] -= 1.0
+    slope[..., 0, 2] += relative[..., 1]
+    slope[..., 1, 2] -= relative[..., 0]
+    spread = turn.T @ movers.spreads[..., :2, :2] @ turn + slope @ covariance @ np.swapaxes(slope, -1, -2)
+    inside = region.contains(relative, spread)
+    return np.asarray(region.detection_probability * (np.exp(movers.log_speeds) * inside).sum(axis=1))
+
+
+def as_objects(movers: Movers, robot_covariance: Array) -> tuple[Array, Array]:
+    """(T, 3) states and (T, 3, 3) covariances of moving objects as of static ones; they have no heading."""
+    mean, spread = movers.moments(robot_covariance)
+    states, covariances = np.zeros((len(movers), 3)), np.zeros((len(movers), 3, 3))
+    states[:, :2], covariances[:, :2, :2] = mean[:, :2], spread[:, :2, :2]
+    covariances[:, 2, 2] = HEADING_VARIANCE
+    return states, covariances
+
+
+def rotation(poses: Array) -> Array:
+    """(N, 2, 2) from the body frames of poses (N, 3) to map."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+
+
+def _squared(residual: Array, spread: Array) -> tuple[Array, Array]:
+    """(..., ) squared Mahalanobis distances of (..., 2) under (..., 2, 2), and the log determinants of these."""
+    a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    x, y = residual[..., 0], residual[..., 1]
+    determinant = a * c - b * b
+    return (c * x * x - 2.0 * b * x * y + a * y * y) / determinant, np.log(determinant)

@@ -1,0 +1,107 @@
+"""Objects of one hypothesis that move, or may move, each as a few Gaussians beside the smoother.
+
+A state is x, y [m], their rates [m/s] in map, and the part of its detections' errors that repeats, two numbers of unit
+variance along range and bearing. It is given with the robot: state = mean + gain d + e, where d is the
+tangent vector from the robot's reference pose to its true one and e has covariance ``spreads`` and is independent of
+the robot. What is learned of the robot afterwards thus carries over, and the other way nothing is learned.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array, Flags, Index
+
+STATE = 6
+"""Components of a state."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movers:
+    """T objects, ascending by id, each under S speeds that it may have been born with.
+
+    One that has been seen once may still be a static object, too: it then stands among these under the same id, with
+    the existence and the detectability that it has there, and moves with probability ``moving``.
+    """
+
+    stamp_ns: int
+    robot: Array  # (3,) reference pose
+    ids: Index  # (T,)
+    moving: Array  # (T,) probability that it moves, if it exists; 1 where that is decided
+    existence: Array  # (T,)
+    detectable: Array | None  # (T,) probability that it can be detected next; None: always
+    log_speeds: Array  # (T, S) log probabilities of the speeds
+    means: Array  # (T, S, 6)
+    gains: Array  # (T, S, 6, 3) by the robot
+    spreads: Array  # (T, S, 6, 6) covariances given the robot
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @classmethod
+    def none(cls, num_speeds: int, misses_in_runs: bool) -> "Movers":
+        """Before the first detection."""
+        return cls(
+            stamp_ns=0,
+            robot=np.zeros(3),
+            ids=np.zeros(0, dtype=int),
+            moving=np.zeros(0),
+            existence=np.zeros(0),
+            detectable=np.zeros(0) if misses_in_runs else None,
+            log_speeds=np.zeros((0, num_speeds)),
+            means=np.zeros((0, num_speeds, STATE)),
+            gains=np.zeros((0, num_speeds, STATE, 3)),
+            spreads=np.zeros((0, num_speeds, STATE, STATE)),
+        )
+
+    @cached_property
+    def decided(self) -> Flags:
+        """(T,) whether the hypothesis takes it to move."""
+        return np.asarray(self.moving >= 1.0)
+
+    @cached_property
+    def decided_ids(self) -> frozenset[int]:
+        """Ids of those."""
+        return frozenset(self.ids[self.decided].tolist())
+
+    def rows(self, object_ids: Index) -> Index:
+        """Where (n,) objects stand; all of them must be there."""
+        return np.asarray(np.searchsorted(self.ids, object_ids))
+
+    def take(self, rows: Index | Flags) -> "Movers":
+        """Some of them."""
+        some: dict[str, Any] = {name: getattr(self, name)[rows] for name in _PER_OBJECT if _is_known(self, name)}
+        return replace(self, **some)
+
+    def joined(self, others: "Movers") -> "Movers":
+        """With ``others`` of the same stamp and reference pose, whose ids are larger."""
+        both: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(others, name)])
+            for name in _PER_OBJECT
+            if _is_known(self, name)
+        }
+        return replace(self, **both)
+
+    def seen_from(self, robot: Array) -> "Movers":
+        """Objects with another reference pose."""
+        shift = se2.log(se2.between(self.robot, robot))
+        return replace(self, robot=robot, means=self.means + self.gains @ shift)
+
+    def moments(self, robot_covariance: Array) -> tuple[Array, Array]:
+        """(T, 6) means and (T, 6, 6) covariances over the speeds, the robot being at its reference pose on average."""
+        share = np.exp(self.log_speeds)
+        mean = np.einsum("ts,tsi->ti", share, self.means)
+        apart = self.means - mean[:, None]
+        by_robot = self.gains @ robot_covariance @ np.swapaxes(self.gains, -1, -2)
+        within = self.spreads + by_robot + apart[..., :, None] * apart[..., None, :]
+        return mean, np.einsum("ts,tsij->tij", share, within)
+
+
+_PER_OBJECT = ("ids", "moving", "existence", "detectable", "log_speeds", "means", "gains", "spreads")
+
+
+def _is_known(movers: Movers, name: str) -> bool:
+    return getattr(movers, name) is not None

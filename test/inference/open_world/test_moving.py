@@ -1,0 +1,188 @@
+"""Things that move are told from those that stand still by evidence, and neither pull the robot nor leave ghosts."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from worlds.moving_world import STANDING, configuration, make_world, objects_of, run
+from worlds.same_beliefs import assert_same
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
+from semantic_slam.errors import InputError
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.states.lineage import MOVES
+
+SHARE = 0.1
+SEEDS = range(3)
+
+
+def errors(beliefs: list[HybridBelief], truth: np.ndarray) -> np.ndarray:
+    """(K,) metres."""
+    return np.array([np.hypot(*(own.poses[0, :2] - x[:2])) for own, x in zip(beliefs, truth, strict=True)])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_moves_is_called_moving_and_leaves_no_ghosts(seed: int) -> None:
+    world = make_world(seed=seed)
+    engine, beliefs = run(world, configuration(SHARE))
+    belief, names = beliefs[-1], objects_of(engine, world)
+    moving = belief.object_ids[(belief.moving > 0.9) & (belief.existence > 0.5)].tolist()
+    assert sorted(max(set(names[n]), key=names[n].count) for n in moving) == [10, 11]
+    stands = (belief.existence > 0.5) & (belief.moving < 0.05)
+    away = np.linalg.norm(belief.object_poses[stands, None, :2] - STANDING, axis=-1)
+    assert (away.min(axis=1) < 0.3).all() and (away.min(axis=0) < 0.3).all() and len(away) == len(STANDING)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_moves_does_not_pull_the_robot(seed: int) -> None:
+    world = make_world(seed=seed)
+    with_movers, without = (
+        run(world, configuration(SHARE))[1],
+        run(make_world(seed=seed, movers=False), configuration(0.0))[1],
+    )
+    assert errors(with_movers, world.truth).mean() < errors(without, world.truth).mean() + 0.005
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_where_nothing_moves_nothing_is_called_moving(seed: int) -> None:
+    world = make_world(seed=seed, movers=False)
+    known, plain = run(world, configuration(SHARE))[1][-1], run(world, configuration(0.0))[1][-1]
+    sure = known.existence > 0.5
+    assert (known.moving[sure] < 0.05).all()
+    np.testing.assert_allclose(known.object_velocities[sure], 0.0, atol=0.02)
+    assert sure.sum() == (plain.existence > 0.5).sum() == len(STANDING)
+    np.testing.assert_allclose(known.poses[0], plain.poses[0], atol=1e-3)
+    assert not np.isfinite(plain.moving).any()
+
+
+def test_a_velocity_is_known_while_its_object_is_seen() -> None:
+    world = make_world(seed=0)
+    engine, beliefs = run(world, configuration(SHARE))
+    names = objects_of(engine, world)
+    numbers = [n for n, own in names.items() if 10 in own]
+    seen = [belief for belief, own in zip(beliefs, world.names, strict=True) if 10 in own][-1]
+    row = np.flatnonzero(np.isin(seen.object_ids, numbers) & (seen.moving > 0.9))
+    np.testing.assert_allclose(seen.object_velocities[row[0], :2], [0.15, 0.6], atol=0.15)
+
+
+def test_neither_backends_nor_replays_change_anything() -> None:
+    world, settings = make_world(14, seed=1), configuration(SHARE)
+    expected = run(world, settings)[1]
+    announced = make_run_configuration(settings, None, *initial_pose_of(settings), stamp_ns=0)
+    for pool in (InProcessPool(2), ForgetfulPool(2)):
+        engine = Engine.of_run(announced, pool)
+        for keyframe, belief in zip(world.keyframes, expected, strict=True):
+            assert_same(engine.process(keyframe), belief)
+    assert any(MOVES in step.class_assignment for live in engine.live.values() for step in live.lineage)
+
+
+def test_a_label_tells_what_may_move() -> None:
+    settings = configuration(0.0)
+    settings = Configuration.of(**_values(settings), moving={"share": 0.3, "share_by_label": ["Tree=0", "car=0.6"]})
+    engine = Engine(settings)
+    detections = [
+        Detection(range_m=3.0, bearing_rad=0.5 * n, label=own) for n, own in enumerate(("tree", "CAR", "dog"))
+    ]
+    belief = engine.process(Keyframe.planar(0, detections=detections))
+    np.testing.assert_allclose(belief.moving, [0.0, 0.6, 0.3])
+
+
+def _values(settings: Configuration) -> dict[str, Any]:
+    return {"association": "open", "semantic_model": {"kind": "none"}, "open_world": {"iterate_updates": False}}
+
+
+@pytest.mark.parametrize("entry", ["car", "car=much", "=0.5", "car=1.5"])
+def test_a_share_that_is_none_is_named(entry: str) -> None:
+    with pytest.raises(InputError, match="LABEL=SHARE"):
+        Engine(Configuration.of(**_values(configuration(0.0)), moving={"share_by_label": [entry]}))
+
+
+@pytest.mark.parametrize(
+    "other", [{"open_world": {"iterate_updates": True}}, {"semantic_model": {"kind": "parametric"}}]
+)
+def test_where_nothing_can_move_that_is_said(other: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"moving\.share"):
+        Engine(Configuration.of(**(_values(configuration(0.0)) | other), moving={"share": 0.1}))
+
+
+RANGE, BEARING, SIGMAS = 3.0, 0.1, np.array([0.02, 0.005])
+DENSITY, DETECTED, CLUTTER, STAY = 1e-3, 0.8, 0.05, 30.0
+
+
+@pytest.mark.parametrize("moved_m", [0.0, 0.05, 0.4])
+def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float) -> None:
+    """Standing still, moving, or two different things: in closed form, in a region that nothing leaves."""
+    settings = Configuration.of(
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world={
+            "iterate_updates": False,
+            "merge_position_m": 0.0,
+            "occluder_radius_m": 0.0,
+            "detection_probability": DETECTED,
+            "clutter_per_frame": CLUTTER,
+            "birth_density": DENSITY,
+            "min_range_m": 0.0,
+            "max_range_m": 300.0,
+            "field_of_view_rad": 6.283185307179586,
+            "gate_sigma": 1e3,
+        },
+        weights={"gate": 1e3},
+        pruning={"ratio": 1e300},
+        perception={"sigma_range_m": SIGMAS[0], "sigma_bearing_rad": SIGMAS[1]},
+        initial_pose={"sigma": [1e-6, 1e-6, 1e-6]},
+        moving={"share": SHARE, "speeds_m_s": [0.05, 0.4], "steadiness_s": 3.0},
+    )
+    engine, sure = Engine(settings), [1e-6, 1e-6, 1e-6]
+    ranges = [RANGE, RANGE + moved_m]
+    for k, reach in enumerate(ranges):
+        engine.process(
+            Keyframe.planar(k, motion_sigmas=sure, detections=[Detection(range_m=reach, bearing_rad=BEARING)])
+        )
+    expected = explanations(settings, ranges)
+    assert engine.log_evidence == pytest.approx(np.log(sum(expected.values())), abs=2e-3)
+    shares = {name: own / sum(expected.values()) for name, own in expected.items()}
+    found = {}
+    for live in engine.live.values():
+        first, second = live.lineage
+        same = "moves" if second.class_assignment[0] == MOVES else "stands"
+        found[same if second.association == first.association else "other"] = np.exp(live.log_weight)
+    for name, share in shares.items():
+        assert found.get(name, 0.0) == pytest.approx(share, rel=5e-3, abs=1e-12)
+
+
+def explanations(settings: Configuration, ranges: list[float]) -> dict[str, float]:
+    """P(Z_1, Z_2, explanation) of one detection in each of two frames, straight ahead of each other."""
+    area = np.pi * settings.open_world.max_range_m**2
+    clutter = CLUTTER / area
+    first = DETECTED * DENSITY + clutter
+    exists = DETECTED * DENSITY / first
+    unseen = max((1.0 - DETECTED) ** 1, settings.open_world.least_undetected_share)
+    second = DETECTED * DENSITY * unseen + clutter
+    apart = ranges[1] - ranges[0]
+
+    def gaussian(offset: float, variance: float) -> float:
+        return float(np.exp(-0.5 * offset**2 / variance) / np.sqrt(2.0 * np.pi * variance))
+
+    def moved(variance: float) -> float:
+        """Per metre and radian, of a place that is elsewhere by so much along and across."""
+        across = variance + SIGMAS[1] ** 2 * float(np.sum(np.square(ranges)))
+        return ranges[1] * gaussian(apart, 2.0 * SIGMAS[0] ** 2 + variance) * gaussian(0.0, across)
+
+    stands = gaussian(apart, 2.0 * SIGMAS[0] ** 2) * gaussian(0.0, 2.0 * SIGMAS[1] ** 2)
+    speeds, steady = np.array(settings.moving.speeds_m_s), settings.moving.steadiness_s
+    driven = 2.0 * (speeds * steady) ** 2 * (1.0 / steady + np.expm1(-1.0 / steady))
+    seen = exists * DETECTED
+    expected = np.exp(-2.0 * CLUTTER - DETECTED * DENSITY * area * (1.0 + unseen))
+    common = expected * first * ranges[0]
+    return {
+        "stands": common * seen * (1.0 - SHARE) * stands,
+        "moves": common * seen * SHARE * float(np.mean([moved(own) for own in driven])),
+        "other": common * (1.0 - seen) * second * ranges[1],
+    }

@@ -1,0 +1,48 @@
+"""What a report says of objects that move, and what it hands to the next run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds.belief_factory import CLASSES, OBJECTS, write_belief_bag
+
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.report.comparison import Run
+from semantic_slam.report.document import Analysis, analyse, map_prior, object_rows
+from semantic_slam.report.page import render_page
+from semantic_slam.report.scene import scene
+
+COLOURS = ["#000"] * len(CLASSES)
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    beliefs, _ = write_belief_bag(tmp_path_factory.mktemp("moving"), 8)
+    return analyse(read_record(beliefs), beliefs, "0" * 64)
+
+
+@pytest.fixture(scope="module")
+def moving(still: Analysis) -> Analysis:
+    """The second object moves at 1 m/s along x."""
+    record, probabilities, velocities = still.record, np.full(len(OBJECTS), 0.01), np.zeros((len(OBJECTS), 6))
+    probabilities[1], velocities[1, 0] = 0.97, 1.0
+    last = replace(record.beliefs[-1], moving=probabilities, object_velocities=velocities)
+    return replace(still, record=replace(record, beliefs=(*record.beliefs[:-1], last)))
+
+
+def test_what_moves_is_drawn_and_listed(moving: Analysis) -> None:
+    assert scene(moving, COLOURS)["frames"][-1]["m"] == [[1, 1.0, 0.0]]
+    assert '<td data-name="Moves" class="num">97' in render_page([Run("moving", moving)], None)
+    rows = object_rows(moving)
+    assert rows[1]["moving"] == 0.97 and rows[1]["velocity"].tolist() == [1.0, 0.0, 0.0]
+
+
+def test_where_nothing_may_move_nothing_is_said_of_it(still: Analysis) -> None:
+    assert "Moves" not in render_page([Run("still", still)], None)
+    assert not any("m" in frame for frame in scene(still, COLOURS)["frames"])
+
+
+def test_what_moves_is_not_handed_to_the_next_run(still: Analysis, moving: Analysis) -> None:
+    known = [own.object_id for own in map_prior(still.record).objects]
+    gone = int(moving.record.beliefs[-1].object_ids[1])
+    assert [own.object_id for own in map_prior(moving.record).objects] == [n for n in known if n != gone]
