@@ -126,7 +126,8 @@ class Engine:
 
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize, over all parents at once; the mass that goes is counted."""
-        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, self.budget.limits())
+        weighed = candidates.log_weights, candidates.ids, candidates.poses, candidates.log_missing
+        kept = prune(*weighed, self.budget.limits())
         self.log_evidence += kept.log_mass
         return kept
 
