@@ -105,11 +105,6 @@ class WeightsConfiguration:
 class PruningConfiguration:
     ratio: float = parameter(150.0, "a hypothesis is kept from max weight / ratio on (Sec. 4.4)", minimum=1.0)
     max_hypotheses: int = parameter(60, "hypotheses kept at most", minimum=1)
-    max_alike: int = parameter(
-        0,
-        "of those at most so many whose robots stand within half a metre, where others wait; 0: any number",
-        minimum=0,
-    )
 
 
 @dataclass(frozen=True)

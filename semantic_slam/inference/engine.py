@@ -126,8 +126,7 @@ class Engine:
 
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize, over all parents at once; the mass that goes is counted."""
-        weighed = candidates.log_weights, candidates.ids, candidates.poses, candidates.log_missing
-        kept = prune(*weighed, self.budget.limits())
+        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, self.budget.limits())
         self.log_evidence += kept.log_mass
         return kept
 

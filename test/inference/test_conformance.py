@@ -159,7 +159,6 @@ def _check_weights(data: dict, tolerance: float) -> None:
     pruned = prune(
         log_weights,
         np.arange(log_weights.size, dtype=np.uint64),
-        np.zeros((log_weights.size, 7)),
         np.zeros(0),
         PruningConfiguration(ratio=data["prune"], max_hypotheses=log_weights.size),
     )

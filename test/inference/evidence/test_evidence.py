@@ -7,7 +7,6 @@ from worlds.linear_gaussian import LinearDetection, LinearModel
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
-from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.evidence.importance import WIDENED, Samples, adapted, effective_share, proposal
 from semantic_slam.inference.evidence.keyframe_problem import (
     Assignments,
@@ -141,38 +140,15 @@ def test_hypothesis_ids_tell_every_part_apart() -> None:
 
 def test_pruning_accounts_for_mass_that_was_never_enumerated() -> None:
     # Masses 6, 3, 1 and 2 never enumerated: keeping the first two of them discards 3 / 12.
-    ids, poses = np.arange(3, dtype=np.uint64), standing([0.0, 0.0, 0.0])
-    pruned = prune(np.log([6.0, 3.0, 1.0]), ids, poses, np.log([2.0]), PruningConfiguration(4.0, 10))
+    pruned = prune(np.log([6.0, 3.0, 1.0]), np.arange(3, dtype=np.uint64), np.log([2.0]), PruningConfiguration(4.0, 10))
     assert list(pruned.kept) == [0, 1]
     np.testing.assert_allclose(np.exp(pruned.log_weights), [2 / 3, 1 / 3])
     assert pruned.discarded == pytest.approx(0.25)
 
 
-def standing(places: list[float]) -> np.ndarray:
-    """(K, 7) poses of robots along x."""
-    return pose_vector_from_planar(np.array([[x, 0.0, 0.0] for x in places]))
-
-
-@pytest.mark.parametrize(
-    ("max_alike", "kept"), [(0, [0, 1, 2, 3]), (2, [0, 1, 4, 5]), (3, [0, 1, 2, 4]), (1, [0, 1, 2, 4])]
-)
-def test_what_differs_at_large_outlives_what_differs_here(max_alike: int, kept: list[int]) -> None:
-    """Four robots at one place and two at another, lighter ones; where too few wait, places are filled up again."""
-    weights, places = np.log([8.0, 7.0, 6.0, 5.0, 2.0, 1.0]), standing([0.0, 0.1, 0.2, 0.3, 4.0, 4.1])
-    if max_alike == 1:
-        places[5] = places[0]
-    limits = PruningConfiguration(ratio=100.0, max_hypotheses=4, max_alike=max_alike)
-    pruned = prune(weights, np.arange(6, dtype=np.uint64), places, np.zeros(0), limits)
-    assert list(pruned.kept) == kept
-    discarded = 1.0 - np.exp(weights[kept]).sum() / np.exp(weights).sum()
-    assert pruned.discarded == pytest.approx(discarded)
-    everything = prune(weights, np.arange(6, dtype=np.uint64), places, np.zeros(0), PruningConfiguration(100.0, 6, 1))
-    assert list(everything.kept) == [0, 1, 2, 3, 4, 5]
-
-
 def test_nothing_to_keep_is_an_error() -> None:
     with pytest.raises(SemanticSlamError, match="no candidate explains"):
-        prune(np.array([-np.inf]), np.zeros(1, dtype=np.uint64), standing([0.0]), np.zeros(0), PruningConfiguration())
+        prune(np.array([-np.inf]), np.zeros(1, dtype=np.uint64), np.zeros(0), PruningConfiguration())
 
 
 def test_a_search_goes_on_as_if_nobody_had_looked() -> None:
