@@ -71,18 +71,23 @@ def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
     rclpy.try_shutdown()
 
 
-def test_silent_topics_are_named(listener: Listener) -> None:
-    for topic in ("/image/compressed", "/camera_info", "/detections"):
-        listener.wait_for(2, "classifier: ", f"{topic} is silent", within_s=WITHIN_S)
-
-
-def test_unknown_label_is_named(listener: Listener) -> None:
+def send_frames(listener: Listener) -> None:
+    """Two frames with boxes of another label."""
     outlets = {topic: Outlet(listener.node, topic, topics.TYPES[topic], qos.replayed(topic)) for topic in SENT}
     assert all(outlet.wait_for_readers(1, START_S) for outlet in outlets.values())
     entries = input_entries(num_frames=2, with_depth=False)
     for topic in SENT:
         for entry in of_topic(entries, topic):
             outlets[topic].send(serialize(entry.message))
+
+
+def test_silent_topics_are_named(listener: Listener) -> None:
+    for topic in ("/image/compressed", "/camera_info", "/detections"):
+        listener.wait_for(2, "classifier: ", f"{topic} is silent", within_s=WITHIN_S)
+
+
+def test_unknown_label_is_named(listener: Listener) -> None:
+    send_frames(listener)
     listener.wait_for(1, "classifier: dropped", "unknown label 'box'", within_s=WITHIN_S)
 
 
@@ -94,6 +99,7 @@ def test_publisher_whose_qos_cannot_match_is_named(listener: Listener) -> None:
 
 
 def test_topic_that_falls_silent_is_named(listener: Listener) -> None:
+    send_frames(listener)
     listener.wait_for(1, "/image/compressed has been silent", within_s=WITHIN_S)
 
 
