@@ -33,6 +33,7 @@ print(belief.table()[0]["name"])
 """
 
 
+@pytest.mark.slow
 def test_the_engine_works_in_a_plain_session_without_ros() -> None:
     told = subprocess.run([sys.executable, "-c", WITHOUT_ROS], capture_output=True, text=True, timeout=120)
     assert told.returncode == 0, told.stderr

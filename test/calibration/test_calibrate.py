@@ -92,6 +92,7 @@ def test_told_covariances_that_are_over_sure_are_found(tmp_path: Path) -> None:
     assert found.after.perception.sigma_range_m == BEGIN.perception.sigma_range_m
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_configuration_and_a_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

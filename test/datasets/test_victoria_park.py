@@ -98,6 +98,7 @@ def test_all_of_the_real_file_is_imported(tmp_path, monkeypatch, capsys):
     assert "6969 poses, 3331 frames with 3640 detections of 151 landmark numbers" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_max_keyframes_counts_frames_with_detections(tmp_path, monkeypatch):
     run_command(monkeypatch, "victoria_park", "--out", tmp_path / "bag", "--max-keyframes", 5)
     bag = read_bag(tmp_path / "bag")

@@ -65,6 +65,7 @@ def test_an_object_that_the_map_lacks_is_named(seed: int) -> None:
     assert is_lost(room, **NOTHING_WRONG)
 
 
+@pytest.mark.slow
 def test_a_wrong_barcode_is_named_and_costs_nothing() -> None:
     room, wrong_at = make_room(1), (14, 0)
     named = tuple(tuple(f"object_{n}" for n in seen) for seen in room.associations)

@@ -32,6 +32,7 @@ def test_a_drive_is_the_composition_of_its_parts() -> None:
     np.testing.assert_allclose(turned, abs(drive.twists[0, 2]) * 0.5 + abs(drive.twists[1, 2]))
 
 
+@pytest.mark.slow
 def test_errors_that_repeat_have_the_stated_covariance() -> None:
     settings = DetectionErrorsConfiguration(
         correlated_share=0.9, common_range_share=0.3, common_bearing_share=0.7, neighbour_m=0.5, motion_m=1.0
@@ -75,6 +76,7 @@ def test_a_bin_that_is_off_is_named() -> None:
     assert [row[3] for row in reliability(stated, off)] == [True, False]
 
 
+@pytest.mark.slow
 def test_a_drawn_world_has_what_its_configuration_says() -> None:
     """Misses, false alarms and odometry, pooled over worlds."""
     base = configuration()

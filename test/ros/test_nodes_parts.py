@@ -1,7 +1,6 @@
 """The parts of the nodes that need no ROS graph: order of rounds, flow control, play list, plain views."""
 
 import threading
-import time
 from dataclasses import dataclass, replace
 from itertools import permutations
 from types import SimpleNamespace
@@ -86,9 +85,8 @@ def test_credit_lets_a_window_of_frames_go_and_then_waits() -> None:
     assert credit.wait(0, lambda: True)
     assert credit.wait(1, lambda: True)
     threading.Timer(0.2, credit.done, [1]).start()
-    begin = time.monotonic()
     assert credit.wait(2, lambda: True)
-    assert time.monotonic() - begin >= 0.2
+    assert credit.frames_done == 1
 
 
 def test_credit_goes_on_when_nothing_moves() -> None:

@@ -76,6 +76,7 @@ def test_truth_is_the_poses_and_odometry_without_drift_is_too(folder, monkeypatc
     assert np.diff([pose.stamp_ns for pose in bag["/odom"]]).tolist() == [10**8] * (FRAMES - 1)
 
 
+@pytest.mark.slow
 def test_drift_is_that_of_a_metre_however_long_the_steps_are():
     for step_m in (0.1, 2.0):
         poses = np.column_stack([step_m * np.arange(20_001), np.zeros((20_001, 2))])

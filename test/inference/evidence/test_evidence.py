@@ -63,6 +63,7 @@ def test_laplace_is_exact_for_linear_models(objects: list[int]) -> None:
     assert mode.log_evidence[0] == pytest.approx(exact, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_samples_approach_the_closed_form() -> None:
     stack, exact = linear_stack([0, 1])
     log_evidence, effective = sample_evidence(stack, 200_000, [generator(0, "weights", 1, 2)])
@@ -91,6 +92,7 @@ def planar_stack(covariance: np.ndarray, visibility: PlanarVisibility, semantics
     return KeyframeProblem.of(spaces, model, predicted, model.collect([detection]), rows)
 
 
+@pytest.mark.slow
 def test_laplace_agrees_with_many_samples_where_the_posterior_is_narrow() -> None:
     stack = planar_stack(np.diag([0.02, 0.02, 0.01, 0.01, 0.01, 0.01]), PlanarVisibility())
     mode = find_modes(stack, search_start(stack))

@@ -197,6 +197,7 @@ def test_moments_are_those_of_the_posterior() -> None:
     np.testing.assert_allclose(found, expected, atol=0.02)
 
 
+@pytest.mark.slow
 def test_a_component_at_which_a_history_is_anchored_stays_as_it_was() -> None:
     """Although only children use their parents' smoothers up."""
     world = make_world(5, weights={"gaussian_share": 0.999})

@@ -110,6 +110,7 @@ def test_the_offset_is_found(offset_s: float) -> None:
         assert error < 0.5 * tracked_at_end(late_drive(offset_s, 0.0))[1]
 
 
+@pytest.mark.slow
 def test_a_lineage_is_rebuilt_with_its_offset() -> None:
     drive = late_drive(-0.2, SIGMA_S, duration_s=4.0)
     whole, divided = Engine.of_run(drive.run, InProcessPool(2)), Engine.of_run(drive.run, ForgetfulPool(2))

@@ -54,12 +54,14 @@ def test_evidence_is_the_average_over_the_noises() -> None:
     np.testing.assert_allclose(weights_of_noises(both), expected, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "right"), [(1.0, 0), (1.0 / 16.0, 1)], ids=["honest", "too sure"])
 def test_evidence_finds_the_noise(share: float, right: int) -> None:
     """Copies merge on the way, but never across noises."""
     assert weights_of_noises(after(room_of(FACTORS, 30, share)))[right] > 0.95
 
 
+@pytest.mark.slow
 def test_a_lineage_is_rebuilt_under_its_noise() -> None:
     room = room_of(FACTORS, 12, 0.25)
     whole, divided = (Engine.of_run(room.run, pool) for pool in (InProcessPool(2), ForgetfulPool(2)))

@@ -139,6 +139,7 @@ def test_objects_are_known_as_well_as_the_joint_gaussian_has_them(share: float) 
     np.testing.assert_allclose(found[np.ix_(rows, rows)], world.objects_after(), rtol=0.02, atol=2e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 0.0])
 def test_a_robot_at_rest_learns_of_a_place_no_more_than_what_repeats_lets_it(share: float) -> None:
     engine = Engine(configuration({"correlated_share": share}), initial_covariance=np.diag([1e-8] * 3))
@@ -150,6 +151,7 @@ def test_a_robot_at_rest_learns_of_a_place_no_more_than_what_repeats_lets_it(sha
     assert along == pytest.approx(share + (1.0 - share) / 40, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_lineage_is_rebuilt_with_its_errors() -> None:
     room = make_room(14, 0, clutter=0.05, detection_errors=ERRORS, open_world={"iterate_updates": False})
     whole = Engine.of_run(room.run, InProcessPool(2))

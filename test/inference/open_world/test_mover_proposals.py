@@ -10,6 +10,7 @@ from semantic_slam.inference.revision import Replay
 from semantic_slam.inference.states.lineage import MOVES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_what_a_blind_history_took_for_ghosts_is_proposed_and_weighs_more(seed: int) -> None:
     world = make_world(20, seed=seed)

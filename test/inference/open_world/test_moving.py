@@ -27,6 +27,7 @@ def errors(beliefs: list[HybridBelief], truth: np.ndarray) -> np.ndarray:
     return np.array([np.hypot(*(own.poses[0, :2] - x[:2])) for own, x in zip(beliefs, truth, strict=True)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_moves_is_called_moving_and_leaves_no_ghosts(seed: int) -> None:
     world = make_world(seed=seed)
@@ -39,6 +40,7 @@ def test_what_moves_is_called_moving_and_leaves_no_ghosts(seed: int) -> None:
     assert (away.min(axis=1) < 0.3).all() and (away.min(axis=0) < 0.3).all() and len(away) == len(STANDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_moves_does_not_pull_the_robot(seed: int) -> None:
     world = make_world(seed=seed)
@@ -49,6 +51,7 @@ def test_what_moves_does_not_pull_the_robot(seed: int) -> None:
     assert errors(with_movers, world.truth).mean() < errors(without, world.truth).mean() + 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_where_nothing_moves_nothing_is_called_moving(seed: int) -> None:
     world = make_world(seed=seed, movers=False)
@@ -61,6 +64,7 @@ def test_where_nothing_moves_nothing_is_called_moving(seed: int) -> None:
     assert not np.isfinite(plain.moving).any()
 
 
+@pytest.mark.slow
 def test_a_velocity_is_known_while_its_object_is_seen() -> None:
     world = make_world(seed=0)
     engine, beliefs = run(world, configuration(SHARE))
@@ -71,6 +75,7 @@ def test_a_velocity_is_known_while_its_object_is_seen() -> None:
     np.testing.assert_allclose(seen.object_velocities[row[0], :2], [0.15, 0.6], atol=0.15)
 
 
+@pytest.mark.slow
 def test_neither_backends_nor_replays_change_anything() -> None:
     world, settings = make_world(14, seed=1), configuration(SHARE)
     expected = run(world, settings)[1]
