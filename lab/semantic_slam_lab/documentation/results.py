@@ -3,7 +3,15 @@
 import re
 from typing import Any
 
-from semantic_slam_lab.documentation import benchmarks, chapter_3, chapter_4, chapter_5, real_drives, rooms
+from semantic_slam_lab.documentation import (
+    benchmarks,
+    chapter_3,
+    chapter_4,
+    chapter_5,
+    drawn_worlds,
+    real_drives,
+    rooms,
+)
 from semantic_slam_lab.documentation.kept_results import KeptResults
 from semantic_slam_lab.documentation.markdown import table
 from semantic_slam_lab.documentation.section import Section
@@ -22,7 +30,9 @@ python -m semantic_slam_lab.documentation.build --keep out/*/result.json out/ben
 """
 
 SECTIONS = tuple(
-    section for part in (rooms, real_drives, chapter_4, chapter_3, chapter_5, benchmarks) for section in part.SECTIONS
+    section
+    for part in (rooms, real_drives, drawn_worlds, chapter_4, chapter_3, chapter_5, benchmarks)
+    for section in part.SECTIONS
 )
 
 
