@@ -60,6 +60,7 @@ def read_one(path):
         return reader.decode(message.cdr, message.type_name)
 
 
+@pytest.mark.slow
 def test_a_belief_bag_of_the_first_round_makes_the_report_that_it_made(tmp_path):
     bag = shutil.copy(FIRST_ROUND / "belief.mcap", tmp_path)
     make_report(Path(bag), tmp_path / "report")

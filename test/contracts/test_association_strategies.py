@@ -10,6 +10,8 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
 
+pytestmark = pytest.mark.slow  # many short runs of the engine
+
 NO_MERGING = {"open_world": {"merge_position_m": 0.0, "field_of_view_rad": 1.5, "max_range_m": 3.2}}
 
 

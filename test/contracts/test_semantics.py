@@ -7,6 +7,8 @@ from semantic_slam.contracts.semantics import SemanticsContract
 from semantic_slam.inference.build import semantics_name
 from semantic_slam.registry import SEMANTICS
 
+pytestmark = pytest.mark.slow  # many short runs of the engine
+
 
 class TestNoSemantics(SemanticsContract):
     others = {"semantic_model": {"kind": "none"}}  # noqa: RUF012

@@ -36,6 +36,7 @@ def test_a_lost_robot_finds_itself_and_the_classes() -> None:
     assert 0.0 < belief.discarded_mass < 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("num_backends", [2, 3])
 def test_the_number_of_backends_changes_nothing(num_backends: int) -> None:
     world = make_world(8)
@@ -68,6 +69,7 @@ def test_sampled_weights_are_reproducible_too() -> None:
         assert_same(single, divided)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dies_at", [0, 1, 5])
 def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> None:
     world = make_world(8)
@@ -168,6 +170,7 @@ class RepeatingPool(InProcessPool):
         return answers
 
 
+@pytest.mark.slow
 def test_rounds_are_idempotent_and_stale_commits_are_ignored() -> None:
     world = make_world(6)
     pool = RepeatingPool()

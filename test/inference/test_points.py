@@ -143,6 +143,7 @@ def test_moments_are_those_of_the_prior_s_samples() -> None:
     assert belief.object_poses.shape == (3, 7) and np.isfinite(belief.object_covariances).all()
 
 
+@pytest.mark.slow
 def test_points_are_poses_whose_heading_nobody_measures() -> None:
     """The path of unequal sizes against that of equal ones; samples of more dimensions are other samples."""
     poses, points = run_points(PosesForPoints(**vars(curved_world()))), curved_outcome()

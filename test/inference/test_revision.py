@@ -87,6 +87,7 @@ def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> Non
     assert replay.log_joints([own.lineage for _, own in live]) == found  # from where the last round was
 
 
+@pytest.mark.slow
 def test_a_revised_belief_is_that_of_any_number_of_backends() -> None:
     room = make_room(16, 4, clutter=0.3, open_world={"iterate_updates": False}, revision={"every_keyframes": 2})
     one, two = (Engine.of_run(room.run, InProcessPool(number)) for number in (1, 2))

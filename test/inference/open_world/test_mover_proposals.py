@@ -27,6 +27,7 @@ def test_what_a_blind_history_took_for_ghosts_is_proposed_and_weighs_more(seed: 
     assert after.log_joint > before.log_joint + 10.0
 
 
+@pytest.mark.slow
 def test_the_first_detection_starts_and_the_others_move() -> None:
     world = make_world(20, seed=0)
     lineage = next(iter(run(world, configuration(0.0))[0].live.values())).lineage

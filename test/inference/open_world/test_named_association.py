@@ -123,6 +123,7 @@ def fine(room: Room) -> Room:
     return replace(room, keyframes=keyframes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("errors", [{"correlated_share": 0.0}, ERRORS], ids=["white", "repeating"])
 def test_a_wrong_name_costs_one_detection_and_is_named(errors: dict[str, float]) -> None:
     room = named_room(36, 1, detection_errors=errors)
