@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from worlds.noisy_drive import STATED, Noise, write_drive
+from worlds.drives.noisy_drive import STATED, Noise, write_drive
 
 from semantic_slam.calibration.calibrate import Calibration, calibrate
 from semantic_slam.calibration.configuration_file import configuration_text

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.open_room import make_room
+from worlds.drives.open_room import make_room
 from worlds.planar_world import make_world
 
 from semantic_slam.inference.belief import HybridBelief

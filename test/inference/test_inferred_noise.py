@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from semantic_slam_lab.studies.drawn_worlds.study import configuration
 from semantic_slam_lab.studies.drawn_worlds.worlds import drawn_world
-from worlds.late_odometry import late_drive
-from worlds.open_room import Room, make_room
+from worlds.drives.late_odometry import late_drive
+from worlds.drives.open_room import Room, make_room
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from worlds.drives.open_room import OBJECTS as ROOM
+from worlds.drives.open_room import make_room
 from worlds.harmonic_model import HarmonicModel
-from worlds.open_room import OBJECTS as ROOM
-from worlds.open_room import make_room
 from worlds.planar_world import OBJECTS, make_world
 
 from semantic_slam.inference.build import problem_of

@@ -11,6 +11,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.problem import Problem
 
 
 class GivenAssociation(ClosedWorld):
@@ -53,10 +54,9 @@ class GivenAssociation(ClosedWorld):
 
         The first detection of an object is taken at its word: it is all that tells where the object is.
         """
-        share, clutter = self.problem.closed_world.wrong_identity_share, self.problem.clutter
-        if clutter is None or share <= 0.0:
+        odds, clutter = log_odds_of_wrong_identity(self.problem), self.problem.clutter
+        if clutter is None or odds == -np.inf:
             return None
-        odds = np.log(share) - np.log1p(-share)
         log_odds = np.asarray(odds + clutter.log_place([step.detections[i] for i in used]))
         named = [identities[i] for i in used]
         log_odds[[named.index(n) for n in unknown]] = -np.inf
@@ -71,3 +71,11 @@ class GivenAssociation(ClosedWorld):
         robot = self.problem.spaces.robot.compose(component.newest_robot(), step.motion.control)
         first = {n: next(step.detections[i] for i in used if identities[i] == n) for n in unknown}
         return {n: self.problem.model.object_prior(detection, robot) for n, detection in first.items()}
+
+
+def log_odds_of_wrong_identity(problem: Problem) -> float:
+    """Of any one; -inf where none is wrong, or where nothing says what the detection of a wrong one looks like."""
+    share = problem.closed_world.wrong_identity_share
+    if problem.clutter is None or share <= 0.0:
+        return -np.inf
+    return float(np.log(share) - np.log1p(-share))

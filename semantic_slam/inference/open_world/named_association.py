@@ -4,7 +4,6 @@ Odometry's biases, errors that repeat and a sensor's region that is learned are 
 detection is of is what it says, up to a share of wrong names.
 """
 
-from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
-from semantic_slam.inference.association.given import GivenAssociation
+from semantic_slam.inference.association.given import GivenAssociation, log_odds_of_wrong_identity
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.models.clutter import EvenClutter
 from semantic_slam.inference.models.step import Step
@@ -24,7 +23,6 @@ from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.wrong_names import right_names
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 
 
 class NamedAssociation(OpenAssociation):
@@ -40,16 +38,8 @@ class NamedAssociation(OpenAssociation):
         """That of a closed world where updates are iterated."""
         return GivenAssociation if configuration.open_world.iterate_updates else cls
 
-    @staticmethod
-    def introduce(registry: ObjectRegistry, step: Step) -> None:
-        """The objects that are named for the first time."""
-        for name in step.names:
-            registry.identify(name)
-
-    @staticmethod
-    def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
-        """All objects of the map and all that were named, seen or not."""
-        return registry.known
+    introduce = staticmethod(GivenAssociation.introduce)
+    reported = staticmethod(GivenAssociation.reported)
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> NamedKeyframe:
         """Each parent on its own, about the objects that the keyframe names."""
@@ -88,22 +78,17 @@ class NamedAssociation(OpenAssociation):
             log_wrong=log_wrong,
         )
 
-    @property
-    def _log_odds(self) -> float:
-        """That a name is wrong; -inf where none is, or where nothing says what its detection would look like."""
-        share = self.problem.closed_world.wrong_identity_share
-        if self.problem.clutter is None or share <= 0.0:
-            return -np.inf
-        return float(np.log(share) - np.log1p(-share))
-
     def _used(self, told: Index) -> Index:
         """The detections that carry a name; where no name is wrong, the first of each object alone."""
         used = np.flatnonzero(told >= 0)
-        return used if np.isfinite(self._log_odds) else used[_first_of(told[used], np.arange(len(used)))]
+        if np.isfinite(log_odds_of_wrong_identity(self.problem)):
+            return used
+        return used[_first_of(told[used], np.arange(len(used)))]
 
     def _log_wrong(self, region: SensorRegion, detections: list[object]) -> Array:
         """(n,) log odds that a name is wrong, times the density of its detection if it is: even over the region."""
-        return self._log_odds + EvenClutter(region.area_m2, region.field_of_view_rad).log_place(detections)
+        clutter = EvenClutter(region.area_m2, region.field_of_view_rad)
+        return log_odds_of_wrong_identity(self.problem) + clutter.log_place(detections)
 
     def _likely(
         self, prediction: Prediction, pairs: PairDensities, columns: Index, log_wrong: Array

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from worlds.open_room import make_room
+from worlds.drives.open_room import make_room
 from worlds.planar_world import World, make_world
 
 from semantic_slam.geometry.arrays import Array

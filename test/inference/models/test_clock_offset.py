@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.late_odometry import LateDrive, late_drive, true_pose
+from worlds.drives.late_odometry import LateDrive, late_drive, true_pose
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool

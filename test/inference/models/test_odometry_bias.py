@@ -5,7 +5,7 @@ import dataclasses
 import gtsam
 import numpy as np
 import pytest
-from worlds.open_room import Room, make_room
+from worlds.drives.open_room import Room, make_room
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from worlds.open_room import make_room
+from worlds.drives.open_room import make_room
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe

@@ -1,7 +1,7 @@
 """Histories in which what stood still is one object that moves: the right ones are proposed, and weigh more."""
 
 import pytest
-from worlds.moving_world import configuration, make_world, objects_of, run
+from worlds.drives.moving_world import configuration, make_world, objects_of, run
 
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.moving import Moving

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.moving_world import STANDING, configuration, make_world, objects_of, run
+from worlds.drives.moving_world import STANDING, configuration, make_world, objects_of, run
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import Configuration

@@ -7,7 +7,7 @@ import gtsam
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from worlds.open_room import OBJECTS, Room, make_room
+from worlds.drives.open_room import OBJECTS, Room, make_room
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Detection, Engine, Keyframe

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.open_room import make_room
+from worlds.drives.open_room import make_room
 
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.association.gating import best_assignments, pair_densities
