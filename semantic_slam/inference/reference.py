@@ -5,7 +5,8 @@ radian, as false alarms'; class scores by one Gaussian with the moments of all c
 theirs are. What a belief counts besides densities, the reference counts alike:
 
 - objects that come and go: the number of detections is geometric, with the mean that the configuration expects where
-  nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture.
+  nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture. The region is the
+  learned one where the belief learns it, and like there it holds the detections that it is learned from.
 - a known map: Eq. 4.18 weighs each assignment of the detections to visible objects with P(beta | x, O) = 1, so that the
   reference counts once for each of them.
 - given identities: an object named for the first time has the broad prior that the belief gives it, which says nothing.
@@ -25,6 +26,7 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.prediction import sensor_region
@@ -89,6 +91,7 @@ class Reference:
         self._configuration, self._scores = configuration, scores
         self._association = strategy_of(configuration)
         self._region = _region(configuration, is_open=self._association.tracks_objects)
+        self._noises = NoiseSettings.grid(configuration)
         self._named = {name for entry in objects for name in (entry.name, str(entry.object_id))}
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
@@ -102,7 +105,8 @@ class Reference:
             return self._given(step)
         if self._association.needs_map:
             return self._mapped(step, belief)
-        return self._evenly(step.detections) + self._log_count(len(step.detections))
+        region = self._region.reaching(step.sensed)
+        return self._evenly(step.detections, region) + self._log_count(len(step.detections), region)
 
     def _given(self, step: Step) -> float:
         """Detections of known objects lie anywhere; what is named for the first time is where its prior has it."""
@@ -113,7 +117,7 @@ class Reference:
                 (known if name in self._named else new).append(detection)
                 seen.add(name)
         self._named |= seen
-        return self._evenly(known) + self._scores.log_density(new) + sum(map(self._under_prior, new))
+        return self._evenly(known, self._region) + self._scores.log_density(new) + sum(map(self._under_prior, new))
 
     def _mapped(self, step: Step, belief: HybridBelief) -> float:
         """The detections that take part, once for each of their assignments to objects in sight."""
@@ -123,7 +127,7 @@ class Reference:
         assignments = gammaln(visible + 1.0) - gammaln(visible - len(used) + 1.0)
         if not distinct:
             assignments = len(used) * np.log(visible)
-        return self._evenly([step.detections[i] for i in used]) + float(assignments)
+        return self._evenly([step.detections[i] for i in used], self._region) + float(assignments)
 
     def _num_visible(self, belief: HybridBelief) -> float:
         """Expected number of the map's objects in sight of the heaviest hypothesis."""
@@ -135,16 +139,12 @@ class Reference:
         relative = se2.between(broadcast_copy(robot, objects.shape), objects)[:, :2]
         return float(self._region.contains(relative, np.zeros((len(relative), 2, 2))).sum())
 
-    def _evenly(self, detections: Sequence[PlanarDetection]) -> float:
+    def _evenly(self, detections: Sequence[PlanarDetection], region: SensorRegion) -> float:
         """Places even over the region's area: a range of r has the density r / area; and the scores of no class."""
         ranges = [detection.range_m for detection in detections if detection.has_range]
         bearings = len(detections) - len(ranges)
-        places = float(np.log(ranges).sum()) - len(ranges) * np.log(self._region.area_m2)
-        return (
-            float(places)
-            - bearings * float(np.log(self._region.field_of_view_rad))
-            + self._scores.log_density(detections)
-        )
+        places = float(np.log(ranges).sum()) - len(ranges) * np.log(region.area_m2)
+        return float(places) - bearings * float(np.log(region.field_of_view_rad)) + self._scores.log_density(detections)
 
     def _under_prior(self, detection: PlanarDetection) -> float:
         """Log density of a first detection under its object's broad prior, which is centred on it."""
@@ -155,16 +155,15 @@ class Reference:
         spread = np.diag([1.0, detection.range_m**-2]) * new.sigma_position_m**2 + detection.covariance
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
 
-    @property
-    def _expected_births(self) -> float:
-        """First detections expected in a frame where nothing was seen yet."""
-        settings = self._configuration.open_world
-        return settings.detection_probability * settings.birth_density * self._region.area_m2
+    def _log_count(self, count: int, region: SensorRegion) -> float:
+        """Log of n! P(n), which a density of sets counts besides that of each detection.
 
-    def _log_count(self, count: int) -> float:
-        """Log of n! P(n), which a density of sets counts besides that of each detection."""
-        mean = self._configuration.open_world.clutter_per_frame + self._expected_births
-        return float(gammaln(count + 1.0) + count * np.log(mean) - (count + 1.0) * np.log1p(mean))
+        Averaged over the detection probabilities and densities of objects between which evidence is to decide.
+        """
+        births = np.array([own.detection_probability * own.birth_density for own in self._noises]) * region.area_m2
+        mean = self._configuration.open_world.clutter_per_frame + births
+        log_counts = count * np.log(mean) - (count + 1.0) * np.log1p(mean)
+        return float(gammaln(count + 1.0) + np.logaddexp.reduce(log_counts) - np.log(len(mean)))
 
 
 def _region(configuration: Configuration, *, is_open: bool) -> SensorRegion:

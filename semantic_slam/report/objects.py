@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.charts import time_plot
-from semantic_slam.report.document import Analysis
+from semantic_slam.report.document import MOVES, Analysis
 from semantic_slam.report.ellipse import ellipses
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
+EXISTS = 0.5
+"""Existence from which on an object counts as one of the map."""
 SHOWN_COURSES = 24
 SHOWN_MOMENTS = 240
 
@@ -32,7 +34,7 @@ class ObjectView:
     moving: float  # probability that it moves; NaN where nothing may
     position: tuple[float, float]
     sigma_m: float  # root of the larger eigenvalue of the x-y covariance
-    error_m: float  # from the true position, NaN unknown
+    error_m: float  # from the true position of what stands still, NaN unknown
     mutual_information: float
     in_coverage: bool
     detections: int
@@ -42,6 +44,11 @@ class ObjectView:
     @property
     def certain(self) -> bool:
         return self.probability >= CERTAIN
+
+    @property
+    def exists(self) -> bool:
+        """Whether that is likelier than not; so it is where the run does not doubt it."""
+        return not self.existence < EXISTS
 
 
 def object_views(analysis: Analysis, colours: list[str]) -> list[ObjectView]:
@@ -76,15 +83,21 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
         moving=float(last.moving[row]),
         position=(float(last.object_poses[row, 0]), float(last.object_poses[row, 1])),
         sigma_m=float(ellipses(last.object_covariances[row : row + 1])[0, 0]),
-        error_m=float(
-            np.linalg.norm(last.object_poses[row, :2] - true_positions(analysis).get(number, np.full(2, np.nan)))
-        ),
+        error_m=_error_m(analysis, last, row),
         mutual_information=float(last.mutual_information[row]),
         in_coverage=bool(last.in_coverage[row]),
         detections=analysis.detection_counts[number],
         course=course,
         doubt=doubt,
     )
+
+
+def _error_m(analysis: Analysis, last: HybridBelief, row: int) -> float:
+    """Distance of an object from its true position; NaN where that is unknown, or where it moves."""
+    true = true_positions(analysis).get(int(last.object_ids[row]))
+    if true is None or last.moving[row] > MOVES:
+        return float("nan")
+    return float(np.linalg.norm(last.object_poses[row, :2] - true))
 
 
 def object_label(belief: HybridBelief, row: int) -> str:

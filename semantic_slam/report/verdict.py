@@ -63,11 +63,14 @@ def unexplained(beliefs: Sequence[HybridBelief]) -> str:
     )
 
 
-def _objects(analysis: Analysis, objects: list[ObjectView]) -> str:
-    count = len(objects)
+def _objects(analysis: Analysis, every: list[ObjectView]) -> str:
+    objects = [view for view in every if view.exists]
+    count, doubtful = len(objects), len(every) - len(objects)
     if not count:
-        return "No object was found."
+        return "No object was found." if not doubtful else "No object is likely to exist."
     start = "One object is on the map" if count == 1 else f"{count} objects are on the map"
+    if doubtful:
+        start += f", besides {doubtful} that may not exist"
     if not analysis.record.beliefs[-1].class_names:
         return f"{start}; classes were not estimated."
     sure = sum(view.certain for view in objects)

@@ -9,8 +9,10 @@ from worlds.belief_factory import CLASSES, OBJECTS, write_belief_bag
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.report.comparison import Run
 from semantic_slam.report.document import Analysis, analyse, map_prior, object_rows
+from semantic_slam.report.objects import object_views
 from semantic_slam.report.page import render_page
 from semantic_slam.report.scene import scene
+from semantic_slam.report.verdict import verdict
 
 COLOURS = ["#000"] * len(CLASSES)
 
@@ -46,3 +48,18 @@ def test_what_moves_is_not_handed_to_the_next_run(still: Analysis, moving: Analy
     known = [own.object_id for own in map_prior(still.record).objects]
     gone = int(moving.record.beliefs[-1].object_ids[1])
     assert [own.object_id for own in map_prior(moving.record).objects] == [n for n in known if n != gone]
+
+
+def test_what_moves_has_no_error_from_where_it_once_was(still: Analysis, moving: Analysis) -> None:
+    before, after = object_views(still, COLOURS), object_views(moving, COLOURS)
+    assert all(np.isfinite(view.error_m) for view in before)
+    assert [np.isnan(view.error_m) for view in after] == [row == 1 for row in range(len(after))]
+
+
+def test_what_may_not_exist_is_counted_apart(still: Analysis) -> None:
+    record, existence = still.record, np.ones(len(OBJECTS))
+    existence[0] = 0.02
+    last = replace(record.beliefs[-1], existence=existence)
+    doubtful = replace(still, record=replace(record, beliefs=(*record.beliefs[:-1], last)))
+    said = verdict(doubtful, object_views(doubtful, COLOURS))
+    assert any(f"{len(OBJECTS) - 1} objects are on the map, besides 1 that may not exist" in words for words in said)

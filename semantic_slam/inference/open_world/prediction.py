@@ -257,15 +257,7 @@ class Predictor:
         )
 
     def _region_of(self, component: Component, sensed: SensedRegion | None) -> SensorRegion:
-        region = self._region
-        if sensed is not None:
-            region = replace(
-                region,
-                min_range_m=sensed.min_range_m,
-                max_range_m=sensed.max_range_m,
-                field_of_view_rad=sensed.field_of_view_rad,
-                direction_rad=sensed.direction_rad,
-            )
+        region = self._region.reaching(sensed)
         if component.settings is None:
             return region
         return replace(region, detection_probability=component.settings.detection_probability)

@@ -1,12 +1,14 @@
 """Where the sensor detects, and what hides what."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.special import ndtr
 
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.sensed_region import SensedRegion
 
 NO_SCAN = np.zeros((0, 2))
 LEAST_SIGMA = 1e-6
@@ -27,6 +29,18 @@ class SensorRegion:
     @property
     def area_m2(self) -> float:
         return 0.5 * self.field_of_view_rad * (self.max_range_m**2 - self.min_range_m**2)
+
+    def reaching(self, sensed: SensedRegion | None) -> Self:
+        """The same sensor with the bounds that its detections have shown; as it is where they are not learned."""
+        if sensed is None:
+            return self
+        return replace(
+            self,
+            min_range_m=sensed.min_range_m,
+            max_range_m=sensed.max_range_m,
+            field_of_view_rad=sensed.field_of_view_rad,
+            direction_rad=sensed.direction_rad,
+        )
 
     def contains(self, relative: Array, covariance: Array) -> Array:
         """(...,) probability that objects at ``relative`` (..., 2) in the body frame, with (..., 2, 2), lie inside.

@@ -24,6 +24,7 @@ from semantic_slam.inference.evidence.explanation import (
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.unseen_ground import unseen_share
@@ -169,6 +170,32 @@ def test_the_reference_of_no_detections_in_a_closed_world_is_certain() -> None:
     empty = replace(world.keyframes[0], measurements=world.keyframes[0].measurements.take(np.zeros(0, dtype=int)))
     step = engine.problem.reader.step(empty)
     assert reference_of(world.run, engine.problem).log_density(step, belief) == 0.0
+
+
+def reference_of_first(**open_world: object) -> float:
+    """Log density of the first keyframe of a room under the reference."""
+    room = make_room(1, 0, clutter=0.0, open_world=open_world)
+    engine = Engine.of_run(room.run, InProcessPool(1))
+    belief = engine.process(room.keyframes[0])
+    return reference_of(room.run, engine.problem).log_density(engine.problem.reader.step(room.keyframes[0]), belief)
+
+
+def test_the_reference_fills_the_region_that_is_learned() -> None:
+    """Else detections beyond a region that means nothing would have too large a density under it."""
+    seen = make_room(1, 0, clutter=0.0).keyframes[0].measurements
+    sensed = SensedRegion.of(seen.ranges_m, seen.bearings_rad)
+    assert sensed is not None
+    told = {
+        name.removeprefix("open_world."): getattr(sensed, name.removeprefix("open_world.")) for name in sensed.named()
+    }
+    assert reference_of_first(learn_region=True) == pytest.approx(reference_of_first(**told), rel=1e-12)
+
+
+def test_the_reference_expects_as_many_detections_as_evidence_may_choose_from() -> None:
+    single = [reference_of_first(birth_density=own) for own in (0.01, 0.5)]
+    assert reference_of_first(birth_densities=[0.01, 0.5]) == pytest.approx(
+        np.logaddexp(*single) - np.log(2.0), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("persistence", [0.0, 0.8])
