@@ -307,6 +307,12 @@ class OdometryConfiguration:
     sigma_bias_scale: float = parameter(
         0.02, "estimate_bias: standard deviation of the relative error of the distance before the drive", minimum=1e-9
     )
+    bias_turn_scale: float = parameter(0.0, "estimate_bias: relative error of the turns expected before the drive")
+    sigma_bias_turn_scale: float = parameter(
+        0.0,
+        "estimate_bias: standard deviation of the relative error of the turns before the drive; 0: it is as expected",
+        minimum=0.0,
+    )
     clock_offset_s: float = parameter(
         0.0, "how much later [s] odometry is stamped than detections of that instant, as expected before the drive"
     )

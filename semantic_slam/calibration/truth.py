@@ -97,7 +97,7 @@ class Motions:
         return cls(record.odometry, pairs[known], motions(truth.trajectory, pairs[known]))
 
     def fitted(self, settings: OdometryConfiguration) -> tuple[Array, float]:
-        """(3,) biases by least squares, and the RMS of what they leave, over the errors' stated deviations."""
+        """(4,) biases by least squares, and the RMS of what they leave, over the errors' stated deviations."""
         best = min(np.linspace(-1.0, 1.0, 21), key=lambda share: self._at(share * LARGEST_OFFSET_S, settings)[1])
         near = np.clip([best - 0.1, best + 0.1], -1.0, 1.0) * LARGEST_OFFSET_S
         offset = float(minimize_scalar(lambda t: self._at(t, settings)[1], bounds=near, method="bounded").x)
@@ -105,7 +105,7 @@ class Motions:
         return np.append(bias, offset), left
 
     def _at(self, offset_s: float, settings: OdometryConfiguration) -> tuple[Array, float]:
-        """(2,) biases besides that of a clock that is known, and the RMS that is left."""
+        """(3,) biases besides that of a clock that is known, and the RMS that is left."""
         controls = motions(self.odometry, shifted(self.stamps_ns, offset_s))
         stated = [odometry_covariance(float(np.hypot(x, y)), abs(float(yaw)), settings) for x, y, yaw in controls]
         deviations = np.sqrt(np.diagonal(stated, axis1=1, axis2=2))

@@ -31,7 +31,7 @@ COMPONENTS_TYPE = "semantic_slam_msgs/msg/Components"
 RUN_LAYOUT: Layout = {"class_names": ("C",)}
 
 KEYFRAME_LAYOUT: Layout = {
-    "odometry_slopes": MayBeEmpty((3, 2)),
+    "odometry_slopes": MayBeEmpty((3, 3)),
     "odometry_shifts": MayBeEmpty((len(OFFSETS), 3)),
 }
 

@@ -23,7 +23,7 @@ class OdometryPoint:
     pose: Array  # (7,) T_odom_body
     travelled_m: float  # length of the path since the first sample
     turned_rad: float  # sum of all turns since the first sample
-    slopes: Array | None = None  # (3, 2) sum of those of all steps, in the tangent space of odom; None: not asked for
+    slopes: Array | None = None  # (3, 3) sum of those of all steps, in the tangent space of odom; None: not asked for
 
     def advance(self, sample: OdometrySample) -> "OdometryPoint":
         """The point at the next sample."""
@@ -42,7 +42,7 @@ class OdometryPoint:
 
 def start(sample: OdometrySample, *, with_slopes: bool = False) -> OdometryPoint:
     """The point at the first sample; ``with_slopes``: how biases of the odometry change the motion is kept, too."""
-    return OdometryPoint(sample.stamp_ns, sample.pose, 0.0, 0.0, np.zeros((3, 2)) if with_slopes else None)
+    return OdometryPoint(sample.stamp_ns, sample.pose, 0.0, 0.0, np.zeros((3, 3)) if with_slopes else None)
 
 
 def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) -> OdometryPoint:
@@ -59,7 +59,7 @@ def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) ->
 
 
 def motion_slopes(first: OdometryPoint, second: OdometryPoint) -> Array | None:
-    """(3, 2) change of the planar motion between two points, in its tangent space, by the odometry's biases.
+    """(3, 3) change of the planar motion between two points, in its tangent space, by the odometry's biases.
 
     Composed over all samples between, as :func:`odometry_bias.composed_slopes` does step by step: each step's slopes
     are moved to the motion's end, over all that the robot drove since.

@@ -9,6 +9,7 @@ from semantic_slam.report.charts import Chart, Key, keyframes, time_plot
 MEANINGS = {
     "odometry.bias_rad_per_m": "Turn that odometry leaves out in every metre, in radians.",
     "odometry.bias_scale": "Share of every metre that odometry leaves out.",
+    "odometry.bias_turn_scale": "Share of every turn that odometry leaves out.",
     "odometry.clock_offset_s": "Seconds by which odometry is stamped later than detections of that instant.",
     "odometry.noise_factor": "Factor on the covariance of odometry.",
     "perception.noise_factor": "Factor on the covariance of a detection's place.",

@@ -67,7 +67,7 @@ def test_it_says_how_far_off_it_was(found: Calibration) -> None:
     assert truth is not None
     assert truth.before.odometry_error == pytest.approx(2.0, abs=0.3)
     assert truth.after.odometry_error < 1.3
-    bias, _, clock = truth.biases
+    bias, *_, clock = truth.biases
     assert bias.true == pytest.approx(OVER_SURE.bias_rad_per_m, abs=0.015)
     assert abs(bias.off) < 3.0
     assert clock.true == pytest.approx(0.0, abs=0.02) and np.isnan(clock.inferred)  # it was not asked for

@@ -33,7 +33,7 @@ def biased_room(num_keyframes: int, **settings: Any) -> Room:
     """A room whose odometry leaves out a bias."""
     room = make_room(num_keyframes, clutter=0.05, **settings)
     step = planar_from_pose_vector(room.keyframes[0].odometry)
-    odometry = pose_vector_from_planar(se2.retract(step, -slopes(step) @ BIAS))
+    odometry = pose_vector_from_planar(se2.retract(step, -slopes(step)[:, :2] @ BIAS))
     return replace(room, keyframes=[replace(keyframe, odometry=odometry) for keyframe in room.keyframes])
 
 

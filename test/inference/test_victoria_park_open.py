@@ -15,7 +15,7 @@ from semantic_slam.datasets.victoria_park import Log, dead_reckoning, example_pa
 from semantic_slam.geometry import se2
 
 NUM_KEYFRAMES = 250
-BIAS_SIGMAS = np.array([0.003, 0.02, 0.0])
+BIAS_SIGMAS = np.array([0.003, 0.02, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")

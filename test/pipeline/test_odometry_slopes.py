@@ -39,7 +39,7 @@ def keyframes_at(stamps_ns: list[int], configuration: dict[str, object]) -> list
 
 
 def composed(steps: Array) -> Array:
-    total = np.zeros((3, 2))
+    total = np.zeros((3, 3))
     for step in steps:
         total = composed_slopes(total, step, slopes(step))
     return total
@@ -58,7 +58,7 @@ def test_a_keyframe_between_two_samples_cuts_their_step() -> None:
     np.testing.assert_allclose(first.odometry_slopes, slopes(STEPS[0]), atol=1e-10)
     np.testing.assert_allclose(second.odometry_slopes, slopes(half), atol=1e-10)
     # An odometry sample's own step is one arc: what is left of it are the slopes of the whole, less those before.
-    left = composed_slopes(slopes(half), rest, np.zeros((3, 2)))
+    left = composed_slopes(slopes(half), rest, np.zeros((3, 3)))
     np.testing.assert_allclose(third.odometry_slopes, slopes(STEPS[1]) - left, atol=1e-10)
 
 

@@ -33,7 +33,7 @@ class Keyframe:
     odometry: Array  # (7,) T_previous_current; from the first odometry sample for keyframe 0
     odometry_covariance: Array  # (6, 6) x y z rx ry rz, in the tangent space at the current pose; NaN: as configured
     measurements: SemanticMeasurements
-    odometry_slopes: Array | None = None  # (3, 2) of the planar motion by its biases; None: the motion was one arc
+    odometry_slopes: Array | None = None  # (3, 3) of the planar motion by its biases; None: the motion was one arc
     odometry_shifts: Array | None = None  # (9, 3) of the planar motion by offsets of its clock; None: not told
 
     @classmethod

@@ -22,7 +22,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 class PlanarReader:
     """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none.
 
-    ``bias_sigmas`` (3,) or none: prior standard deviations of odometry's biases, where they are estimated, and
+    ``bias_sigmas`` (4,) or none: prior standard deviations of odometry's biases, where they are estimated, and
     ``bias_means`` (3,) what is expected of them; that of the clock is in the keyframes already.
     ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
     """

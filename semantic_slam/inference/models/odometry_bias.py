@@ -1,10 +1,11 @@
-"""What odometry gets wrong all the way: a turn for every metre driven, the length of a metre, and its clock.
+"""What odometry gets wrong all the way: a turn for every metre, the size of a metre and of a turn, and its clock.
 
 x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations; what the
-prior expects is in u_k already. It
-changes a little from one stretch of the drive to the next, so that every stretch has its own variable in the smoother:
-a revisit tells of them as of the poses, and what they tell of the next revisit is part of the belief. One variable for
-the whole drive would be in every clique, and each of its changes would go through the whole tree.
+prior expects is in u_k already. It changes a little from one stretch of the drive to the next, so that every stretch
+has its own variable in the smoother: a revisit tells of them as of the poses, and what they tell of the next revisit is
+part of the belief. One variable for the whole drive would be in every clique, and each of its changes would go through
+the whole tree. Wheels that differ turn the robot as it drives; wheels larger than they are said to be, or set closer
+than that, make its metres and its turns larger (Borenstein, Feng 1996).
 """
 
 from typing import Any
@@ -18,50 +19,58 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.states.keys import begins_stretch, bias_key
 
-NAMES = ("odometry.bias_rad_per_m", "odometry.bias_scale", "odometry.clock_offset_s")
+NAMES = ("odometry.bias_rad_per_m", "odometry.bias_scale", "odometry.bias_turn_scale", "odometry.clock_offset_s")
 """Components of c."""
-CLOCK = 2
+CLOCK = 3
 """That of the clock: see :mod:`clock_offset`."""
 CHANGE = 0.1
 """Standard deviation of its change from one stretch to the next, in those of the prior."""
 
 
 def bias_sigmas(settings: OdometryConfiguration) -> Array:
-    """(3,) prior standard deviations: heading per metre [rad/m], relative length, clock [s]; none where none is asked.
+    """(4,) prior standard deviations: heading per metre [rad/m], relative length, relative turn, clock [s]; or none.
 
-    A standard deviation of 0 keeps the clock's out of every motion.
+    None are asked where biases are not estimated. A standard deviation of 0 keeps one out of every motion.
     """
     if not settings.estimate_bias:
         return np.zeros(0)
-    return np.array([settings.sigma_bias_rad_per_m, settings.sigma_bias_scale, settings.sigma_clock_offset_s])
+    return np.array(
+        [
+            settings.sigma_bias_rad_per_m,
+            settings.sigma_bias_scale,
+            settings.sigma_bias_turn_scale,
+            settings.sigma_clock_offset_s,
+        ]
+    )
 
 
 def bias_means(settings: OdometryConfiguration) -> Array:
-    """(3,) prior means, in the same units; none where none is asked."""
+    """(4,) prior means, in the same units; none where none is asked."""
     if not settings.estimate_bias:
         return np.zeros(0)
-    return np.array([settings.bias_rad_per_m, settings.bias_scale, settings.clock_offset_s])
+    return np.array([settings.bias_rad_per_m, settings.bias_scale, settings.bias_turn_scale, settings.clock_offset_s])
 
 
 def slopes(control: Array) -> Array:
-    """(..., 3, 2) change of a planar ``control`` (..., 3), in its tangent space, by heading per metre and by length.
+    """(..., 3, 3) change of a planar ``control`` (..., 3), in its tangent space, by heading per metre, length and turn.
 
-    The motion is taken as one arc: of twist t, on which the bias adds (0, 0, t_x) and (t_x, t_y, 0).
+    The motion is taken as one arc: of twist t, on which the bias adds (0, 0, t_x), (t_x, t_y, 0) and (0, 0, t_yaw).
     """
     twist = se2.log(control)
-    change = np.zeros((*twist.shape, 2))
+    change = np.zeros((*twist.shape, 3))
     change[..., 2, 0] = twist[..., 0]
     change[..., :2, 1] = twist[..., :2]
+    change[..., 2, 2] = twist[..., 2]
     return np.asarray(se2.right_jacobian(twist) @ change)
 
 
 def by_bias(slopes: Array, sigmas: Array) -> Array:
-    """(3, 3) change of a planar motion by the components of c, from its ``slopes`` (3, 2); that by the clock is 0."""
+    """(3, 4) change of a planar motion by the components of c, from its ``slopes`` (3, 3); that by the clock is 0."""
     return np.concatenate([slopes * sigmas[:CLOCK], np.zeros((3, 1))], axis=1)
 
 
 def composed_slopes(before: Array, control: Array, own: Array) -> Array:
-    """(3, 2) of a motion with ``before`` that goes on with ``control``, whose ``own`` they are."""
+    """(3, 3) of a motion with ``before`` that goes on with ``control``, whose ``own`` they are."""
     return np.asarray(se2.inverse_adjoint(control) @ before + own)
 
 

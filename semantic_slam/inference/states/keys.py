@@ -65,7 +65,7 @@ def begins_stretch(keyframe: int) -> bool:
 
 
 ERROR_LETTER = "d"
-VECTOR_SIZES = {BIAS_LETTER: 3, ERROR_LETTER: 2}
+VECTOR_SIZES = {BIAS_LETTER: 4, ERROR_LETTER: 2}
 """Components of a bias of odometry, and of an error of a detection."""
 _MOST_DETECTIONS = 1 << 16
 """In one frame."""

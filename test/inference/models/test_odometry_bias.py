@@ -5,6 +5,7 @@ import dataclasses
 import gtsam
 import numpy as np
 import pytest
+from worlds.drives.late_odometry import late_drive
 from worlds.drives.open_room import Room, make_room
 from worlds.same_beliefs import assert_same
 
@@ -22,21 +23,21 @@ from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 PRIOR = {"estimate_bias": True, "sigma_bias_rad_per_m": 0.05, "sigma_bias_scale": 0.1}
-PRIOR_SIGMAS = np.array([0.05, 0.1, 0.0])
+PRIOR_SIGMAS = np.array([0.05, 0.1, 0.0, 0.0])
 BIAS = bias_key(-1)
 CONTROLS = np.array([[0.8, 0.05, 0.2], [1.1, -0.1, -0.4], [0.0, 0.0, 0.3], [-0.5, 0.02, 0.1]])
 
 
 def biased(control: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """One arc with ``bias``: a turn per metre, and a share of the length."""
+    """One arc with ``bias``: a turn per metre, a share of the length, and of the turn."""
     twist = se2.log(control)
-    return se2.exp(twist + np.array([bias[1] * twist[0], bias[1] * twist[1], bias[0] * twist[0]]))
+    return se2.exp(twist + np.array([bias[1] * twist[0], bias[1] * twist[1], bias[0] * twist[0] + bias[2] * twist[2]]))
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, 1, 2])
 def test_slopes_are_derivatives_of_the_composed_arcs(number: int) -> None:
-    step = 1e-6 * np.eye(2)[number]
-    total, with_bias, found = np.zeros(3), np.zeros(3), np.zeros((3, 2))
+    step = 1e-6 * np.eye(3)[number]
+    total, with_bias, found = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for control in CONTROLS:
         np.testing.assert_allclose(
             se2.log(se2.between(control, biased(control, step))) / 1e-6, slopes(control)[:, number], atol=1e-5
@@ -48,7 +49,7 @@ def test_slopes_are_derivatives_of_the_composed_arcs(number: int) -> None:
 
 def test_the_factor_is_that_of_gtsam_minus_the_bias() -> None:
     keys, covariance = (1, 2), np.diag([0.01, 0.02, 0.003])
-    values = bias_prior(3)[1]
+    values = bias_prior(4)[1]
     values.insert(1, gtsam.Pose2(0.3, 0.2, 0.4))
     values.insert(2, gtsam.Pose2(1.0, 0.7, 0.9))
     control, by_bias = CONTROLS[0], np.column_stack([slopes(CONTROLS[0]), [0.1, -0.2, 0.3]])
@@ -56,9 +57,9 @@ def test_the_factor_is_that_of_gtsam_minus_the_bias() -> None:
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
     plain = gtsam.BetweenFactorPose2(*keys, gtsam.Pose2(*control), noise)
     assert own.error(values) == pytest.approx(plain.error(values))
-    step, numeric = 1e-6, np.zeros((3, 9))
-    for column in range(9):
-        change = step * np.eye(9)[column]
+    step, numeric = 1e-6, np.zeros((3, 10))
+    for column in range(10):
+        change = step * np.eye(10)[column]
         moved = [_moved(values, sign * change) for sign in (1.0, -1.0)]
         numeric[:, column] = (own.unwhitenedError(moved[0]) - own.unwhitenedError(moved[1])) / (2.0 * step)
     by_key = dict(zip(own.keys(), np.split(own.linearize(values).jacobian()[0], [3, 6], axis=1), strict=True))
@@ -101,11 +102,11 @@ def test_the_local_map_is_the_filter_of_robot_bias_and_objects() -> None:
 
 
 def test_a_bias_that_is_expected_is_in_the_motion_already() -> None:
-    expected = np.array([0.04, -0.06, 0.3])
+    expected = np.array([0.04, -0.06, 0.05, 0.3])
     keyframe = make_room(1).keyframes[0]
-    plain = PlanarReader(0, [*PRIOR_SIGMAS, 0.0]).step(keyframe).motion
-    moved = PlanarReader(0, [*PRIOR_SIGMAS, 0.0], bias_means=expected).step(keyframe).motion
-    np.testing.assert_allclose(moved.control, biased(plain.control, expected[:2]), atol=1e-4)
+    plain = PlanarReader(0, PRIOR_SIGMAS).step(keyframe).motion
+    moved = PlanarReader(0, PRIOR_SIGMAS, bias_means=expected).step(keyframe).motion
+    np.testing.assert_allclose(moved.control, biased(plain.control, expected[:3]), atol=1e-4)
     np.testing.assert_array_equal(moved.by_bias, plain.by_bias)
 
 
@@ -113,7 +114,7 @@ def room_with(bias: np.ndarray, num_keyframes: int, seed: int) -> Room:
     """A room whose odometry leaves out ``bias``, so that the motion has it on top."""
     room = make_room(num_keyframes, seed, clutter=0.05, odometry=PRIOR, open_world={"iterate_updates": False})
     step = planar_from_pose_vector(room.keyframes[0].odometry)
-    odometry = pose_vector_from_planar(se2.retract(step, -slopes(step) @ bias))
+    odometry = pose_vector_from_planar(se2.retract(step, -slopes(step)[:, :2] @ bias))
     keyframes = [dataclasses.replace(keyframe, odometry=odometry) for keyframe in room.keyframes]
     return dataclasses.replace(room, keyframes=keyframes)
 
@@ -135,10 +136,23 @@ def test_the_bias_is_found(bias: tuple[float, float]) -> None:
     for seed in range(3):
         found = population_after(room_with(np.array(bias), 60, seed))
         sigmas = np.sqrt(np.diag(found.carried_covariance)[3:]) * PRIOR_SIGMAS
-        assert (np.abs(found.bias * PRIOR_SIGMAS - (*bias, 0.0)) <= 3.0 * sigmas).all()
+        assert (np.abs(found.bias * PRIOR_SIGMAS - (*bias, 0.0, 0.0)) <= 3.0 * sigmas).all()
         floor = np.array([0.01, 0.02]) / (0.25 * np.sqrt(60))
         assert (sigmas[:2] > 0.8 * floor).all()
         assert (sigmas[:2] < 3.0 * floor).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [-0.08, 0.0, 0.08])
+def test_the_error_of_turns_is_found(scale: float) -> None:
+    drive = late_drive(0.0, 0.0, turn_scale=scale, odometry={"sigma_bias_turn_scale": 0.1})
+    pool = InProcessPool(1)
+    engine = Engine.of_run(drive.run, pool)
+    for keyframe in drive.keyframes:
+        belief = engine.process(keyframe)
+    at = belief.noise_names.index("odometry.bias_turn_scale")
+    assert abs(belief.noise_values[at] - scale) < 3.0 * belief.noise_sigmas[at]
+    assert belief.noise_sigmas[at] < 0.02
 
 
 def test_a_lineage_is_rebuilt_with_its_bias() -> None:

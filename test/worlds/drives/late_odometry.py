@@ -33,14 +33,14 @@ class LateDrive:
     truth: Array
 
 
-def true_pose(time_s: float) -> Array:
-    """Driving ahead and turning on the spot by turns; at rest before 0."""
+def true_pose(time_s: float, turns: float = 1.0) -> Array:
+    """Driving ahead and turning on the spot by turns; at rest before 0. ``turns``: factor on every turn."""
     pose, left = np.zeros(3), max(time_s, 0.0)
     phase = 0
     while left > 0.0:
         span = min(left, PHASE_S)
         turn = TURN_RAD_S if phase % 4 == 1 else -0.6 * TURN_RAD_S
-        twist = np.array([SPEED_M_S, 0.0, 0.0]) if phase % 2 == 0 else np.array([0.0, 0.0, turn])
+        twist = np.array([SPEED_M_S, 0.0, 0.0]) if phase % 2 == 0 else np.array([0.0, 0.0, turns * turn])
         pose = se2.compose(pose, se2.exp(span * twist))
         left, phase = left - span, phase + 1
     return np.asarray(pose)
@@ -52,9 +52,14 @@ def late_drive(
     duration_s: float = 20.0,
     seed: int = 0,
     expected_s: float = 0.0,
+    turn_scale: float = 0.0,
+    odometry: dict[str, Any] | None = None,
     **settings: Any,
 ) -> LateDrive:
-    """Odometry stamped ``offset_s`` later than detections of the same instant, where ``expected_s`` is expected."""
+    """Odometry stamped ``offset_s`` later than detections of the same instant, where ``expected_s`` is expected.
+
+    It leaves out the share ``turn_scale`` of every turn that it tells.
+    """
     random = np.random.default_rng(seed)
     configuration = from_dict(
         {
@@ -66,6 +71,7 @@ def late_drive(
                 "clock_offset_s": expected_s,
                 "sigma_clock_offset_s": sigma_offset_s,
                 "sigma_rotation_per_rad": 0.02,
+                **(odometry or {}),
             },
             "pruning": {"max_hypotheses": 4},
             **settings,
@@ -74,7 +80,7 @@ def late_drive(
     assembler = KeyframeAssembler(configuration)
     for number in range(int((duration_s + 1.0) * ODOMETRY_HZ)):
         stamp_s = number / ODOMETRY_HZ
-        pose = pose_vector_from_planar(true_pose(stamp_s - offset_s - 1.0))
+        pose = pose_vector_from_planar(true_pose(stamp_s - offset_s - 1.0, 1.0 / (1.0 + turn_scale)))
         estimate = OdometryEstimate(START_NS + round(1e9 * stamp_s), "odom", "base_link", pose, np.eye(6))
         assembler.add_odometry(to_message(estimate))
     objects, truth = random.uniform(-4.0, 5.0, size=(15, 2)), []

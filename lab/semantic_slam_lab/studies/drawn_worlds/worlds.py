@@ -11,7 +11,7 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clock_offset import OFFSETS, shifts_of
 from semantic_slam.inference.models.miss_runs import MissRuns
-from semantic_slam.inference.models.odometry_bias import bias_sigmas, slopes
+from semantic_slam.inference.models.odometry_bias import CLOCK, bias_sigmas, slopes
 from semantic_slam.inference.models.odometry_noise import odometry_covariance
 from semantic_slam_lab.studies.drawn_worlds.errors import RepeatedErrors
 from semantic_slam_lab.studies.drawn_worlds.path import Path
@@ -42,7 +42,7 @@ class DrawnWorld:
     poses: Array  # (K, 3)
     objects: Array  # (M, 2)
     detected: list[tuple[int, ...]]  # of each keyframe's detections: the object, -1 for none
-    biases: Array  # (3,) of odometry, in their units
+    biases: Array  # (4,) of odometry, in their units
     detection_probability: float
 
 
@@ -118,9 +118,9 @@ def drawn_world(
         controls = np.array([path.motion(*_shifted(span, offset * sigmas[2])) for offset in OFFSETS])
         told = controls[len(OFFSETS) // 2]
         covariance = odometry_covariance(*path.extent(*span), odometry)
-        moved = path.motion(*_shifted(span, biases[2]))
+        moved = path.motion(*_shifted(span, biases[CLOCK]))
         noise = truth.noise * np.linalg.cholesky(covariance) @ random.normal(size=3)
-        pose = se2.compose(se2.compose(pose, moved), se2.exp(slopes(moved) @ biases[:2] + noise))
+        pose = se2.compose(se2.compose(pose, moved), se2.exp(slopes(moved) @ biases[:CLOCK] + noise))
         detections, labels = sensor.look(pose, told)
         sigma = np.sqrt(np.diag(covariance))
         keyframe = Keyframe.planar(index, motion=told, detections=detections, motion_sigmas=sigma)

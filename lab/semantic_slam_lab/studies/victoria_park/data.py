@@ -52,7 +52,7 @@ def make_drive(log: Log, variant: Variant) -> Drive:
     labels: list[tuple[str, ...]] = []
     positions: list[Array] = []
     controls, covariances = [], []
-    control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
+    control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
     by_bias_of_each = slopes(log.increments)
     for index, observations in enumerate(seen):
         if index:
@@ -78,7 +78,7 @@ def make_drive(log: Log, variant: Variant) -> Drive:
         positions.append(own)
         controls.append(control)
         covariances.append(spread)
-        control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 2))
+        control, covariance, by_bias = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
         if len(keyframes) == variant.num_keyframes:
             break
     duration = (keyframes[-1].stamp_ns - int(stamps_ns[0])) / 1e9
