@@ -122,7 +122,12 @@ class OpenWorldConfiguration:
         0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
     )
     detection_probabilities: tuple[float, ...] = parameter(
-        (), "of which every hypothesis has one, in place of detection_probability; evidence decides; empty: that alone"
+        (), "in place of detection_probability; how far each is right is inferred; empty: that alone"
+    )
+    detection_half_ranges_m: tuple[float, ...] = parameter(
+        (),
+        "ranges at which an object is detected half as often as right at the sensor (half-normal); how far each is"
+        " right is inferred; empty: as often everywhere in the region",
     )
     miss_persistence: float = parameter(
         0.0,
@@ -133,7 +138,7 @@ class OpenWorldConfiguration:
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
     birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
     birth_densities: tuple[float, ...] = parameter(
-        (), "of which every hypothesis has one, in place of birth_density; evidence decides; empty: that alone"
+        (), "in place of birth_density; how far each is right is inferred; empty: that alone"
     )
     field_of_view_rad: float = parameter(
         1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587

@@ -15,6 +15,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar
 from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
 from semantic_slam.inference.models.clutter import EvenClutter
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.moving import Moving
@@ -118,6 +119,8 @@ def _check_detections(configuration: Configuration, association: type[Associatio
         )
     if probabilities and not 0.0 < min(probabilities) <= max(probabilities) < 1.0:
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
+    if min(configuration.open_world.detection_half_ranges_m, default=1.0) <= 0.0:
+        raise InputError("open_world.detection_half_ranges_m must be above 0; correct them")
     if min(configuration.open_world.birth_densities, default=1.0) <= 0.0:
         raise InputError("open_world.birth_densities must be above 0; correct them")
 
@@ -158,7 +161,9 @@ def _as_used(configuration: Configuration, association: type[AssociationStrategy
     if association.wants_identities:
         revision = replace(revision, every_keyframes=0)
     if not association.counts_misses:
-        world = replace(world, detection_probabilities=(), birth_densities=(), miss_persistence=0.0)
+        world = replace(
+            world, detection_probabilities=(), detection_half_ranges_m=(), birth_densities=(), miss_persistence=0.0
+        )
     return replace(configuration, revision=revision, open_world=world)
 
 
@@ -186,7 +191,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     semantics: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
     noises = _noises(configuration, association)
     return Problem(
-        inferred_noise=InferredNoise.of(configuration.odometry, noises),
+        inferred_noise=InferredNoise.of(configuration.odometry, noises, DetectionRates.of(configuration.open_world)),
         noises=noises,
         spaces=sensing.spaces,
         model=sensing.model,

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.detection_rates import DetectionRates
+from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY
 from semantic_slam.inference.open_world.moving_objects import as_objects
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.movers import Movers
@@ -47,7 +49,7 @@ def _with_movers(
         present=np.concatenate([known.present, [reported.row_of[n] for n in own.ids.tolist()]]),
         states=np.concatenate([known.states, states]),
         covariances=np.concatenate([known.covariances, covariances]),
-        existence=np.concatenate([known.existence, own.existence]),
+        existence=np.concatenate([known.existence, component.objects.rates.average(own.existence)]),
     )
 
 
@@ -66,11 +68,17 @@ def motion_marginals(components: Sequence[Component], reported: ReportedObjects)
         movers = component.movers
         assert movers is not None
         at = np.array([reported.row_of[n] for n in movers.ids.tolist()], dtype=int)
-        moving[row, at] = movers.moving
+        moving[row, at] = _moving(movers, component.objects.rates)
         means = np.einsum("ts,tsi->ti", np.exp(movers.log_speeds), movers.means)
         velocities[row, at[movers.decided]] = 0.0
         velocities[row, at[movers.decided], :2] = means[movers.decided, 2:4]
     return {"moving": moving, "object_velocities": velocities}
+
+
+def _moving(movers: Movers, rates: DetectionRates) -> Array:
+    """(T,) probability that what may move does, if it exists."""
+    exists = np.maximum(rates.average(movers.existence), LEAST_PROBABILITY)
+    return np.where(movers.decided, 1.0, rates.average(movers.existence * movers.moving) / exists)
 
 
 def aligned_marginals(

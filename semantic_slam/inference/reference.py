@@ -172,7 +172,6 @@ def _region(configuration: Configuration, *, is_open: bool) -> SensorRegion:
     if is_open:
         return region
     return SensorRegion(
-        detection_probability=1.0,
         min_range_m=0.0,
         max_range_m=limits.max_range_m or configuration.perception.max_depth_m or region.max_range_m,
         field_of_view_rad=limits.field_of_view_rad or 2.0 * np.pi,

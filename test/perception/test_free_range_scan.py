@@ -44,9 +44,7 @@ def test_strips_without_depth_tell_nothing() -> None:
 
 def test_objects_behind_the_farthest_surface_are_hidden() -> None:
     """A wall 3.2 m ahead: what is at 2 m and at 3.4 m, within two radii of it, may be seen, what is at 4 m may not."""
-    region = SensorRegion(
-        detection_probability=0.9, min_range_m=0.5, max_range_m=6.0, field_of_view_rad=1.4, occluder_radius_m=0.2
-    )
+    region = SensorRegion(min_range_m=0.5, max_range_m=6.0, field_of_view_rad=1.4, occluder_radius_m=0.2)
     free_range_scan = farthest_free_ranges(wall(3.0), CAMERA, FORWARD)
     positions = np.array([[2.0, 0.3], [3.4, 0.0], [4.0, 0.3], [0.0, 4.0]])
     nothing = np.zeros(0)
@@ -54,7 +52,5 @@ def test_objects_behind_the_farthest_surface_are_hidden() -> None:
         region.not_occluded(positions, nothing, nothing, free_range_scan), [1.0, 1.0, 0.0, 1.0]
     )
     np.testing.assert_array_equal(region.not_occluded(positions, nothing, nothing), 1.0)
-    generous = SensorRegion(
-        detection_probability=0.9, min_range_m=0.5, max_range_m=6.0, field_of_view_rad=1.4, occluder_radius_m=0.0
-    )
+    generous = SensorRegion(min_range_m=0.5, max_range_m=6.0, field_of_view_rad=1.4, occluder_radius_m=0.0)
     np.testing.assert_array_equal(generous.not_occluded(positions, nothing, nothing, free_range_scan), 1.0)

@@ -7,11 +7,10 @@ given that it exists: the forward algorithm of a hidden Markov model beside the 
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags
 
 HIT_PROBABILITY = 0.9
 """Detection probability of what is detectable, or the configured one where that is larger."""
@@ -19,50 +18,45 @@ HIT_PROBABILITY = 0.9
 
 @dataclass(frozen=True)
 class MissRuns:
-    """The chain of a sensor."""
+    """The chain of a sensor, or of each of G."""
 
-    detection_probability: float  # pi q, in the long run
+    detection_probability: float | Array  # pi q, in the long run; (G,) of several
     persistence: float  # rho, from one keyframe to the next
 
     @property
-    def hit(self) -> float:
+    def hit(self) -> Array:
         """Detection probability q of what is detectable."""
-        return max(HIT_PROBABILITY, self.detection_probability)
+        return np.maximum(HIT_PROBABILITY, self.detection_probability)
 
     @property
-    def share(self) -> float:
+    def share(self) -> Array:
         """Share pi of the keyframes in which an object is detectable."""
-        return self.detection_probability / self.hit
+        return np.asarray(self.detection_probability / self.hit)
 
     def next(self, detectable: Array) -> Array:
-        """(O,) probabilities one keyframe later."""
+        """(O,) or (O, G) probabilities one keyframe later."""
         return np.asarray(self.share + self.persistence * (detectable - self.share))
 
     def after(self, detectable: Array, detected: Array, observed: Flags) -> Array:
-        """(O,) probabilities h after a keyframe in which objects were ``observed`` or not.
+        """(O, G) probabilities h after a keyframe in which (O,) objects were ``observed`` or not.
 
-        ``detected`` (O,) is their detection probability v q h, v being that of being in view.
+        ``detected`` (O, G) is their detection probability v q h, v being that of being in view.
         """
         missed = (detectable - detected) / np.maximum(1.0 - detected, 1e-12)
-        return np.asarray(np.where(observed, 1.0, missed))
+        return np.asarray(np.where(observed[:, None], 1.0, missed))
 
-    def never_detected(self, looks: Index) -> Array:
-        """(...,) probabilities that objects in view for so many keyframes (...,) were detected in none of them."""
-        if self.persistence == 0.0:
-            return np.asarray((1.0 - self.detection_probability) ** looks)
-        return self._never(1 << int(looks.max(initial=0)).bit_length())[looks]
+    def still_undetected(self, in_view: Array, gaps: Array) -> Array:
+        """(N, G) how much less likely than without earlier looks it is that objects are detected first now.
 
-    @cache  # noqa: B019  (a few sensors in a process)
-    def _never(self, count: int) -> Array:
-        """(count,) probabilities of no detection in 0, 1, ... looks, one a keyframe."""
-        found = np.ones(count)
-        seen, hidden = self.share, 1.0 - self.share  # and of being detectable then, or not
-        change = (1.0 - self.persistence) * np.array([1.0 - self.share, self.share])
-        for looks in range(1, count):
-            missed = seen * (1.0 - self.hit)
-            found[looks] = missed + hidden
-            seen, hidden = (
-                missed * (1.0 - change[0]) + hidden * change[1],
-                missed * change[0] + hidden * (1.0 - change[1]),
-            )
-        return found
+        Each of N objects was looked at (L, N) times and never detected: ``in_view`` (L, N, G) is the probability of
+        its detection in each look, relative to that of one right at the sensor, ``gaps`` (L, N) the keyframes from
+        there to the next look, and to now from the last. The forward algorithm, over both states.
+        """
+        share = np.broadcast_to(self.share, in_view.shape[1:])
+        seen, hidden = share.copy(), 1.0 - share  # and of being detectable then, or not
+        for chance, left in zip(self.hit * in_view, np.power(self.persistence, gaps), strict=True):
+            missed = seen * (1.0 - chance)
+            total = missed + hidden
+            seen = total * share + left[:, None] * (missed - total * share)
+            hidden = total - seen
+        return np.asarray(seen / share)

@@ -6,9 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
+
+MOST_LOOKS = 50
+"""Of one place that count, the newest: by then next to nothing is left to be found there."""
 
 
 class Occluders(NamedTuple):
@@ -31,9 +34,14 @@ class PredictedObjects:
 
 
 def detection_probabilities(
-    region: SensorRegion, prediction: PredictedObjects, robot: Array, covariance: Array, shown: Occluders
+    region: SensorRegion,
+    rates: DetectionRates,
+    prediction: PredictedObjects,
+    robot: Array,
+    covariance: Array,
+    shown: Occluders,
 ) -> Array:
-    """(K, N) probabilities that objects that exist are detected from modes ``robot`` (K, 3) with (K, 3, 3).
+    """(K, N, G) probabilities that objects that exist are detected from modes ``robot`` (K, 3) with (K, 3, 3).
 
     What is ``shown`` may hide what is behind it.
     """
@@ -42,14 +50,26 @@ def detection_probabilities(
     objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
     relative = se2.between(robot[:, None], objects)
     inside = region.contains(relative[..., :2], _relative_covariance(relative, prediction, covariance))
-    return np.asarray(region.detection_probability * inside * region.not_occluded(relative[..., :2], *shown))
+    inside *= region.not_occluded(relative[..., :2], *shown)
+    return _by_rates(rates, inside, relative)
 
 
-def predicted_detection_probabilities(region: SensorRegion, prediction: PredictedObjects) -> Array:
-    """(N,) the same at the prediction itself, nothing being hidden."""
+def predicted_detection_probabilities(
+    region: SensorRegion, rates: DetectionRates, prediction: PredictedObjects
+) -> Array:
+    """(N, G) the same at the prediction itself, nothing being hidden."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
     spread = _relative_covariance(relative, prediction, prediction.robot_covariance[None])
-    return np.asarray(region.detection_probability * region.contains(relative[..., :2], spread)[0])
+    return _by_rates(rates, region.contains(relative[..., :2], spread)[0], relative[0])
+
+
+def _by_rates(rates: DetectionRates, inside: Array, relative: Array) -> Array:
+    """(..., G) detection probabilities of objects at (..., 3) in the body frame, (...,) of which lies inside.
+
+    They fall off with the distance that is expected.
+    """
+    distance = np.hypot(relative[..., 0], relative[..., 1])
+    return np.asarray(inside[..., None] * rates.probability * rates.fall_off(distance))
 
 
 def _relative_covariance(relative: Array, prediction: PredictedObjects, covariance: Array) -> Array:
@@ -68,18 +88,32 @@ def _relative_covariance(relative: Array, prediction: PredictedObjects, covarian
     return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + by_remainder)
 
 
-def undetected_share(region: SensorRegion, runs: MissRuns, trail: Array, points: Array) -> Array:
-    """(D,) probabilities that objects at ``points`` (D, 2) in map were not detected from ``trail`` (T, 3) so far.
+def undetected_share(region: SensorRegion, rates: DetectionRates, trail: Array, points: Array) -> Array:
+    """(D, G) how much less likely first detections at ``points`` (D, 2) in map are than without ``trail`` (T, 3).
 
-    Positions count as known: what is looked for lies where a detection is.
+    Those are the robot's poses so far, from which nothing was detected there. Positions count as known: what is looked
+    for lies where a detection is.
     """
-    return runs.never_detected(_looks(region, trail, points))
+    sensors, which = rates.sensors
+    looks, ranges = _looks(region, trail, points)
+    count = min(int(looks.sum(axis=1).max(initial=0)), MOST_LOOKS)
+    if not count:
+        return np.ones((len(points), len(rates)))
+    order = np.argsort(looks, axis=1, kind="stable")[:, -count:]  # those that see it come last
+    in_view = np.take_along_axis(looks, order, axis=1)
+    times = np.where(in_view, order, 0)
+    gaps = np.where(in_view, np.diff(times, axis=1, append=len(trail)), 0)
+    chances = in_view[..., None] * sensors.fall_off(np.take_along_axis(ranges, order, axis=1))
+    share = sensors.runs.still_undetected(np.swapaxes(chances, 0, 1), gaps.T)
+    return share[:, which]
 
 
-def _looks(region: SensorRegion, trail: Array, points: Array) -> Index:
-    """(D,) how many of the robot's poses ``trail`` (T, 3) have points (D, 2) in the region."""
+def _looks(region: SensorRegion, trail: Array, points: Array) -> tuple[Flags, Array]:
+    """(D, T) whether the robot's poses ``trail`` (T, 3) have points (D, 2) in the region, and the ranges [m]."""
     x, y = (points[:, None, axis] - trail[:, axis] for axis in (0, 1))
     squared = x * x + y * y
-    numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
+    looks = (squared > region.min_range_m**2) & (squared < region.max_range_m**2)
+    numbers, times = np.nonzero(looks)
     bearing = region.off_centre(np.arctan2(y[numbers, times], x[numbers, times]) - trail[times, 2])
-    return np.bincount(numbers[np.abs(bearing) <= 0.5 * region.field_of_view_rad], minlength=len(points))
+    looks[numbers, times] = np.abs(bearing) <= 0.5 * region.field_of_view_rad
+    return looks, np.sqrt(squared)

@@ -11,13 +11,12 @@ from semantic_slam.geometry.arrays import Array
 LEAST_PROBABILITY = 1e-300
 
 
-def birth(undetected: Array, clutter: float, detection_probability: float) -> tuple[Array, Array]:
+def birth(born: Array, clutter: float) -> tuple[Array, Array]:
     """Intensity of a first detection [1/m^2], and existence of what it is a detection of.
 
-    ``undetected`` intensities [1/m^2] of objects not seen yet where the detection lies, ``clutter`` intensity of false
+    ``born`` intensities [1/m^2] of first detections of objects where the detection lies, ``clutter`` intensity of false
     alarms [1/m^2].
     """
-    born = detection_probability * undetected
     total = born + clutter
     return total, np.where(total > 0.0, born / np.where(total > 0.0, total, 1.0), 0.0)
 

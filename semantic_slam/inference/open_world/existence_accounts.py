@@ -1,7 +1,8 @@
-"""What a keyframe says of the existence of objects: detected, missed, or born."""
+"""What a keyframe says of the existence of objects: detected, missed, or born; and of how often a sensor detects."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,15 +25,6 @@ def least_detected(settings: OpenWorldConfiguration) -> float:
     return LEAST_DETECTION_SHARE * settings.detection_probability
 
 
-class IfMissed(NamedTuple):
-    """A parent's O objects at one candidate's mode, if they are not detected."""
-
-    standing: Array  # (O,) probability of being detected, if it stands still
-    detected: Array  # (O,) probability of being detected
-    log_factor: Array  # (O,)
-    existence: Array  # (O,) afterwards
-
-
 class ExistenceAccounts:
     """Log factors and existence updates of the candidates of one keyframe; ``born`` (D,) ids that it would start."""
 
@@ -41,89 +33,161 @@ class ExistenceAccounts:
     ) -> None:
         self._settings, self._step, self._predictions, self._born = settings, step, predictions, born
 
-    def of(self, assignments: Assignments, object_ids: Index) -> tuple[Array, list[ExistenceUpdate]]:
+    def of(self, assignments: Assignments, object_ids: Index) -> tuple[Array, "ExistenceUpdates"]:
         """(K,) log factors of births, detections and misses, and the updates; ``object_ids`` (K, D) as associated."""
         moves = np.zeros(object_ids.shape, dtype=bool)
         if assignments.classes is not None:
             moves = assignments.classes == MOVES
-        factors = np.zeros(len(assignments))
-        updates: dict[int, ExistenceUpdate] = {}
+        accounts: list[_Account] = [None] * len(assignments)  # type: ignore[list-item]
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            factors[rows] = -(self._settings.clutter_per_frame + prediction.expected_births)
-            detected = self._detected(prediction, assignments.take(rows))
-            at_all = prediction.detected_at_all(detected)
-            log_missed, after = missed(prediction.existence, at_all)
+            if_missed = [
+                _IfMissed(prediction, detected, self._settings)
+                for detected in self._detected(prediction, assignments.take(rows))
+            ]
             for at, row in enumerate(rows.tolist()):
-                candidate = at if len(detected) > 1 else 0
-                if_missed = IfMissed(detected[candidate], at_all[candidate], log_missed[candidate], after[candidate])
-                added, updates[row] = self._account(prediction, object_ids[row], moves[row], if_missed)
-                factors[row] += added
-        return factors, [updates[row] for row in range(len(assignments))]
+                own = if_missed[at if len(if_missed) > 1 else 0]
+                accounts[row] = _Account.of(own, object_ids[row], moves[row], self._born)
+        return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
     def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
-        """(K, O) detection probabilities at the modes; (1, O) at the prediction where that tells as much."""
+        """(K, O, G) detection probabilities at the modes; (1, O, G) at the prediction where that tells as much."""
         if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
             return prediction.detected[None]
         ranges = np.array([detection.range_m for detection in self._step.detections], dtype=np.float64)
         bearings = np.array([detection.bearing_rad for detection in self._step.detections], dtype=np.float64)
         occluders = Occluders(ranges, bearings, self._step.free_range_scan)
-        detected = np.zeros((len(rows), len(prediction.detected)))
+        detected = np.zeros((len(rows), *prediction.detected.shape))
         detected[:, prediction.in_reach] = detection_probabilities(
-            prediction.region, prediction.objects, rows.column("robot"), rows.column("robot_covariance"), occluders
+            prediction.region,
+            prediction.rates,
+            prediction.objects,
+            rows.column("robot"),
+            rows.column("robot_covariance"),
+            occluders,
         )
         if prediction.detectable is not None:
-            detected *= prediction.detectable / prediction.miss_runs.share
+            detected *= prediction.detectable / prediction.rates.runs.share
         return detected
 
-    def _account(
-        self, prediction: Prediction, association: Index, moves: Flags, if_missed: IfMissed
-    ) -> tuple[float, ExistenceUpdate]:
-        """Log factor and update of one candidate; (D,) objects and whether they move."""
-        is_new = association >= self._born[0] if len(self._born) else np.zeros(0, dtype=bool)
+
+class _IfMissed:
+    """A parent's O objects at one candidate's mode: what is known of them if none is detected, and what if they are."""
+
+    def __init__(self, prediction: Prediction, standing: Array, settings: OpenWorldConfiguration) -> None:
+        """``standing`` (O, G) is the probability of being detected, if an object stands still."""
+        self.prediction, self.standing, self.settings = prediction, standing, settings
+        self.least = least_detected(settings)
+        self.detected = prediction.detected_at_all(standing[None])[0]  # (O, G)
+        self.log_missed, self.existence = missed(prediction.existence, self.detected)  # (O, G)
+
+    @cached_property
+    def log_total(self) -> Array:
+        """(G,) of a keyframe without detections."""
+        total = self.log_missed.sum(axis=0) - (self.settings.clutter_per_frame + self.prediction.expected_births)
+        if self.prediction.movers is not None:
+            total = total + self.prediction.movers.log_missed.sum(axis=0)
+        return np.asarray(total)
+
+    def log_detected(self, rows: Index) -> Array:
+        """(n, G) by how much more likely it is that objects are detected, standing still."""
+        stands = self.prediction.existence[rows] * self.prediction.stands[rows]
+        seen = np.maximum(stands * np.maximum(self.standing[rows], self.least), LEAST_PROBABILITY)
+        return np.asarray(np.log(seen) - self.log_missed[rows])
+
+    @cached_property
+    def log_moving(self) -> Array:
+        """(T, G) the same of what moves, or may."""
+        movers = self.prediction.movers
+        assert movers is not None
+        return movers.log_detected(self.least, self.log_missed, self.prediction.undecided)
+
+    @cached_property
+    def log_born(self) -> Array:
+        """(D, G) the same of what the detections start."""
+        areas = np.array([birth.log_area - birth.log_stand_in for birth in self.prediction.births])
+        return self.prediction.log_intensity + areas[:, None]
+
+    @cached_property
+    def stands(self) -> Array:
+        """(O, G) probability that they stand still, if they exist and were missed."""
+        return np.asarray(self.prediction.stands * (1.0 - self.standing) / (1.0 - self.detected))
+
+
+@dataclass(frozen=True)
+class _Account:
+    """One candidate; n of its D detections are first ones."""
+
+    if_missed: _IfMissed
+    observed: Index  # rows of the objects that are detected, and stand still
+    moving_ids: Index  # of those that are detected, and move
+    new: Index  # (n,) detections
+    new_ids: Index  # (n,)
+    log_factor: float
+    log_weights: Array  # (G,) of the settings of the sensor, afterwards
+
+    @classmethod
+    def of(cls, if_missed: _IfMissed, association: Index, moves: Flags, born: Index) -> "_Account":
+        """With (D,) objects and whether they move."""
+        prediction = if_missed.prediction
+        is_new = association >= born[0] if len(born) else np.zeros(0, dtype=bool)
         observed = prediction.component.objects.rows(association[~is_new & ~moves])
-        least = least_detected(self._settings)
-        stands = prediction.existence[observed] * prediction.stands[observed]
-        log_detected = np.log(np.maximum(stands * np.maximum(if_missed.standing[observed], least), LEAST_PROBABILITY))
-        total = float(if_missed.log_factor.sum() + (log_detected - if_missed.log_factor[observed]).sum())
-        after = if_missed.existence.copy()
-        after[observed] = 1.0
         new = np.flatnonzero(is_new)
-        total += sum(prediction.births[n].log_area - prediction.births[n].log_stand_in for n in new)
-        total += float(prediction.log_intensity[new].sum())
+        total = if_missed.log_total + if_missed.log_detected(observed).sum(axis=0)
+        if len(new):
+            total = total + if_missed.log_born[new].sum(axis=0)
+        moving_ids = association[moves]
+        if len(moving_ids):
+            assert prediction.movers is not None
+            total = total + if_missed.log_moving[prediction.movers.movers.rows(moving_ids)].sum(axis=0)
+        factor, weights = prediction.rates.explained(total)
+        return cls(if_missed, observed, moving_ids, new, association[new], factor, weights)
+
+    def update(self) -> ExistenceUpdate:
+        """What it makes of the existence of the parent's objects, under the settings that are left."""
+        if_missed, prediction = self.if_missed, self.if_missed.prediction
+        rates, left = prediction.rates.reweighed(self.log_weights)
+        existence, stands = if_missed.existence[:, left].copy(), if_missed.stands[:, left]
+        existence[self.observed] = 1.0
+        probable = rates.average(existence)
         if prediction.movers is not None:
-            moving = prediction.movers.movers.rows(association[moves])
-            factors = prediction.movers.log_detected(least, if_missed.log_factor, prediction.undecided)
-            total += float(prediction.movers.log_missed.sum() + factors[moving].sum())
-        kept, may_move = self._kept(prediction, association[moves], if_missed, after)
-        update = ExistenceUpdate(
-            existence=after,
-            kept=kept,
-            new_ids=association[new],
-            new_existence=prediction.birth_existence[new],
-            detectable=_detectable(prediction, if_missed.detected, observed, kept, len(new)),
-            moving=may_move,
+            probable = rates.average(existence * stands)
+            probable[self.observed] = 1.0
+        kept = (probable >= if_missed.settings.least_existence) & ~np.isin(
+            prediction.component.objects.ids, self.moving_ids
         )
-        return total, update
-
-    def _kept(
-        self, prediction: Prediction, moving_ids: Index, if_missed: IfMissed, after: Array
-    ) -> tuple[Flags, Array | None]:
-        """(O,) whether objects that stand still are kept, of which some turn out to move; and whether others may."""
-        if prediction.movers is None:
-            return np.asarray(after >= self._settings.least_existence), None
-        stands = prediction.stands * (1.0 - if_missed.standing) / (1.0 - if_missed.detected)
-        kept = (after * stands >= self._settings.least_existence) & ~np.isin(
-            prediction.component.objects.ids, moving_ids
+        return ExistenceUpdate(
+            existence=existence,
+            kept=np.asarray(kept),
+            new_ids=self.new_ids,
+            new_existence=prediction.birth_existence[np.ix_(self.new, np.flatnonzero(left))],
+            rates=rates,
+            rates_kept=None if left.all() else left,
+            detectable=self._detectable(left, kept),
+            moving=None if prediction.movers is None else 1.0 - stands,
         )
-        return np.asarray(kept), np.asarray(1.0 - stands)
+
+    def _detectable(self, left: Flags, kept: Flags) -> Array | None:
+        """Whether objects kept and new ones can be detected in the next keyframe, where misses come in runs."""
+        detectable = self.if_missed.prediction.detectable
+        if detectable is None:
+            return None
+        rates = self.if_missed.prediction.rates
+        seen = np.zeros(len(detectable), dtype=bool)
+        seen[self.observed] = True
+        after = rates.runs.after(detectable, self.if_missed.detected, seen)[kept]
+        after = np.concatenate([after, np.ones((len(self.new), after.shape[1]))])
+        return rates.runs.next(after)[:, left]
 
 
-def _detectable(prediction: Prediction, detected: Array, observed: Index, kept: Flags, num_new: int) -> Array | None:
-    """Whether the objects kept and the new ones can be detected in the next keyframe, where misses come in runs."""
-    if prediction.detectable is None:
-        return None
-    seen = np.zeros(len(detected), dtype=bool)
-    seen[observed] = True
-    after = prediction.miss_runs.after(prediction.detectable, detected, seen)
-    return prediction.miss_runs.next(np.concatenate([after[kept], np.ones(num_new)]))
+class ExistenceUpdates(Sequence[ExistenceUpdate]):
+    """The updates of K candidates, each computed when it is asked for: few survive."""
+
+    def __init__(self, accounts: Sequence[_Account]) -> None:
+        self._accounts = accounts
+
+    def __len__(self) -> int:
+        return len(self._accounts)
+
+    def __getitem__(self, row: int) -> ExistenceUpdate:  # type: ignore[override]
+        return self._accounts[row].update()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.existence import missed
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.prediction import Prediction
@@ -34,14 +35,14 @@ def movers_after(
     association, moves = np.array(taken.association, dtype=int), np.array(taken.class_assignment) == MOVES
     numbers = np.flatnonzero(moves)
     rows = predicted.movers.rows(association[numbers])
-    seen = predicted.observed(rows, numbers, robot, covariance)
+    seen = predicted.observed(rows, numbers, robot, covariance).with_rates(update.rates_kept)
     left = np.flatnonzero(~np.isin(predicted.movers.ids, association))
     others = _missed(prediction, predicted, left, update, least_existence).seen_from(robot)
-    known = others.joined(_detectable_again(predicted, seen))
+    known = others.joined(_detectable_again(update.rates, seen))
     new = np.flatnonzero(np.isin(association, update.new_ids) & (predicted.shares > 0.0))
     existence = update.new_existence[np.searchsorted(update.new_ids, association[new])]
     return known.take(np.argsort(known.ids)).joined(
-        _detectable_again(predicted, predicted.started(new, association[new], existence, robot))
+        _detectable_again(update.rates, predicted.started(new, association[new], existence, robot))
     )
 
 
@@ -49,9 +50,12 @@ def _missed(
     prediction: Prediction, predicted: PredictedMovers, left: Index, update: ExistenceUpdate, least_existence: float
 ) -> Movers:
     """The objects in the rows ``left``, which were not detected, without those that are given up."""
-    own, detected = predicted.movers.take(left), predicted.detected[left]
+    own, detected = predicted.movers.take(left).with_rates(update.rates_kept), predicted.detected[left]
+    if update.rates_kept is not None:
+        detected = detected[:, update.rates_kept]
     existence = missed(own.existence, detected)[1]
-    kept = (existence >= least_existence) & (predicted.recognised[left] | (existence > LIKELY))
+    likely = update.rates.average(existence)
+    kept = (likely >= least_existence) & (predicted.recognised[left] | (likely > LIKELY))
     moving = own.moving.copy()
     undecided = ~own.decided
     places = prediction.component.objects.rows(own.ids[undecided])
@@ -60,20 +64,20 @@ def _missed(
     kept[undecided] = update.kept[places]
     detectable = own.detectable
     if detectable is not None:
-        runs = predicted.miss_runs
+        runs = update.rates.runs
         detectable = runs.next(runs.after(detectable, detected, np.zeros(len(left), dtype=bool)))
         detectable[undecided & kept] = _of_static(prediction, update, own.ids[undecided & kept])
     return replace(own, existence=existence, moving=moving, detectable=detectable).take(np.asarray(kept))
 
 
 def _of_static(prediction: Prediction, update: ExistenceUpdate, object_ids: Index) -> Array:
-    """(n,) whether objects that are kept among those that stand still can be detected next."""
+    """(n, G) whether objects that are kept among those that stand still can be detected next."""
     assert update.detectable is not None
     return np.asarray(update.detectable[np.searchsorted(prediction.component.objects.ids[update.kept], object_ids)])
 
 
-def _detectable_again(predicted: PredictedMovers, movers: Movers) -> Movers:
+def _detectable_again(rates: DetectionRates, movers: Movers) -> Movers:
     """Movers that were just seen, one keyframe later."""
     if movers.detectable is None:
         return movers
-    return replace(movers, detectable=predicted.miss_runs.next(np.ones(len(movers))))
+    return replace(movers, detectable=rates.runs.next(np.ones(movers.detectable.shape)))

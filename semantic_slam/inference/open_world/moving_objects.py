@@ -13,7 +13,7 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.existence import missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
@@ -64,10 +64,10 @@ class PredictedMovers:
     model: Moving
     movers: Movers
     detections: PlacedDetections
-    detected: Array  # (T,) detection probabilities, if they exist and move
+    detected: Array  # (T, G) detection probabilities, if they exist and move
     shares: Array  # (D,) probability that what a detection would start moves
     recognised: Flags  # (T,) whether a detection may be of them
-    miss_runs: MissRuns
+    rates: DetectionRates
 
     def __len__(self) -> int:
         return len(self.movers)
@@ -99,14 +99,14 @@ class PredictedMovers:
 
     @cached_property
     def log_missed(self) -> Array:
-        """(T,) log probabilities that what is known to move is not detected; 0 for others."""
+        """(T, G) log probabilities that what is known to move is not detected; 0 for others."""
         own = self.movers
-        return np.asarray(np.where(own.decided, missed(own.existence, self.detected)[0], 0.0))
+        return np.asarray(np.where(own.decided[:, None], missed(own.existence, self.detected)[0], 0.0))
 
     def log_detected(self, least: float, log_missed: Array, undecided: Index) -> Array:
-        """(T,) log weights of being detected, as an object that moves, against a miss.
+        """(T, G) log weights of being detected, as an object that moves, against a miss.
 
-        Detection probabilities are not below ``least``. ``log_missed`` (O,) are those of misses of static objects,
+        Detection probabilities are not below ``least``. ``log_missed`` (O, G) are those of misses of static objects,
         among which the ``undecided`` (u,) stand.
         """
         own = self.movers
@@ -131,8 +131,8 @@ class PredictedMovers:
         log_speeds = own.log_speeds - 0.5 * (squared + log_determinant)
         return replace(
             own,
-            moving=np.ones(len(rows)),
-            existence=np.ones(len(rows)),
+            moving=np.ones(own.moving.shape),
+            existence=np.ones(own.existence.shape),
             log_speeds=log_speeds - np.logaddexp.reduce(log_speeds, axis=1, keepdims=True),
             means=own.means + np.einsum("tsij,tsj->tsi", gain, residual),
             gains=own.gains - gain @ by_robot,
@@ -178,9 +178,9 @@ class PredictedMovers:
             stamp_ns=self.movers.stamp_ns,
             robot=robot,
             ids=ids,
-            moving=self.shares[numbers],
+            moving=np.repeat(self.shares[numbers, None], existence.shape[1], axis=1),
             existence=existence,
-            detectable=np.ones(count) if known else None,
+            detectable=np.ones(existence.shape) if known else None,
             log_speeds=np.full(shape, -np.log(len(speeds))),
             means=means,
             gains=gains,
@@ -229,15 +229,15 @@ def predicted_movers(
     stamp_ns: int,
     *,
     region: SensorRegion,
-    miss_runs: MissRuns,
+    rates: DetectionRates,
     detections: Sequence[Any],
     labels: Sequence[str],
 ) -> PredictedMovers:
     """What is expected at ``stamp_ns`` of the objects of one hypothesis; (D,) ``labels`` of the detections."""
     moved = _moved(model, movers, motion, stamp_ns)
-    detected = _detected(moved, motion.covariance, region)
+    detected = _detected(moved, motion.covariance, region, rates)
     if moved.detectable is not None:
-        detected = detected * moved.detectable / miss_runs.share
+        detected = detected * moved.detectable / rates.runs.share
     placed = PlacedDetections.of(detections)
     variances = 0.5 * np.trace(moved.spreads[..., :2, :2], axis1=-2, axis2=-1)
     return PredictedMovers(
@@ -247,7 +247,7 @@ def predicted_movers(
         detected=detected,
         shares=np.where(placed.has_range, model.shares(labels), 0.0),
         recognised=np.sqrt(variances.min(axis=1)) < LOST_M,
-        miss_runs=miss_runs,
+        rates=rates,
     )
 
 
@@ -283,10 +283,10 @@ def _transition(model: Moving, movers: Movers, control: Array, elapsed_s: float)
     return transition, noise
 
 
-def _detected(movers: Movers, covariance: Array, region: SensorRegion) -> Array:
-    """(T,) probabilities of being detected, if they exist and move; nothing hides anything."""
+def _detected(movers: Movers, covariance: Array, region: SensorRegion, rates: DetectionRates) -> Array:
+    """(T, G) probabilities of being detected, if they exist and move; nothing hides anything."""
     if not len(movers):
-        return np.zeros(0)
+        return np.zeros((0, len(rates)))
     turn = rotation(movers.robot[None])[0]
     relative = (movers.means[..., :2] - movers.robot[:2]) @ turn
     slope = turn.T @ movers.gains[..., :2, :]
@@ -296,7 +296,8 @@ def _detected(movers: Movers, covariance: Array, region: SensorRegion) -> Array:
     slope[..., 1, 2] -= relative[..., 0]
     spread = turn.T @ movers.spreads[..., :2, :2] @ turn + slope @ covariance @ np.swapaxes(slope, -1, -2)
     inside = region.contains(relative, spread)
-    return np.asarray(region.detection_probability * (np.exp(movers.log_speeds) * inside).sum(axis=1))
+    fall_off = rates.fall_off(np.hypot(relative[..., 0], relative[..., 1]))
+    return np.asarray(rates.probability * np.einsum("ts,ts,tsg->tg", np.exp(movers.log_speeds), inside, fall_off))
 
 
 def as_objects(movers: Movers, robot_covariance: Array) -> tuple[Array, Array]:

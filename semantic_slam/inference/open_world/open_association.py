@@ -110,21 +110,27 @@ class OpenAssociation:
     def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:
         """The joint assignments of one parent that are weighed.
 
-        Columns are its near objects, then what the detections may start, then what moves.
+        They are ranked by what each pair weighs by itself, over the settings of the sensor as a keyframe without
+        detections would leave them. Columns are its near objects, then what the detections may start, then what moves.
         """
         near, least = prediction.near, least_detected(self.settings)
         log_missed = missed(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])[0]
         r, detected = prediction.existence[near] * prediction.stands[near], prediction.detected[near]
         with np.errstate(divide="ignore"):
             log_ratio = np.log(r * np.maximum(detected, least)) - log_missed[near]
-        log_known, admitted = pairs.log_density + log_ratio, pairs.distance < self.settings.gate_sigma
-        log_new = prediction.log_intensity + np.array([birth.log_area for birth in prediction.births])
+        unseen = log_missed.sum(axis=0) - prediction.expected_births
+        _, log_weights = prediction.rates.explained(unseen)
+        log_known = pairs.log_density + np.logaddexp.reduce(log_weights + log_ratio, axis=1)
+        admitted = pairs.distance < self.settings.gate_sigma
+        log_new = np.logaddexp.reduce(log_weights + prediction.log_intensity, axis=1)
+        log_new += np.array([birth.log_area for birth in prediction.births])
         limits = self.problem.weights.max_candidates, self.problem.weights.gate
         movers = prediction.movers
         if movers is None or not len(movers):
             return best_assignments(log_known, admitted, log_new, *limits, prediction.log_beyond)
         density, distance = movers.pairs(prediction.predicted.covariance[0, :3, :3])
-        moving = density + movers.log_detected(least, log_missed, prediction.undecided)
+        by_rates = log_weights + movers.log_detected(least, log_missed, prediction.undecided)
+        moving = density + np.logaddexp.reduce(by_rates, axis=1)
         best = np.maximum(log_new, np.where(admitted, log_known, -np.inf).max(axis=1, initial=-np.inf))
         likely = moving > best[:, None] - np.log(self.problem.pruning.ratio)
         found = best_assignments(

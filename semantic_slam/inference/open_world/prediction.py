@@ -15,7 +15,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
@@ -26,12 +26,11 @@ from semantic_slam.inference.open_world.births import Birth, birth_of
 from semantic_slam.inference.open_world.detection_probability import (
     PredictedObjects,
     predicted_detection_probabilities,
-    undetected_share,
 )
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers, RobotMotion, predicted_movers
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.open_world.unseen_ground import unseen_share
+from semantic_slam.inference.open_world.unseen_ground import first_detections
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.smoothing.tracking import carried_keys
@@ -57,23 +56,23 @@ class Prediction:
     errors: PredictedErrors | None  # of the detections, where they repeat
     carried_errors: CarriedErrors | None  # of earlier detections, as the motion leaves them
     births: list[Birth]  # D
-    log_intensity: Array  # (D,) [1/m^2] or, for a bearing alone, in the region
-    birth_existence: Array  # (D,)
-    expected_births: float  # first detections
+    rates: DetectionRates  # G settings, given which all below is
+    log_intensity: Array  # (D, G) [1/m^2] or, for a bearing alone, in the region
+    birth_existence: Array  # (D, G)
+    expected_births: Array  # (G,) first detections
     log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
     in_reach: Index  # (N,) rows of the population that may be in the region
     objects: PredictedObjects  # of those
     detections: Sequence[Any]  # D, with the covariances that the hypothesis takes them to have
-    region: SensorRegion  # with the detection probability that it takes the sensor to have
-    detected: Array  # (O,) detection probabilities at the prediction, nothing being hidden
-    detectable: Array | None  # (O,) probability that an object can be detected at all, where misses come in runs
-    miss_runs: MissRuns
+    region: SensorRegion
+    detected: Array  # (O, G) detection probabilities at the prediction, nothing being hidden
+    detectable: Array | None  # (O, G) probability that an object can be detected at all, where misses come in runs
     movers: PredictedMovers | None = None  # objects that move, or may; None: nothing does
 
     @cached_property
     def stands(self) -> Array:
-        """(O,) probability that the parent's objects stand still, if they exist."""
-        stands = np.ones(len(self.existence))
+        """(O, G) probability that the parent's objects stand still, if they exist."""
+        stands = np.ones(self.existence.shape)
         if self.movers is not None:
             stands[self.undecided] -= self.movers.movers.moving[~self.movers.movers.decided]
         return stands
@@ -86,7 +85,7 @@ class Prediction:
         return self.component.objects.rows(own.ids[~own.decided])
 
     def detected_at_all(self, detected: Array) -> Array:
-        """(K, O) detection probabilities of objects that stand still or move, from those if they stand still."""
+        """(K, O, G) detection probabilities of objects that stand still or move, from those if they stand still."""
         if self.movers is None:
             return detected
         mixed = detected * self.stands
@@ -96,8 +95,8 @@ class Prediction:
 
     @property
     def existence(self) -> Array:
-        """(O,) of the parent's objects before the keyframe."""
-        return self.component.objects.existence
+        """(O, G) of the parent's objects before the keyframe."""
+        return self.component.objects.existence_given
 
     @property
     def near_ids(self) -> Index:
@@ -183,8 +182,7 @@ class Predictor:
         be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter where objects move.
         """
         motion, space, tracked = component.moved_by(motion), component.spaces.robot, _tracked(component)
-        region = self._region_of(component, sensed)
-        runs = MissRuns(region.detection_probability, self.settings.miss_persistence)
+        region, rates = self._region.reaching(sensed), component.objects.rates
         control = _control(component, motion)
         robot = space.compose(tracked.robot, control)
         transition = space.propagation(control)
@@ -198,7 +196,7 @@ class Predictor:
         margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
         reach = np.flatnonzero(_distances(tracked.states, robot) < region.max_range_m + margin)
         if named is None:
-            near, beyond = self._near(component, region, robot, spread, births, detections, reach)
+            near, beyond = self._near(component, robot, spread, births, detections, reach)
         else:
             near, beyond = named, np.full(len(births), -np.inf)
         local = _local(component, robot, near)
@@ -208,12 +206,12 @@ class Predictor:
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
         objects = _objects_in_reach(tracked, robot, reach, near, predicted)
-        intensity, existence = self._births(component, region, runs, births, detections)
-        detected = np.zeros(len(component.objects.ids))
-        detected[reach] = predicted_detection_probabilities(region, objects)
+        expected, intensity, existence = self._births(component, region, robot, births, detections)
+        detected = np.zeros((len(component.objects.ids), len(rates)))
+        detected[reach] = predicted_detection_probabilities(region, rates, objects)
         detectable = component.objects.detectable
         if detectable is not None:
-            detected *= detectable / runs.share
+            detected *= detectable / rates.runs.share
         movers = None
         if component.movers is not None and (len(component.movers) or self._moving.shares(labels).any()):
             robot_motion = RobotMotion(
@@ -230,7 +228,7 @@ class Predictor:
                 robot_motion,
                 stamp_ns,
                 region=region,
-                miss_runs=runs,
+                rates=rates,
                 detections=detections,
                 labels=labels,
             )
@@ -243,24 +241,19 @@ class Predictor:
             errors=errors,
             carried_errors=carried,
             births=births,
+            rates=rates,
             log_intensity=intensity,
             birth_existence=existence,
-            expected_births=self._expected_births(component, region, runs, robot),
+            expected_births=expected,
             log_beyond=beyond,
             in_reach=reach,
             objects=objects,
             detected=detected,
             detectable=detectable,
-            miss_runs=runs,
             detections=detections,
             region=region,
         )
 
-    def _region_of(self, component: Component, sensed: SensedRegion | None) -> SensorRegion:
-        region = self._region.reaching(sensed)
-        if component.settings is None:
-            return region
-        return replace(region, detection_probability=component.settings.detection_probability)
 
     def _with_errors(
         self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]
@@ -282,7 +275,6 @@ class Predictor:
     def _near(
         self,
         component: Component,
-        region: SensorRegion,
         robot: Array,
         spread: Array,
         births: list[Birth],
@@ -305,49 +297,34 @@ class Predictor:
         order = np.argsort(excess, kind="stable")
         order = order[excess[order] < gate]
         peaks = np.array([detection.log_normaliser for detection in detections])
-        detected = objects.existence[order[limit:]] * region.detection_probability
+        detected = objects.existence[order[limit:]] * objects.rates.average(objects.rates.probability)
         weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
-
-    def _density(self, component: Component) -> float:
-        """Objects per square metre where nothing was seen yet, as the hypothesis takes them to be."""
-        return self.settings.birth_density if component.settings is None else component.settings.birth_density
-
-    def _expected_births(self, component: Component, region: SensorRegion, runs: MissRuns, robot: Array) -> float:
-        """First detections expected from ``robot`` (3,), most of them where it has not looked before."""
-        trail = _tracked(component).trail
-        share = unseen_share(region, runs, trail, robot, self.settings.least_undetected_share)
-        return region.detection_probability * self._density(component) * region.area_m2 * share
 
     def _births(
         self,
         component: Component,
         region: SensorRegion,
-        runs: MissRuns,
+        robot: Array,
         births: list[Birth],
         detections: Sequence[Any],
-    ) -> tuple[Array, Array]:
-        """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
-        if not births:
-            return np.zeros(0), np.zeros(0)
-        points = np.array([born.prior.mean[:2] for born in births])
-        least = self.settings.least_undetected_share
-        share = np.ones(len(births))
-        if least < 1.0:
-            share = undetected_share(region, runs, _tracked(component).trail, points)
-        density = self._density(component) * np.maximum(share, least)
-        intensity, existence = birth(
-            density, self.settings.clutter_per_frame / region.area_m2, region.detection_probability
-        )
+    ) -> tuple[Array, Array, Array]:
+        """(G,) first detections expected from ``robot`` (3,), most of them where it has not looked before.
+
+        (D, G) log intensities of those that the detections may be, and existence of what they are detections of.
+        """
+        rates, trail = component.objects.rates, _tracked(component).trail
+        points = np.array([born.prior.mean[:2] for born in births]).reshape(-1, 2)
+        expected, found = first_detections(region, rates, trail, robot, points, self.settings.least_undetected_share)
+        intensity, existence = birth(found, self.settings.clutter_per_frame / region.area_m2)
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
-        return np.log(np.where(ranged, intensity, intensity * region.area_m2)), existence
+        return expected, np.log(np.where(ranged[:, None], intensity, intensity * region.area_m2)), existence
 
 
 def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
     """The region in which a miss counts."""
     return SensorRegion(
-        detection_probability=settings.detection_probability,
         min_range_m=settings.min_range_m,
         max_range_m=settings.max_range_m,
         field_of_view_rad=settings.field_of_view_rad,

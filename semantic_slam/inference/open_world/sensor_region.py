@@ -19,7 +19,6 @@ LEAST_SIGMA = 1e-6
 class SensorRegion:
     """Where the sensor detects: an annular sector about a direction of the body, seen from its origin."""
 
-    detection_probability: float  # of an object inside, not hidden
     min_range_m: float
     max_range_m: float
     field_of_view_rad: float  # full angle

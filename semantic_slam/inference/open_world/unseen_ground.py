@@ -1,9 +1,9 @@
-"""How much of the sensor's region lies where the sensor has not looked before."""
+"""How many first detections are expected, in all of the sensor's region and where detections are."""
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 
@@ -11,16 +11,27 @@ NUM_RINGS, NUM_BEARINGS = 4, 8
 """Points of equal area over which the region is averaged."""
 
 
-def unseen_share(region: SensorRegion, runs: MissRuns, trail: Array, robot: Array, least: float) -> float:
-    """Mean over the region of a robot (3,) of the share of objects not detected so far, each at least ``least``.
+def first_detections(
+    region: SensorRegion, rates: DetectionRates, trail: Array, robot: Array, points: Array, least: float
+) -> tuple[Array, Array]:
+    """(G,) how many are expected from ``robot`` (3,) in the region, and (D, G) intensities [1/m^2] at ``points``.
 
-    ``trail`` (T, 3) are the robot's poses at the keyframes before.
+    Fewer where the sensor has looked before: ``trail`` (T, 3) are the robot's poses at the keyframes before, and
+    (D, 2) points are in map. A share of at least ``least`` is left.
     """
-    if least >= 1.0 or not len(trail):
-        return 1.0
+    ranges, everywhere = _all_over(region, robot)
+    places = np.concatenate([everywhere, points])
+    distances = np.concatenate([ranges, np.hypot(*(points - robot[:2]).T)])
+    found = rates.birth_density * rates.probability * rates.fall_off(distances)
+    if least < 1.0 and len(trail):
+        found = found * np.maximum(undetected_share(region, rates, trail, places), least)
+    return region.area_m2 * found[: len(ranges)].mean(axis=0), found[len(ranges) :]
+
+
+def _all_over(region: SensorRegion, robot: Array) -> tuple[Array, Array]:
+    """(P,) ranges and (P, 2) points in map, each for as much of the region."""
     centres = (np.arange(NUM_RINGS) + 0.5) / NUM_RINGS
     ranges = np.sqrt(region.min_range_m**2 + centres * (region.max_range_m**2 - region.min_range_m**2))
     bearings = region.direction_rad + region.field_of_view_rad * ((np.arange(NUM_BEARINGS) + 0.5) / NUM_BEARINGS - 0.5)
     turn, reach = (grid.ravel() for grid in np.meshgrid(bearings + robot[2], ranges))
-    points = robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)
-    return float(np.maximum(undetected_share(region, runs, trail, points), least).mean())
+    return reach, robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)

@@ -67,7 +67,9 @@ class Component:
             spaces.of(key).insert(values, key, prior.mean)
         smoother = Smoother.of(spaces, SemanticFactorMaker(spaces, model, latent), graph, values)
         ids, stated = sorted(objects), existence or {}
-        known = HypothesisObjects(ids=np.array(ids, dtype=int), existence=np.array([stated.get(n, 1.0) for n in ids]))
+        known = HypothesisObjects(
+            ids=np.array(ids, dtype=int), existence_given=np.array([stated.get(n, 1.0) for n in ids]).reshape(-1, 1)
+        )
         return cls(spaces=spaces, model=model, smoother=smoother, objects=known)
 
     @property

@@ -30,9 +30,9 @@ class Movers:
     stamp_ns: int
     robot: Array  # (3,) reference pose
     ids: Index  # (T,)
-    moving: Array  # (T,) probability that it moves, if it exists; 1 where that is decided
-    existence: Array  # (T,)
-    detectable: Array | None  # (T,) probability that it can be detected next; None: always
+    moving: Array  # (T, G) probability that it moves, if it exists; 1 where that is decided
+    existence: Array  # (T, G) given what the sensor is taken to detect
+    detectable: Array | None  # (T, G) probability that it can be detected next; None: always
     log_speeds: Array  # (T, S) log probabilities of the speeds
     means: Array  # (T, S, 6)
     gains: Array  # (T, S, 6, 3) by the robot
@@ -42,15 +42,15 @@ class Movers:
         return len(self.ids)
 
     @classmethod
-    def none(cls, num_speeds: int, misses_in_runs: bool) -> "Movers":
+    def none(cls, num_speeds: int, num_rates: int, misses_in_runs: bool) -> "Movers":
         """Before the first detection."""
         return cls(
             stamp_ns=0,
             robot=np.zeros(3),
             ids=np.zeros(0, dtype=int),
-            moving=np.zeros(0),
-            existence=np.zeros(0),
-            detectable=np.zeros(0) if misses_in_runs else None,
+            moving=np.zeros((0, num_rates)),
+            existence=np.zeros((0, num_rates)),
+            detectable=np.zeros((0, num_rates)) if misses_in_runs else None,
             log_speeds=np.zeros((0, num_speeds)),
             means=np.zeros((0, num_speeds, STATE)),
             gains=np.zeros((0, num_speeds, STATE, 3)),
@@ -60,7 +60,7 @@ class Movers:
     @cached_property
     def decided(self) -> Flags:
         """(T,) whether the hypothesis takes it to move."""
-        return np.asarray(self.moving >= 1.0)
+        return np.asarray((self.moving >= 1.0).all(axis=1))
 
     @cached_property
     def decided_ids(self) -> frozenset[int]:
@@ -85,6 +85,13 @@ class Movers:
         }
         return replace(self, **both)
 
+    def with_rates(self, kept: Flags | None) -> "Movers":
+        """Under some of the settings of the sensor alone; None: under all."""
+        if kept is None:
+            return self
+        some: dict[str, Any] = {name: getattr(self, name)[:, kept] for name in _PER_RATE if _is_known(self, name)}
+        return replace(self, **some)
+
     def seen_from(self, robot: Array) -> "Movers":
         """Objects with another reference pose."""
         shift = se2.log(se2.between(self.robot, robot))
@@ -101,6 +108,7 @@ class Movers:
 
 
 _PER_OBJECT = ("ids", "moving", "existence", "detectable", "log_speeds", "means", "gains", "spreads")
+_PER_RATE = ("moving", "existence", "detectable")
 
 
 def _is_known(movers: Movers, name: str) -> bool:

@@ -6,16 +6,26 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.models.detection_rates import CERTAIN, DetectionRates
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 
 
 @dataclass(frozen=True, kw_only=True)
 class HypothesisObjects:
-    """O objects, ascending by id; in a world of known objects their existence is what the map states."""
+    """O objects, ascending by id; in a world of known objects their existence is what the map states.
+
+    Whether they exist depends on what the sensor is taken to detect: G settings, with weights of their own.
+    """
 
     ids: Index  # (O,)
-    existence: Array  # (O,)
-    detectable: Array | None = None  # (O,) probability that it can be detected next, if it exists; None: always
+    existence_given: Array  # (O, G)
+    detectable: Array | None = None  # (O, G) probability that it can be detected next, if it exists; None: always
+    rates: DetectionRates = CERTAIN
+
+    @cached_property
+    def existence(self) -> Array:
+        """(O,) over all settings."""
+        return self.rates.average(self.existence_given)
 
     @cached_property
     def id_set(self) -> frozenset[int]:
@@ -32,8 +42,9 @@ class HypothesisObjects:
             return self
         return HypothesisObjects(
             ids=np.concatenate([self.ids[update.kept], update.new_ids]),
-            existence=np.concatenate([update.existence[update.kept], update.new_existence]),
+            existence_given=np.concatenate([update.existence[update.kept], update.new_existence]),
             detectable=update.detectable,
+            rates=update.rates,
         )
 
 
@@ -80,12 +91,14 @@ class TrackedStates:
 class ExistenceUpdate:
     """What one continuation makes of the existence of its parent's O objects, and of those that it starts."""
 
-    existence: Array  # (O,) after this keyframe
+    existence: Array  # (O, G) after this keyframe, given each setting of the sensor that is left
     kept: Flags  # (O,)
     new_ids: Index  # (n,) ascending, above all of the parent's
-    new_existence: Array  # (n,)
+    new_existence: Array  # (n, G)
+    rates: DetectionRates = CERTAIN  # those settings
+    rates_kept: Flags | None = None  # which of the parent's they are; None: all
     detectable: Array | None = None  # of those kept, and then of the new ones, where misses come in runs
-    moving: Array | None = None  # (O,) probability that it moves, if it was missed; None: nothing does
+    moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing does
     changes_nothing: bool = False
 
     @classmethod
@@ -94,9 +107,10 @@ class ExistenceUpdate:
         count = len(objects.ids)
         new = np.array(sorted(new_ids), dtype=int)
         return cls(
-            existence=objects.existence,
+            existence=objects.existence_given,
             kept=np.ones(count, dtype=bool),
             new_ids=new,
-            new_existence=np.ones(len(new)),
+            new_existence=np.ones((len(new), len(objects.rates))),
+            rates=objects.rates,
             changes_nothing=not len(new),
         )

@@ -15,8 +15,8 @@ from semantic_slam.configuration import (
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
@@ -91,12 +91,14 @@ class Problem:
         plain, single_steps = self.root(), not self.open_world.iterate_updates
         entries = sorted(self.objects, key=lambda entry: entry.object_id)
         tracked = tracked_before(self.spaces, self.robot, [entry.prior for entry in entries], self.num_biases)
-        objects, sensor = plain.objects, self.open_world
-        if sensor.miss_persistence > 0.0:
-            noise = self.noises[number]
-            probability = sensor.detection_probability if noise is None else noise.detection_probability
-            share = MissRuns(probability, sensor.miss_persistence).share
-            objects = replace(objects, detectable=np.full(len(objects.ids), share))
+        rates, in_runs = DetectionRates.of(self.open_world), self.open_world.miss_persistence > 0.0
+        shape = len(entries), len(rates)
+        objects = replace(
+            plain.objects,
+            existence_given=np.broadcast_to(plain.objects.existence_given, shape),
+            detectable=np.broadcast_to(rates.runs.share, shape) if in_runs else None,
+            rates=rates,
+        )
         return replace(
             plain,
             objects=objects,
@@ -105,5 +107,5 @@ class Problem:
             single_steps=single_steps,
             noise=number,
             settings=self.noises[number],
-            movers=Movers.none(len(self.moving.speeds), sensor.miss_persistence > 0.0) if self.moving.is_on else None,
+            movers=Movers.none(len(self.moving.speeds), len(rates), in_runs) if self.moving.is_on else None,
         )

@@ -11,6 +11,7 @@ from scipy.stats import qmc
 from worlds.drives.open_room import make_room
 from worlds.planar_world import World, make_world
 
+from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import reference_of
@@ -23,11 +24,11 @@ from semantic_slam.inference.evidence.explanation import (
     probability_unexplained,
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.open_world.unseen_ground import unseen_share
+from semantic_slam.inference.open_world.unseen_ground import first_detections
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import ScoreDensity
@@ -200,18 +201,23 @@ def test_the_reference_expects_as_many_detections_as_evidence_may_choose_from() 
 
 @pytest.mark.parametrize("persistence", [0.0, 0.8])
 def test_the_ground_not_seen_yet_is_the_mean_over_the_region(persistence: float) -> None:
-    runs = MissRuns(0.9, persistence)
-    region = SensorRegion(
-        detection_probability=0.9, min_range_m=0.3, max_range_m=5.0, field_of_view_rad=1.6, direction_rad=0.7
+    rates = DetectionRates.of(
+        OpenWorldConfiguration(miss_persistence=persistence, detection_half_ranges_m=(4.0,), birth_density=0.1)
     )
+    region = SensorRegion(min_range_m=0.3, max_range_m=5.0, field_of_view_rad=1.6, direction_rad=0.7)
     random = np.random.default_rng(2)
     trail, robot = random.normal(size=(12, 3)) * [1.0, 1.0, 0.5], np.array([0.5, 0.2, 0.3])
     draws = qmc.Sobol(2, seed=0).random_base2(11)
     ranges, turns = np.sqrt(0.3**2 + draws[:, 0] * (25.0 - 0.3**2)), 1.6 * (draws[:, 1] - 0.5) + 0.7 + robot[2]
     points = robot[:2] + ranges[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    expected = np.maximum(undetected_share(region, runs, trail, points), 0.02).mean()
-    assert unseen_share(region, runs, trail, robot, 0.02) == pytest.approx(expected, abs=0.05) and expected < 0.9
-    assert unseen_share(region, runs, trail[:0], robot, 0.02) == unseen_share(region, runs, trail, robot, 1.0) == 1.0
+    found = 0.1 * 0.9 * 0.5 ** (ranges / 4.0) ** 2
+    expected = region.area_m2 * (np.maximum(undetected_share(region, rates, trail, points)[:, 0], 0.02) * found).mean()
+    afresh = region.area_m2 * found.mean()
+    told, at_points = first_detections(region, rates, trail, robot, points, 0.02)
+    assert told == pytest.approx(expected, rel=0.07) and expected < 0.9 * afresh
+    assert at_points.mean() * region.area_m2 == pytest.approx(expected)
+    assert first_detections(region, rates, trail[:0], robot, points, 0.02)[0] == pytest.approx(afresh, rel=0.03)
+    assert first_detections(region, rates, trail, robot, points, 1.0)[0] == pytest.approx(afresh, rel=0.03)
 
 
 def test_a_problem_of_unknown_detections_has_no_reference() -> None:

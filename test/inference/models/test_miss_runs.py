@@ -32,8 +32,17 @@ def probability(outcomes: tuple[bool, ...]) -> float:
 
 
 @pytest.mark.parametrize("looks", [0, 1, 2, 5])
-def test_never_detected_is_the_sum_over_all_hidden_states(looks: int) -> None:
-    assert RUNS.never_detected(np.array([looks])) == pytest.approx([probability((False,) * looks)])
+def test_first_detections_after_looks_are_the_sum_over_all_hidden_states(looks: int) -> None:
+    """One look in every keyframe so far, and a detection in this one."""
+    found = RUNS.still_undetected(np.ones((looks, 1, 1)), np.ones((looks, 1), dtype=int))
+    assert found == pytest.approx(probability((False,) * looks + (True,)) / 0.36)
+
+
+def test_between_looks_an_object_may_become_detectable() -> None:
+    """Two keyframes long nobody looks: those outcomes are summed over, too."""
+    found = RUNS.still_undetected(np.ones((2, 1, 1)), np.array([[3], [1]]))
+    unseen = [(False, *between, False, True) for between in product((False, True), repeat=2)]
+    assert found == pytest.approx(sum(map(probability, unseen)) / 0.36)
 
 
 @pytest.mark.parametrize("outcomes", list(product((False, True), repeat=4)))

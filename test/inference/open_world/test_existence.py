@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 
-REGION = SensorRegion(
-    detection_probability=0.9, min_range_m=0.5, max_range_m=5.0, field_of_view_rad=1.4, occluder_radius_m=0.2
-)
+REGION = SensorRegion(min_range_m=0.5, max_range_m=5.0, field_of_view_rad=1.4, occluder_radius_m=0.2)
 EXACT = np.zeros((2, 2))
 
 
@@ -36,10 +35,10 @@ def test_an_object_that_would_surely_be_seen_does_not_exist() -> None:
 
 
 def test_a_first_detection_shares_between_clutter_and_new_objects() -> None:
-    intensity, existence = birth(np.array([0.1, 0.0]), clutter=0.03, detection_probability=0.9)
+    intensity, existence = birth(0.9 * np.array([0.1, 0.0]), clutter=0.03)
     np.testing.assert_allclose(intensity, [0.12, 0.03])
     np.testing.assert_allclose(existence, [0.75, 0.0])
-    assert birth(np.zeros(1), 0.0, 0.9)[1][0] == 0.0
+    assert birth(np.zeros(1), 0.0)[1][0] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -76,8 +75,8 @@ def test_where_the_sensor_has_looked_follows_its_direction() -> None:
     behind = replace(REGION, direction_rad=np.pi)
     points = np.array([[2.0, 0.0], [-2.0, 0.0]])
     for region, expected in ((REGION, [0.01, 1.0]), (behind, [1.0, 0.01])):
-        runs = MissRuns(region.detection_probability, 0.0)
-        np.testing.assert_allclose(undetected_share(region, runs, np.zeros((2, 3)), points), expected)
+        rates = DetectionRates.of(OpenWorldConfiguration(detection_probability=0.9))
+        np.testing.assert_allclose(undetected_share(region, rates, np.zeros((2, 3)), points)[:, 0], expected)
 
 
 def test_its_edges_are_as_soft_as_the_pose_is_uncertain() -> None:
@@ -89,7 +88,7 @@ def test_its_edges_are_as_soft_as_the_pose_is_uncertain() -> None:
 
 
 def test_all_round_there_is_no_edge_behind() -> None:
-    region = SensorRegion(detection_probability=0.9, min_range_m=0.0, max_range_m=5.0, field_of_view_rad=2.0 * np.pi)
+    region = SensorRegion(min_range_m=0.0, max_range_m=5.0, field_of_view_rad=2.0 * np.pi)
     assert region.contains(np.array([-2.0, 0.0]), np.eye(2) * 0.01) == pytest.approx(1.0)
     assert region.area_m2 == pytest.approx(np.pi * 25.0)
 

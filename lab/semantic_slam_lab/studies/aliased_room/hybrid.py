@@ -16,7 +16,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE
@@ -199,16 +199,14 @@ class HybridDrive:
         angle = x[2] + polar[1]
         point = x[:2] + polar[0] * np.array([np.cos(angle), np.sin(angle)])
         trail = np.array([_pose(predicted, n) for n in range(k)]).reshape(-1, 3)
-        runs = MissRuns(self._settings.detection_probability, self._settings.miss_persistence)
-        never = undetected_share(self._region, runs, trail, point[None])
-        share = np.maximum(never, self._settings.least_undetected_share)
-        density = self._settings.birth_density * share[0]
-        intensity, existence = birth(density, clutter, self._region.detection_probability)
+        unseen = undetected_share(self._region, DetectionRates.of(self._settings), trail, point[None])[0, 0]
+        density = self._settings.birth_density * max(unseen, self._settings.least_undetected_share)
+        intensity, existence = birth(self._settings.detection_probability * density, clutter)
         return float(intensity), float(existence)
 
     def _log_ratio(self, n: int, k: int, predicted: gtsam.Values) -> float:
         r, detected = self._map.landmarks[n].existence, self._detected(n, k, predicted, [])
-        least = LEAST_DETECTION_SHARE * self._region.detection_probability
+        least = LEAST_DETECTION_SHARE * self._settings.detection_probability
         return float(np.log(r * max(detected, least)) - np.log1p(-min(r * detected, 1.0 - 1e-9)))
 
     def _detected(self, n: int, k: int, values: gtsam.Values, seen: list[Array]) -> float:
@@ -216,7 +214,7 @@ class HybridDrive:
         polar = np.array(seen).reshape(-1, 2)
         inside = self._region.contains(relative, 0.01 * np.eye(2))
         hidden = self._region.not_occluded(relative, polar[:, 0], polar[:, 1])
-        return float(self._region.detection_probability * inside * hidden)
+        return float(self._settings.detection_probability * inside * hidden)
 
     def _option(self, k: int, near: tuple[int, ...], meant: int, polar: Array, noise: Array) -> gtsam.NoiseModelFactor:
         """Range and bearing of landmark ``meant``, which ignores the others; of none: nothing."""

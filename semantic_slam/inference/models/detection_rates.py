@@ -1,0 +1,112 @@
+"""How often a sensor detects what is there, and how much there is: settings among which a history itself decides.
+
+Given one setting the existences of the objects of a history are independent. A hypothesis is the mixture over all
+settings, each with the weight that its detections, misses and births so far have left it: the sum over settings is
+exact, and no hypothesis is spent on any of them.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import product
+from typing import Any, Self
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.models.miss_runs import MissRuns
+
+LEAST_LOG_WEIGHT = float(np.log(1e-6))
+"""Settings that weigh less are given up for good."""
+NAMES = {
+    "open_world.detection_probability": "probability",
+    "open_world.detection_half_range_m": "half_range_m",
+    "open_world.birth_density": "birth_density",
+}
+"""Name in the configuration -> field of :class:`DetectionRates`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectionRates:
+    """G settings and what each weighs."""
+
+    probability: Array  # (G,) that an object inside the region, right at the sensor and not hidden, is detected
+    half_range_m: Array  # (G,) where that is half as likely; inf: it is the same everywhere in the region
+    birth_density: Array  # (G,) objects per square metre
+    persistence: float = 0.0  # of whether an object can be detected, from one keyframe to the next
+    log_weights: Array = field(default_factory=lambda: np.zeros(1))  # (G,) normalised
+
+    @classmethod
+    def of(cls, settings: OpenWorldConfiguration) -> Self:
+        """Every combination that the configuration asks for, all alike."""
+        grid = product(
+            settings.detection_probabilities or (settings.detection_probability,),
+            settings.detection_half_ranges_m or (np.inf,),
+            settings.birth_densities or (settings.birth_density,),
+        )
+        probability, half_range, density = np.array(list(grid)).T
+        return cls(
+            probability=probability,
+            half_range_m=half_range,
+            birth_density=density,
+            persistence=settings.miss_persistence,
+            log_weights=np.full(len(density), -np.log(len(density))),
+        )
+
+    def __len__(self) -> int:
+        return len(self.log_weights)
+
+    @cached_property
+    def weights(self) -> Array:
+        """(G,) that sum to one."""
+        return np.exp(self.log_weights)
+
+    @cached_property
+    def runs(self) -> MissRuns:
+        """(G,) chains of what can be detected."""
+        return MissRuns(self.probability, self.persistence)
+
+    def fall_off(self, ranges_m: Array) -> Array:
+        """(..., G) detection probabilities at (...,) ranges, as shares of those at the sensor.
+
+        Half-normal, as in distance sampling (Buckland et al. 2001, Introduction to Distance Sampling, Sec. 2.3).
+        """
+        return np.asarray(np.exp2(-np.square(np.asarray(ranges_m)[..., None] / self.half_range_m)))
+
+    @cached_property
+    def sensors(self) -> "tuple[DetectionRates, Index]":
+        """Those that differ in more than the density of objects, and (G,) which of them each is."""
+        _, first, which = np.unique(
+            np.stack([self.probability, self.half_range_m]), axis=1, return_index=True, return_inverse=True
+        )
+        return self._take(first), which.ravel()
+
+    def average(self, values: Array) -> Array:
+        """(...,) means of (..., G) over the settings."""
+        return np.asarray(values @ self.weights)
+
+    def moments(self, name: str) -> tuple[float, float]:
+        """Mean and standard deviation of a quantity, by its field."""
+        values = getattr(self, name)
+        mean = float(self.average(values))
+        return mean, float(np.sqrt(self.average((values - mean) ** 2)))
+
+    def explained(self, log_factors: Array) -> tuple[float, Array]:
+        """Log probability of what each setting gives (G,) log probabilities, and (G,) log weights after that."""
+        joint = self.log_weights + log_factors
+        total = float(np.logaddexp.reduce(joint))
+        return total, joint - total
+
+    def reweighed(self, log_weights: Array) -> tuple[Self, Flags]:
+        """With (G,) new weights, and which settings are left."""
+        kept = log_weights >= LEAST_LOG_WEIGHT
+        left = replace(self, log_weights=log_weights)._take(np.flatnonzero(kept))
+        return replace(left, log_weights=left.log_weights - np.logaddexp.reduce(left.log_weights)), kept
+
+    def _take(self, rows: Index) -> Self:
+        some: dict[str, Any] = {name: getattr(self, name)[rows] for name in (*NAMES.values(), "log_weights")}
+        return replace(self, **some)
+
+
+CERTAIN = DetectionRates(probability=np.ones(1), half_range_m=np.full(1, np.inf), birth_density=np.zeros(1))
+"""One setting, for worlds in which misses do not count."""
