@@ -106,7 +106,7 @@ class _IfMissed:
     def log_born(self) -> Array:
         """(D, G) the same of what the detections start."""
         areas = np.array([birth.log_area - birth.log_stand_in for birth in self.prediction.births])
-        return self.prediction.log_intensity + areas[:, None]
+        return np.asarray(self.prediction.log_intensity + areas[:, None])
 
     @cached_property
     def stands(self) -> Array:

@@ -31,7 +31,8 @@ def movers_after(
     """
     predicted = prediction.movers
     if predicted is None:
-        return prediction.component.movers
+        none = prediction.component.movers
+        return None if none is None else none.with_rates(update.rates_kept)
     association, moves = np.array(taken.association, dtype=int), np.array(taken.class_assignment) == MOVES
     numbers = np.flatnonzero(moves)
     rows = predicted.movers.rows(association[numbers])
