@@ -28,7 +28,7 @@ MARGIN_M = 6.0
 class Truth:
     """What a world is drawn from beyond the configuration; the defaults add nothing to it."""
 
-    noise: float = 1.0  # factor on the standard deviations of odometry and detections
+    noise: float | None = None  # factor on the standard deviations of odometry and detections; None: drawn for each
     correlated_share: float | None = None  # of a detection's variance; None: as configured
     outliers: float = 0.0  # share of detections whose place is anywhere in the region
     turn_rad_per_m: float | None = None  # of odometry's bias; None: drawn from its prior
@@ -52,6 +52,9 @@ class _Sensor:
     def __init__(self, configuration: Configuration, truth: Truth, objects: Array, random: np.random.Generator) -> None:
         self.random, self.objects, self.truth = random, objects, truth
         self.probability = float(random.choice(configuration.open_world.detection_probabilities))
+        self._half_range_m = float(random.choice(configuration.open_world.detection_half_ranges_m or (np.inf,)))
+        drawn = np.sqrt(random.choice(configuration.perception.noise_factors))
+        self._noise = float(drawn) if truth.noise is None else truth.noise
         self._runs = MissRuns(self.probability, configuration.open_world.miss_persistence)
         self._detectable: Flags = random.random(len(objects)) < self._runs.share
         self._clutter, self._perception = configuration.open_world.clutter_per_frame, configuration.perception
@@ -78,7 +81,8 @@ class _Sensor:
         places = _relative(pose, self.objects)
         distance, bearing = np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])
         inside = (distance > LEAST_RANGE_M) & (distance < MOST_RANGE_M) & (np.abs(bearing) < 0.5 * FIELD_OF_VIEW_RAD)
-        return np.asarray(inside & self._detectable & (self.random.random(count) < self._runs.hit))
+        hit = self._runs.hit * np.exp2(-((distance / self._half_range_m) ** 2))
+        return np.asarray(inside & self._detectable & (self.random.random(count) < hit))
 
     def _anywhere(self, count: int) -> Array:
         distance = np.sqrt(self.random.uniform(LEAST_RANGE_M**2, MOST_RANGE_M**2, size=count))
@@ -89,7 +93,7 @@ class _Sensor:
         if not len(places):
             return []
         repeated, white = self._errors.draw(places, self.random), self.random.normal(size=(len(places), 2))
-        errors = self.truth.noise * (np.sqrt(self._share) * repeated + np.sqrt(1.0 - self._share) * white)
+        errors = self._noise * (np.sqrt(self._share) * repeated + np.sqrt(1.0 - self._share) * white)
         distance, bearing = np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])
         sigma = np.hypot(self._perception.sigma_range_m, self._perception.sigma_range_per_m * distance)
         ranges = np.maximum(distance + sigma * errors[:, 0], 0.05)
@@ -110,6 +114,7 @@ def drawn_world(
     times = np.concatenate([[0.0], FIRST_S + INTERVAL_S * np.arange(num_keyframes)])
     objects = _objects(path, float(random.choice(configuration.open_world.birth_densities)), random)
     sensor = _Sensor(configuration, truth, objects, random)
+    scale = float(np.sqrt(random.choice(odometry.noise_factors))) if truth.noise is None else truth.noise
     pose = np.array(configuration.initial_pose.mean)
     pose = se2.compose(pose, se2.exp(np.array(configuration.initial_pose.sigma) * random.normal(size=3)))
     keyframes, poses, detected = [], [], []
@@ -119,7 +124,7 @@ def drawn_world(
         told = controls[len(OFFSETS) // 2]
         covariance = odometry_covariance(*path.extent(*span), odometry)
         moved = path.motion(*_shifted(span, biases[CLOCK]))
-        noise = truth.noise * np.linalg.cholesky(covariance) @ random.normal(size=3)
+        noise = scale * np.linalg.cholesky(covariance) @ random.normal(size=3)
         pose = se2.compose(se2.compose(pose, moved), se2.exp(slopes(moved) @ biases[:CLOCK] + noise))
         detections, labels = sensor.look(pose, told)
         sigma = np.sqrt(np.diag(covariance))
