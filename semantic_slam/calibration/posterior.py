@@ -11,7 +11,7 @@ from semantic_slam.inference.models.odometry_bias import CLOCK, NAMES
 
 WIDENED = 0.5
 """Share of the prior's standard deviation that is left to a bias at least: another drive is another day."""
-PROBABILITY = "open_world.detection_probability"
+PROBABILITY, HALF_RANGE = "open_world.detection_probability", "open_world.detection_half_range_m"
 REGION = ("min_range_m", "max_range_m", "field_of_view_rad", "direction_rad")
 
 Noise = Mapping[str, tuple[float, float]]
@@ -23,6 +23,7 @@ def refinements(configuration: Configuration, noise: Noise) -> dict[str, dict[st
         "biases of odometry": _biases(configuration, noise, NAMES[:CLOCK]),
         "clock of odometry": _biases(configuration, noise, NAMES[CLOCK:]),
         "detection probability": _detection_probability(noise),
+        "fall-off with range": _half_range(noise),
         "region of the sensor": _region(noise),
     }
     return {name: changes for name, changes in found.items() if changes}
@@ -46,6 +47,14 @@ def _detection_probability(noise: Noise) -> dict[str, Any]:
     mean = noise[PROBABILITY][0]
     odds = mean / (1.0 - mean) * np.array([0.5, 1.0, 2.0])
     return {"open_world.detection_probabilities": [rounded(float(value)) for value in odds / (1.0 + odds)]}
+
+
+def _half_range(noise: Noise) -> dict[str, Any]:
+    """Three about the mean, a factor of the square root of two apart."""
+    if HALF_RANGE not in noise:
+        return {}
+    values = noise[HALF_RANGE][0] * np.sqrt([0.5, 1.0, 2.0])
+    return {"open_world.detection_half_ranges_m": [rounded(float(value)) for value in values]}
 
 
 def _region(noise: Noise) -> dict[str, Any]:

@@ -129,6 +129,7 @@ def test_what_was_inferred_is_expected_next_time() -> None:
         "odometry.bias_scale": (-0.01, 0.03),
         "odometry.clock_offset_s": (0.2, 0.01),
         "open_world.detection_probability": (0.5, 0.1),
+        "open_world.detection_half_range_m": (4.0, 1.0),
         **{f"open_world.{name}": (1.5, np.nan) for name in ("min_range_m", "field_of_view_rad", "direction_rad")},
         "open_world.max_range_m": (7.0, np.nan),
     }
@@ -142,6 +143,8 @@ def test_what_was_inferred_is_expected_next_time() -> None:
     assert found["clock of odometry"] == {"odometry.clock_offset_s": 0.2, "odometry.sigma_clock_offset_s": 0.1}
     probabilities: Any = found["detection probability"]["open_world.detection_probabilities"]
     assert probabilities == pytest.approx([1.0 / 3.0, 0.5, 2.0 / 3.0], abs=1e-4)
+    half_ranges: Any = found["fall-off with range"]["open_world.detection_half_ranges_m"]
+    assert half_ranges == pytest.approx([2.828, 4.0, 5.657], abs=1e-3)
     region = with_values(BEGIN, found["region of the sensor"]).open_world
     assert (region.learn_region, region.max_range_m, region.field_of_view_rad) == (False, 7.0, 1.5)
     assert refinements(BEGIN, {}) == {}

@@ -24,7 +24,8 @@ def _with_independent_errors(base: Configuration) -> Configuration:
 
 def _with_noise_as_stated(base: Configuration) -> Configuration:
     told = replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
-    return replace(told, open_world=replace(told.open_world, detection_probabilities=(), birth_densities=()))
+    world = replace(told.open_world, detection_probabilities=(), detection_half_ranges_m=(), birth_densities=())
+    return replace(told, open_world=world, perception=replace(told.perception, noise_factors=(1.0,)))
 
 
 def _without_revision(base: Configuration) -> Configuration:
