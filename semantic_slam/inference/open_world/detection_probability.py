@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 
@@ -95,25 +95,30 @@ def undetected_share(region: SensorRegion, rates: DetectionRates, trail: Array, 
     for lies where a detection is.
     """
     sensors, which = rates.sensors
-    looks, ranges = _looks(region, trail, points)
-    count = min(int(looks.sum(axis=1).max(initial=0)), MOST_LOOKS)
+    numbers, times, ranges = _looks(region, trail, points)
+    ends = np.cumsum(np.bincount(numbers, minlength=len(points)))
+    columns = np.arange(len(numbers)) - ends[numbers]  # -1: the newest look of its point
+    newest = columns >= -MOST_LOOKS
+    count = int(-columns[newest].min(initial=0))
     if not count:
         return np.ones((len(points), len(rates)))
-    order = np.argsort(looks, axis=1, kind="stable")[:, -count:]  # those that see it come last
-    in_view = np.take_along_axis(looks, order, axis=1)
-    times = np.where(in_view, order, 0)
-    gaps = np.where(in_view, np.diff(times, axis=1, append=len(trail)), 0)
-    chances = in_view[..., None] * sensors.fall_off(np.take_along_axis(ranges, order, axis=1))
-    share = sensors.runs.still_undetected(np.swapaxes(chances, 0, 1), gaps.T)
-    return share[:, which]
+    until = np.append(times[1:], 0)
+    until[columns == -1] = len(trail)
+    chances, gaps = np.zeros((count, len(points), len(sensors))), np.zeros((count, len(points)), dtype=int)
+    chances[columns[newest], numbers[newest]] = sensors.fall_off(ranges[newest])
+    gaps[columns[newest], numbers[newest]] = (until - times)[newest]
+    return sensors.runs.still_undetected(chances, gaps)[:, which]
 
 
-def _looks(region: SensorRegion, trail: Array, points: Array) -> tuple[Flags, Array]:
-    """(D, T) whether the robot's poses ``trail`` (T, 3) have points (D, 2) in the region, and the ranges [m]."""
+def _looks(region: SensorRegion, trail: Array, points: Array) -> tuple[Index, Index, Array]:
+    """(L,) which of (D, 2) points the robot's poses ``trail`` (T, 3) have in the region, from where, at what range [m].
+
+    By points, and then by poses.
+    """
     x, y = (points[:, None, axis] - trail[:, axis] for axis in (0, 1))
     squared = x * x + y * y
-    looks = (squared > region.min_range_m**2) & (squared < region.max_range_m**2)
-    numbers, times = np.nonzero(looks)
+    numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
     bearing = region.off_centre(np.arctan2(y[numbers, times], x[numbers, times]) - trail[times, 2])
-    looks[numbers, times] = np.abs(bearing) <= 0.5 * region.field_of_view_rad
-    return looks, np.sqrt(squared)
+    inside = np.abs(bearing) <= 0.5 * region.field_of_view_rad
+    numbers, times = numbers[inside], times[inside]
+    return numbers, times, np.sqrt(squared[numbers, times])
