@@ -26,11 +26,12 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.noise_settings import NoiseSettings
+from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import first_detections
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
 
@@ -91,7 +92,7 @@ class Reference:
         self._configuration, self._scores = configuration, scores
         self._association = strategy_of(configuration)
         self._region = _region(configuration, is_open=self._association.tracks_objects)
-        self._noises = NoiseSettings.grid(configuration)
+        self._rates = DetectionRates.of(configuration.open_world)
         self._named = {name for entry in objects for name in (entry.name, str(entry.object_id))}
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
@@ -158,9 +159,10 @@ class Reference:
     def _log_count(self, count: int, region: SensorRegion) -> float:
         """Log of n! P(n), which a density of sets counts besides that of each detection.
 
-        Averaged over the detection probabilities and densities of objects between which evidence is to decide.
+        Averaged over the settings of the sensor between which evidence is to decide, where nothing was seen before.
         """
-        births = np.array([own.detection_probability * own.birth_density for own in self._noises]) * region.area_m2
+        nothing = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 2))
+        births, _ = first_detections(region, self._rates, *nothing, 1.0)
         mean = self._configuration.open_world.clutter_per_frame + births
         log_counts = count * np.log(mean) - (count + 1.0) * np.log1p(mean)
         return float(gammaln(count + 1.0) + np.logaddexp.reduce(log_counts) - np.log(len(mean)))

@@ -1,7 +1,7 @@
 """What one hypothesis expects of a keyframe: the robot, the objects that detections may be of, and births."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -253,7 +253,6 @@ class Predictor:
             detections=detections,
             region=region,
         )
-
 
     def _with_errors(
         self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.open_room import make_room
+from worlds.drives.open_room import make_room
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe, MapPrior
