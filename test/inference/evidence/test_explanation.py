@@ -214,7 +214,7 @@ def test_the_ground_not_seen_yet_is_the_mean_over_the_region(persistence: float)
     expected = region.area_m2 * (np.maximum(undetected_share(region, rates, trail, points)[:, 0], 0.02) * found).mean()
     afresh = region.area_m2 * found.mean()
     told, at_points = first_detections(region, rates, trail, robot, points, 0.02)
-    assert told == pytest.approx(expected, rel=0.07) and expected < 0.9 * afresh
+    assert told == pytest.approx(expected, rel=0.12) and expected < 0.9 * afresh
     assert at_points.mean() * region.area_m2 == pytest.approx(expected)
     assert first_detections(region, rates, trail[:0], robot, points, 0.02)[0] == pytest.approx(afresh, rel=0.03)
     assert first_detections(region, rates, trail, robot, points, 1.0)[0] == pytest.approx(afresh, rel=0.03)
