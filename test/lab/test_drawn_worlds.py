@@ -86,7 +86,7 @@ def test_a_drawn_world_has_what_its_configuration_says() -> None:
     false = sum(label < 0 for label in labels) / (40 * 20)
     assert false == pytest.approx(base.open_world.clutter_per_frame, abs=0.03)
     clocks = np.array([world.biases for world in worlds])
-    np.testing.assert_allclose(clocks.std(axis=0), [0.05, 0.05, 0.2], rtol=0.35)
+    np.testing.assert_allclose(clocks.std(axis=0), [0.05, 0.05, 0.05, 0.2], rtol=0.35)
     assert all(keyframe.odometry_shifts is not None for keyframe in worlds[0].keyframes)
 
 
