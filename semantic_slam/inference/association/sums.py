@@ -13,7 +13,7 @@ from semantic_slam.geometry.arrays import Array, Index
 
 LARGEST_SET = 12
 """Detections of a cluster of which all sets are looked at."""
-NEGLIGIBLE = 1e-15
+NEGLIGIBLE = 1e-12
 """Weight relative to the best of a detection."""
 
 
@@ -54,17 +54,13 @@ def _sum(known: Array, new: Array) -> float:
     count = len(new)
     if count == 1 or count > LARGEST_SET:
         return float((known.sum(axis=1) + new).prod())
-    taken = np.zeros((2,) * count)
-    taken[(0,) * count] = 1.0
+    taken = np.zeros(2**count)
+    taken[0] = 1.0
     for weights in known.T:
         before = taken.copy()
         for number in np.flatnonzero(weights > NEGLIGIBLE):
-            free, used = (_at(int(number), state, count) for state in (0, 1))
-            taken[used] += weights[number] * before[free]
+            halves = (-1, 2, 2**number)  # whether that detection is taken is the middle one
+            taken.reshape(halves)[:, 1] += weights[number] * before.reshape(halves)[:, 0]
     for weight in new:  # those left over are of no known object
-        taken = taken[0] * weight + taken[1]
-    return float(taken)
-
-
-def _at(axis: int, state: int, count: int) -> tuple[slice | int, ...]:
-    return tuple(state if number == axis else slice(None) for number in range(count))
+        taken = taken[0::2] * weight + taken[1::2]
+    return float(taken[0])
