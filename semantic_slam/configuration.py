@@ -173,6 +173,11 @@ class OpenWorldConfiguration:
     max_joint_objects: int = parameter(
         30, "objects near the detections whose covariance with the robot is computed, per hypothesis", minimum=1
     )
+    joint_ranking: bool = parameter(
+        True,
+        "where there are more than weights.max_candidates joint assignments, rank them over the pose that detections"
+        " share; false: by pairs on their own",
+    )
     classes: str = parameter(
         "carried",
         "carried: a table over class and heading for each object; enumerated: hypotheses of their own",

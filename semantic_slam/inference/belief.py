@@ -47,7 +47,7 @@ class HybridBelief(ObjectTable):
     discarded_mass_window: float = np.nan  # discarded_mass over the last keyframes alone
     association_probabilities: Array = field(
         default_factory=left_out
-    )  # (D, O + 1) marginal; the last column: clutter, or a new object
+    )  # (D, O + 1) marginal, in an open world over all that was weighed; the last column: clutter, or a new object
     outlier_probability: Array = field(
         default_factory=left_out
     )  # (D,) that a detection is of no object that is known; NaN in an open world, where it may be a new one

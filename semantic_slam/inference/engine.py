@@ -21,7 +21,7 @@ from semantic_slam.inference.evidence.explanation import Explanation, mean_of_kn
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.initial_pose import start_of_run
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.marginals import Mixture, state_belief
+from semantic_slam.inference.marginals import Mixture, PassedOver, state_belief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import stack_rows
 from semantic_slam.inference.open_world.copies import Copies, Distinct
@@ -101,7 +101,7 @@ class Engine:
         components, reported = self.add_observation_factors(step, candidates, kept)  # those with w > 0 alone
         components, reported = self.revise(step, components, reported)
         self.budget.end(len(self.hypotheses))
-        belief = self.weighted_components(step, components, reported, len(candidates.ids))
+        belief = self.weighted_components(step, components, reported, candidates, kept)
         return self.judged(step, belief, candidates, kept)
 
     def introduce(self, keyframe: Keyframe) -> Step:
@@ -172,7 +172,12 @@ class Engine:
         return self.association.reported(self.registry, {n for answer in answers for n in answer.object_ids.tolist()})
 
     def weighted_components(
-        self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects, num_candidates: int
+        self,
+        step: Step,
+        components: dict[int, HeldComponent],
+        reported: ReportedObjects,
+        candidates: CandidateTable,
+        kept: Pruned,
     ) -> HybridBelief:
         """The belief {(b[X_k], w)} of Eq. 4.5, with its marginals: Eqs. 4.6-4.8."""
         discarded = self.hypotheses.discarded
@@ -182,9 +187,10 @@ class Engine:
             reported,
             self.problem.class_names,
             self.problem.inferred_noise,
-            num_candidates=num_candidates,
+            num_candidates=len(candidates.ids),
             discarded_mass=discarded.total,
             first_new_id=self.registry.first_new_id(step.index) if self.association.merges_copies else None,
+            passed_over=PassedOver.of(candidates, kept),
         )
         return replace(
             belief,

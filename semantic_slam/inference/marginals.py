@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import ObjectTable, marginals
+from semantic_slam.inference.pruning import Pruned
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ReportedObjects
@@ -41,6 +43,21 @@ class Mixture:
     def associations(self) -> NDArray[np.int64]:
         """(H, D) object ids of the newest keyframe's detections, -1 clutter."""
         return np.array([lineage[-1].association for lineage in self.lineages], dtype=np.int64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PassedOver:
+    """R continuations of a keyframe with D detections that were weighed, and that no hypothesis follows."""
+
+    weights: Array  # (R,) relative to all that are followed
+    associations: NDArray[np.int64]  # (R, D) object ids, -1 clutter
+
+    @classmethod
+    def of(cls, candidates: CandidateTable, kept: Pruned) -> "PassedOver":
+        """Those that pruning left."""
+        rows = np.delete(np.arange(len(candidates.ids)), kept.kept)
+        weights = np.exp(candidates.log_weights[rows] - kept.log_mass)
+        return cls(weights=weights, associations=candidates.associations[rows].astype(np.int64))
 
 
 def _revisions(changes: list[tuple[int, int, int, int]]) -> dict[str, Any]:
@@ -73,8 +90,12 @@ def state_belief(
     num_candidates: int,
     discarded_mass: float,
     first_new_id: int | None = None,
+    passed_over: PassedOver | None = None,
 ) -> HybridBelief:
-    """The belief after one keyframe, whose detections started the objects from ``first_new_id`` on; None: none."""
+    """The belief after one keyframe, whose detections started the objects from ``first_new_id`` on; None: none.
+
+    ``passed_over`` count in what detections are associated with, and in nothing else.
+    """
     weights = np.exp(mixture.log_weights)
     object_ids = mixture.associations()
     associations = reported.rows(object_ids)
@@ -82,6 +103,11 @@ def state_belief(
     if first_new_id is None:
         clutter = weights @ (object_ids < 0)
     known = associations if first_new_id is None else np.where(object_ids < first_new_id, associations, -1)
+    probabilities = association_probabilities(weights, known, len(reported.ids))
+    if passed_over is not None and first_new_id is not None:
+        others = np.where(passed_over.associations < first_new_id, reported.rows(passed_over.associations), -1)
+        probabilities += association_probabilities(passed_over.weights, others, len(reported.ids))
+        probabilities /= 1.0 + passed_over.weights.sum()
     return HybridBelief(
         stamp_ns=step.stamp_ns,
         keyframe=step.index,
@@ -103,7 +129,7 @@ def state_belief(
         component_entropy=component_entropy(weights),
         discarded_mass=discarded_mass,
         dropped=step.dropped,
-        association_probabilities=association_probabilities(weights, known, len(reported.ids)),
+        association_probabilities=probabilities,
         outlier_probability=clutter,
         state_space="planar",
         **_revisions(mixture.changes),

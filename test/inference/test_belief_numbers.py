@@ -68,6 +68,23 @@ def test_a_detection_that_starts_an_object_is_not_associated_with_it_yet(
     assert again > 5.0
 
 
+def test_association_probabilities_do_not_hang_on_how_many_hypotheses_are_followed() -> None:
+    """What the second keyframe of a room is of, with every continuation of the first one's hypotheses and with two."""
+    found = []
+    for most in (1000, 2):
+        room = make_room(2, seed=3, pruning={"max_hypotheses": most, "ratio": 1e6})
+        manager = Engine.of_run(room.run, InProcessPool(1))
+        belief = [manager.process(keyframe) for keyframe in room.keyframes][-1]
+        names = belief.object_ids.tolist()
+        found.append((len(belief.hypothesis_ids), names, belief.association_probabilities))
+    (all_followed, every, exact), (followed, some, probabilities) = found
+    assert all_followed > 2 == followed
+    shared = [n for n in some if n in every]
+    assert probabilities[:, [some.index(n) for n in shared]].sum() > 1.0
+    for n in shared:
+        np.testing.assert_allclose(probabilities[:, some.index(n)], exact[:, every.index(n)], atol=1e-9)
+
+
 def test_association_probabilities_of_no_detections() -> None:
     assert association_probabilities(np.ones(1), np.zeros((1, 0), dtype=np.int32), 3).shape == (0, 4)
 

@@ -246,7 +246,7 @@ def test_ours_comes_first_and_what_there_is_not_is_refused() -> None:
     assert methods.checked(["given", "ours", "jcbb"], base) == ["ours", "given", "jcbb"]
     assert "without_estimated_noise" in methods.offered(base, everything=True)
     for name, reason in (
-        ("without_clusters", "nothing to switch off"),
+        ("without_check", "nothing to switch off"),
         ("jcbb_calibrated", "needs a calibration"),
         ("theirs", "there are ours"),
     ):

@@ -14,15 +14,11 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
 from semantic_slam.inference.association.murty import k_best
+from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
-
-LARGEST_SET = 12
-"""Detections of which all sets are looked at."""
-NEGLIGIBLE = 1e-15
-"""Weight relative to the best of a detection."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +117,7 @@ def best_assignments(
     kept = scores >= scores[0] - gate
     columns, scores = columns[kept], scores[kept]
     others = log_new if log_beyond is None else np.logaddexp(log_new, log_beyond)
-    return RankedAssignments(columns, scores, _log_rest(log_sum_of_all(log_known, others), scores) - float(scores[0]))
+    return RankedAssignments(columns, scores, log_rest(log_sum_of_all(log_known, others), scores) - float(scores[0]))
 
 
 def _distinct(columns: Index, objects: Index) -> NDArray[np.bool_]:
@@ -140,31 +136,9 @@ def _by_object(log_known: Array, objects: Index) -> Array:
     return summed.T
 
 
-def log_sum_of_all(log_known: Array, log_new: Array) -> float:
-    """Log of the sum over all assignments of D detections to distinct objects out of M, or to none.
-
-    One object after the other takes no detection or one of those left: a sum over the sets of detections that are
-    taken, 2^D terms. With more than :data:`LARGEST_SET` detections an upper bound, in which objects may be taken twice.
-    """
-    count = len(log_new)
-    scale = np.maximum(log_new, log_known.max(axis=1, initial=-np.inf))
-    known, new = np.exp(log_known - scale[:, None]), np.exp(log_new - scale)
-    if count > LARGEST_SET:
-        return float((np.log(known.sum(axis=1) + new) + scale).sum())
-    taken = np.zeros((2,) * count)
-    taken[(0,) * count] = 1.0
-    for weights in known.T[(known > NEGLIGIBLE).any(axis=0)]:
-        before = taken.copy()
-        for number in np.flatnonzero(weights > NEGLIGIBLE):
-            free, used = (_at(int(number), state, count) for state in (0, 1))
-            taken[used] += weights[number] * before[free]
-    for weight in new:  # those left over are of no known object
-        taken = taken[0] * weight + taken[1]
-    return float(np.log(taken) + scale.sum())
-
-
-def _at(axis: int, state: int, count: int) -> tuple[slice | int, ...]:
-    return tuple(state if number == axis else slice(None) for number in range(count))
+def may_be_more(admitted: NDArray[np.bool_], limit: int) -> bool:
+    """Whether joint assignments may be more than ``limit``, as (D, M) pairs are ``admitted``."""
+    return bool(np.prod(1.0 + admitted.sum(axis=1)) > limit)
 
 
 def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:
@@ -182,7 +156,13 @@ def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:
     return distinct[order], total[order]
 
 
-def _log_rest(everything: float, scores: Array) -> float:
+def log_products(log_known: Array, log_new: Array, columns: Index) -> Array:
+    """(K,) log weights of joint assignments (K, D) as products of (D, C) pairs; from C on: of no known object."""
+    options = np.concatenate([log_known, log_new[:, None]], axis=1)
+    return np.asarray(options[np.arange(len(options)), np.minimum(columns, log_known.shape[1])].sum(axis=1))
+
+
+def log_rest(everything: float, scores: Array) -> float:
     """Log of what is left of ``everything`` without the assignments of these scores."""
     enumerated = float(np.logaddexp.reduce(scores))
     share = -np.expm1(min(enumerated - everything, 0.0))

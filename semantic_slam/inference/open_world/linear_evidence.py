@@ -135,7 +135,14 @@ class LinearisedEvidence:
     def innovation(self, columns: Index, seen: list[int]) -> JointInnovation:
         """The detections ``seen`` together, before they are taken in; ``columns`` (D,): of which object each is."""
         numbers = np.array(seen, dtype=int)
-        joint = self._innovation(numbers[None], columns[numbers][None])
+        return self.innovation_of_pairs(numbers, columns[numbers])
+
+    def innovation_of_pairs(self, numbers: Index, objects: Index) -> JointInnovation:
+        """Detections ``numbers`` (P,) each as one of ``objects`` (P,), before they are taken in.
+
+        Pairs may share a detection or an object. Detections err by themselves in each pair.
+        """
+        joint = self._innovation(numbers[None], objects[None])
         return JointInnovation(*(values[0] for values in vars(joint).values()))
 
     def _innovation(self, seen: Index, objects: Index) -> JointInnovation:

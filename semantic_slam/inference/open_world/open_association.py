@@ -2,23 +2,28 @@
 
 from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.association.gating import (
     PairDensities,
     RankedAssignments,
     best_assignments,
+    may_be_more,
     pair_densities,
 )
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import missed
 from semantic_slam.inference.open_world.existence_accounts import least_detected
+from semantic_slam.inference.open_world.joint_costs import JointCosts
+from semantic_slam.inference.open_world.joint_ranking import JointRanking
+from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction import Prediction, Predictor
 from semantic_slam.inference.smoothing.component import Component
@@ -120,31 +125,62 @@ class OpenAssociation:
             log_ratio = np.log(r * np.maximum(detected, least)) - log_missed[near]
         unseen = log_missed.sum(axis=0) - prediction.expected_births
         _, log_weights = prediction.rates.explained(unseen)
-        log_known = pairs.log_density + np.logaddexp.reduce(log_weights + log_ratio, axis=1)
-        admitted = pairs.distance < self.settings.gate_sigma
+        log_detected = np.logaddexp.reduce(log_weights + log_ratio, axis=1)
+        log_known, admitted = pairs.log_density + log_detected, pairs.distance < self.settings.gate_sigma
         log_new = np.logaddexp.reduce(log_weights + prediction.log_intensity, axis=1)
         log_new += np.array([birth.log_area for birth in prediction.births])
-        limits = self.problem.weights.max_candidates, self.problem.weights.gate
+        moving, may_move, objects = self._moving(prediction, log_known, admitted, log_new, log_missed, log_weights)
+        log_pairs = np.concatenate([log_known, moving], axis=1)
+        options = np.concatenate([admitted, may_move], axis=1)
+        weights = self.problem.weights
+        ranked = partial(
+            best_assignments,
+            admitted=options,
+            log_new=log_new,
+            limit=weights.max_candidates,
+            gate=weights.gate,
+            log_beyond=prediction.log_beyond,
+            objects=objects,
+        )
+        if self.settings.joint_ranking and may_be_more(options, weights.max_candidates):
+            alone = np.concatenate([moving, log_new[:, None]], axis=1)
+            linear = LinearisedEvidence.of(self.problem.spaces, prediction, pairs)
+            costs = JointCosts.of(linear, admitted, log_detected, alone)
+            found = JointRanking(
+                costs=costs,
+                log_pairs=log_pairs,
+                admitted=options,
+                ranked=ranked,
+                reach=float(np.log(self.problem.pruning.ratio)),
+            ).best(weights.max_candidates, weights.gate)
+        else:
+            found = ranked(log_pairs)
+        known, moves = found.columns < len(near), found.columns < len(near) + moving.shape[1]
+        columns = found.columns + np.where(known, 0, np.where(moves, len(log_new), -moving.shape[1]))
+        return replace(found, columns=columns)
+
+    def _moving(
+        self,
+        prediction: Prediction,
+        log_known: Array,
+        admitted: Flags,
+        log_new: Array,
+        log_missed: Array,
+        log_weights: Array,
+    ) -> tuple[Array, Flags, Index | None]:
+        """(D, T) log weights of pairs with what moves, (D, T) which may be, and ids of near objects and movers."""
         movers = prediction.movers
         if movers is None or not len(movers):
-            return best_assignments(log_known, admitted, log_new, *limits, prediction.log_beyond)
+            nothing = np.zeros((len(log_new), 0))
+            return nothing, nothing > 0.0, None
         density, distance = movers.pairs(prediction.predicted.covariance[0, :3, :3])
+        least = least_detected(self.settings)
         by_rates = log_weights + movers.log_detected(least, log_missed, prediction.undecided)
         moving = density + np.logaddexp.reduce(by_rates, axis=1)
         best = np.maximum(log_new, np.where(admitted, log_known, -np.inf).max(axis=1, initial=-np.inf))
         likely = moving > best[:, None] - np.log(self.problem.pruning.ratio)
-        found = best_assignments(
-            np.concatenate([log_known, moving], axis=1),
-            np.concatenate([admitted, likely & (distance < self.settings.gate_sigma)], axis=1),
-            log_new,
-            *limits,
-            prediction.log_beyond,
-            np.concatenate([prediction.near_ids, movers.movers.ids]),
-        )
-        known = found.columns < len(near)
-        born = found.columns >= len(near) + len(movers)
-        columns = found.columns + np.where(known, 0, np.where(born, -len(movers), len(log_new)))
-        return replace(found, columns=columns)
+        ids = np.concatenate([prediction.near_ids, movers.movers.ids])
+        return moving, likely & (distance < self.settings.gate_sigma), ids
 
     def _columns(self, step: Step, prediction: Prediction, path: LineageStep) -> Index:
         """(1, D) columns of a lineage's association."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from worlds.linear_gaussian import LinearDetection, LinearModel
 
-from semantic_slam.inference.association.gating import best_assignments, log_sum_of_all, pair_densities
+from semantic_slam.inference.association.gating import best_assignments, pair_densities
+from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.states.planar_positions import PlanarPositions
@@ -30,6 +31,19 @@ def test_the_sum_over_all_assignments_is_exact(seed: int) -> None:
     log_known, log_new = random.normal(size=(count, known)) * 3.0, random.normal(size=count)
     total = np.logaddexp.reduce([score for score, _ in everything(log_known, log_new)])
     assert log_sum_of_all(log_known, log_new) == pytest.approx(total, rel=1e-12, abs=1e-12)
+
+
+def test_the_sum_is_exact_for_many_detections_that_fall_into_clusters() -> None:
+    """Five clusters of three detections each, which no set of fifteen has to be looked at for."""
+    random = np.random.default_rng(1)
+    parts = [(random.normal(size=(3, 2)), random.normal(size=3)) for _ in range(5)]
+    log_known = np.full((15, 10), -np.inf)
+    for number, (own, _) in enumerate(parts):
+        log_known[3 * number : 3 * number + 3, 2 * number : 2 * number + 2] = own
+    order = random.permutation(15)
+    total = sum(np.logaddexp.reduce([score for score, _ in everything(*part)]) for part in parts)
+    found = log_sum_of_all(log_known[order], np.concatenate([new for _, new in parts])[order])
+    assert found == pytest.approx(total, abs=1e-10)
 
 
 @pytest.mark.parametrize("limit", [1, 5, 1000])

@@ -28,6 +28,10 @@ def _with_noise_as_stated(base: Configuration) -> Configuration:
     return replace(told, open_world=world, perception=replace(told.perception, noise_factors=(1.0,)))
 
 
+def _without_clusters(base: Configuration) -> Configuration:
+    return replace(base, open_world=replace(base.open_world, joint_ranking=False))
+
+
 def _without_revision(base: Configuration) -> Configuration:
     return replace(base, revision=replace(base.revision, every_keyframes=0))
 
@@ -40,7 +44,7 @@ ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
     "without_correlation": _with_independent_errors,
     "without_outliers": None,
     "without_estimated_noise": _with_noise_as_stated,
-    "without_clusters": None,
+    "without_clusters": _without_clusters,
     "without_revision": _without_revision,
     "without_check": None,
     "without_motion": _without_motion,

@@ -1,0 +1,66 @@
+"""Sums over all joint assignments of detections to distinct objects, cluster by cluster.
+
+Detections that may be of one object stand in one cluster, and so do those that others link: what is left is apart, and
+sums over all assignments are products over clusters. The weight of an assignment is the product over its pairs.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from semantic_slam.geometry.arrays import Array, Index
+
+LARGEST_SET = 12
+"""Detections of a cluster of which all sets are looked at."""
+NEGLIGIBLE = 1e-12
+"""Weight relative to the best of a detection."""
+
+
+def log_sum_of_all(log_known: Array, log_new: Array) -> float:
+    """Log of the sum over all assignments of D detections to distinct objects out of M, or to none.
+
+    ``log_known`` (D, M), ``log_new`` (D,). An upper bound, in which objects may be taken twice, where a cluster has
+    more than :data:`LARGEST_SET` detections.
+    """
+    known, new, scale = _scaled(log_known, log_new)
+    return float(scale.sum() + sum(np.log(_sum(known[np.ix_(*own)], new[own[0]])) for own in clusters(known)))
+
+
+def clusters(known: Array) -> Iterator[tuple[Index, Index]]:
+    """Rows (detections) and columns (objects) of each cluster of the weights ``known`` (D, M), in order of the rows."""
+    count = len(known)
+    links = np.zeros((sum(known.shape),) * 2, dtype=bool)
+    links[:count, count:] = known > NEGLIGIBLE
+    number, labels = connected_components(links, directed=False)
+    for label in range(number):
+        members = np.flatnonzero(labels == label)
+        if members[0] < count:
+            yield members[members < count], members[members >= count] - count
+
+
+def _scaled(log_known: Array, log_new: Array) -> tuple[Array, Array, Array]:
+    """Weights (D, M) and (D,) relative to the best of each detection, and the logs of those."""
+    scale = np.maximum(log_new, log_known.max(axis=1, initial=-np.inf))
+    return np.exp(log_known - scale[:, None]), np.exp(log_new - scale), scale
+
+
+def _sum(known: Array, new: Array) -> float:
+    """The sum over all assignments of one cluster.
+
+    One object after the other takes no detection or one of those left: a sum over the sets of detections that are
+    taken, 2^D terms.
+    """
+    count = len(new)
+    if count == 1 or count > LARGEST_SET:
+        return float((known.sum(axis=1) + new).prod())
+    taken = np.zeros(2**count)
+    taken[0] = 1.0
+    for weights in known.T:
+        before = taken.copy()
+        for number in np.flatnonzero(weights > NEGLIGIBLE):
+            halves = (-1, 2, 2**number)  # whether that detection is taken is the middle one
+            taken.reshape(halves)[:, 1] += weights[number] * before.reshape(halves)[:, 0]
+    for weight in new:  # those left over are of no known object
+        taken = taken[0::2] * weight + taken[1::2]
+    return float(taken[0])

@@ -1,0 +1,121 @@
+"""What a detection weighs as one of each object, given what the other detections of its frame are of.
+
+All pairs of a detection and an object that are looked at have one joint innovation, through the robot, the objects and
+the errors that detections share. Most of it is the robot's pose, which the others tell better than the prediction does:
+given them, what stays undecided are questions of single detections.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCosts:
+    """P pairs of D detections and M objects under one Gaussian of their whitened residuals, c components each.
+
+    What a detection weighs that is of none of these objects hangs on nothing: T ways, the last one of no known object.
+    """
+
+    rows: Index  # (P,) detection
+    columns: Index  # (P,) object
+    residual: Array  # (P, c)
+    covariance: Array  # (P, P, c, c)
+    log_constant: Array  # (P,) normaliser of each, and what detecting its object weighs against missing it
+    log_alone: Array  # (D, T)
+    num_objects: int  # M
+
+    @classmethod
+    def of(cls, linear: LinearisedEvidence, admitted: Flags, log_ratio: Array, log_alone: Array) -> "JointCosts":
+        """Of the ``admitted`` (D, M) pairs; ``log_ratio`` (M,) of detecting an object against missing it."""
+        rows, columns = np.nonzero(admitted)
+        joint, count = linear.innovation_of_pairs(rows, columns), len(rows)
+        size = len(joint.residual) // max(count, 1)
+        return cls(
+            rows=rows,
+            columns=columns,
+            residual=joint.residual.reshape(count, size),
+            covariance=np.swapaxes(joint.covariance.reshape(count, size, count, size), 1, 2),
+            log_constant=joint.log_normalisers + log_ratio[columns],
+            log_alone=log_alone,
+            num_objects=admitted.shape[1],
+        )
+
+    def log_scores(self, assignments: Index) -> Array:
+        """(K,) log weights of joint assignments (K, D): objects, from M on the ways of being of none of them."""
+        pairs = self._pairs(assignments)
+        residual, covariance = self._joint(pairs)
+        squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=1)
+        ways = np.clip(assignments - self.num_objects, 0, self.log_alone.shape[1] - 1)
+        alone = self.log_alone[np.arange(len(self.log_alone)), ways]
+        constant = np.where(pairs >= 0, self.log_constant[pairs], alone).sum(axis=1)
+        return np.asarray(constant - 0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])
+
+    def given_others(self, assignment: Index) -> Array:
+        """(D, M) log weight of each pair given what the joint ``assignment`` (D,) says of the others; -inf: no pair.
+
+        Given those that are of another object, that is: differences are those of :meth:`log_scores` between assignments
+        in which one detection differs.
+        """
+        others = np.repeat(self._pairs(assignment[None]), len(self.rows), axis=0)
+        others[np.arange(len(self.rows)), self.rows] = -1
+        others[self.columns[others] == self.columns[:, None]] = -1
+        return self._table(self._conditional(others))
+
+    def given_each(self) -> Array:
+        """(P, D, M) log weight of each pair given each pair by itself, which stands; -inf: none, or impossible then."""
+        count, size = self.residual.shape
+        first, second = (own.ravel() for own in np.indices((count, count)))
+        cross, alone = self.covariance[second, first], self.covariance[first, first]
+        gain = cross @ np.linalg.inv(alone)
+        left = self.residual[second] - (gain @ self.residual[first][..., None])[..., 0]
+        spread = self.covariance[second, second] - gain @ np.swapaxes(cross, 1, 2)
+        impossible = (self.rows[first] == self.rows[second]) | (self.columns[first] == self.columns[second])
+        spread[impossible] = np.eye(size)
+        values = np.where(impossible, -np.inf, self.log_constant[second] + _log_gaussian(left, spread))
+        values[first == second] = 0.0
+        return self._table(values.reshape(count, count))
+
+    def _conditional(self, others: Index) -> Array:
+        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1."""
+        residual, covariance = self._joint(others)
+        count, size = self.residual.shape
+        cross = self.covariance[np.arange(count)[:, None], others]
+        cross = np.where((others >= 0)[..., None, None], cross, 0.0)
+        cross = np.swapaxes(cross, 1, 2).reshape(count, size, -1)
+        gain = np.swapaxes(np.linalg.solve(covariance, np.swapaxes(cross, 1, 2)), 1, 2)
+        left = self.residual - (gain @ residual[..., None])[..., 0]
+        spread = self.covariance[np.arange(count), np.arange(count)] - gain @ np.swapaxes(cross, 1, 2)
+        return np.asarray(self.log_constant + _log_gaussian(left, spread))
+
+    def _joint(self, pairs: Index) -> tuple[Array, Array]:
+        """(K, n c) residuals and their covariances for ``pairs`` (K, n); one for sure in place of -1."""
+        used, size = pairs >= 0, self.residual.shape[1]
+        residual = np.where(used[..., None], self.residual[pairs], 0.0)
+        both = (used[:, :, None] & used[:, None, :])[..., None, None]
+        covariance = np.where(both, self.covariance[pairs[:, :, None], pairs[:, None, :]], 0.0)
+        alone = np.arange(pairs.shape[1])
+        covariance[:, alone, alone] += np.where(used[..., None, None], 0.0, np.eye(size))
+        width = pairs.shape[1] * size
+        return residual.reshape(-1, width), np.swapaxes(covariance, 2, 3).reshape(-1, width, width)
+
+    def _pairs(self, assignments: Index) -> Index:
+        """(K, D) which pairs joint assignments take; -1: of none of these objects."""
+        places = np.full((len(self.log_alone), self.num_objects + 1), -1)
+        places[self.rows, self.columns] = np.arange(len(self.rows))
+        return np.asarray(places[np.arange(len(places)), np.minimum(assignments, self.num_objects)])
+
+    def _table(self, values: Array) -> Array:
+        """(..., D, M) from (..., P)."""
+        found = np.full((*values.shape[:-1], len(self.log_alone), self.num_objects), -np.inf)
+        found[..., self.rows, self.columns] = values
+        return found
+
+
+def _log_gaussian(residual: Array, covariance: Array) -> Array:
+    """(K,) log densities up to what normalises whitened residuals (K, c) with ``covariance`` (K, c, c)."""
+    squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=-1)
+    return np.asarray(-0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])

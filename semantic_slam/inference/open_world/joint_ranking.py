@@ -1,0 +1,107 @@
+"""The best joint assignments of a frame, weighed over the robot's pose that its detections share.
+
+About a joint assignment that changes of single detections do not improve, each detection is weighed given what the
+others are of. Weights are then products over clusters of detections that may be of one object: exact where clusters are
+independent, and for all that differs in one detection anywhere. Assignments in which many detections differ at once,
+for the robot may stand elsewhere, are found from each pair of a detection and an object by itself.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.association.gating import RankedAssignments, log_products, log_rest
+from semantic_slam.inference.open_world.joint_costs import JointCosts
+
+STEPS = 5
+"""From one joint assignment to better ones, at most."""
+PLACES = 3
+"""Joint assignments at most about which others are looked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointRanking:
+    """How joint assignments of D detections are looked for; C columns are objects, and then what ``costs`` has not."""
+
+    costs: JointCosts
+    log_pairs: Array  # (D, C) of pairs by themselves
+    admitted: Flags  # (D, C)
+    ranked: Callable[[Array], RankedAssignments]  # the best by (D, C) log weights of pairs, and the mass of others
+    reach: float  # nats behind the best from which on nobody asks what else is about a joint assignment
+
+    def best(self, limit: int, gate: float) -> RankedAssignments:
+        """By their joint weights, at most ``limit``, none more than ``gate`` nats behind the best."""
+        about = self._neighbourhoods()
+        columns = np.unique(np.concatenate([own.ranked.columns for own in about]), axis=0)
+        scores = self.costs.log_scores(columns)
+        order = np.argsort(-scores, kind="stable")[:limit]
+        order = order[scores[order] >= scores[order[0]] - gate]
+        left_out = max(own.log_left_out(columns[order]) for own in about)
+        return RankedAssignments(columns[order], scores[order], left_out - float(scores[order[0]]))
+
+    def _neighbourhoods(self) -> list["_Neighbourhood"]:
+        """About the best joint assignment that is found, and then about those that are not near one before."""
+        tables = [self.log_pairs, *(self._filled(table) for table in self.costs.given_each())]
+        starts = np.unique([self._cheapest(table) for table in tables], axis=0)
+        scores = self.costs.log_scores(starts)
+        found: list[_Neighbourhood] = []
+        for row in np.argsort(-scores, kind="stable"):
+            if len(found) == PLACES or scores[row] < scores.max() - self.reach:
+                break
+            if not any(own.holds(starts[row]) for own in found):
+                found.append(self._about(self._improved(starts[row], float(scores[row]))))
+        return found
+
+    def _improved(self, start: Index, score: float) -> Index:
+        """(D,) what the others say of each detection, taken at its word while that makes the whole more likely."""
+        for _ in range(STEPS):
+            better = self._cheapest(self._filled(self.costs.given_others(start)))
+            own = float(self.costs.log_scores(better[None])[0])
+            if own <= score:
+                break
+            start, score = better, own
+        return start
+
+    def _about(self, top: Index) -> "_Neighbourhood":
+        table = self._filled(self.costs.given_others(top))
+        ranked, log_new = self.ranked(table), self.costs.log_alone[:, -1]
+        scale = float(self.costs.log_scores(ranked.columns[:1])[0] - ranked.log_scores[0])
+        return _Neighbourhood(log_pairs=table, log_new=log_new, ranked=ranked, log_scale=scale)
+
+    def _filled(self, table: Array) -> Array:
+        """(D, C) from (D, M): what is no pair of ``costs`` weighs what it weighs by itself."""
+        found = self.log_pairs.copy()
+        objects = slice(table.shape[1])
+        found[:, objects] = np.where(self.admitted[:, objects], table, found[:, objects])
+        return found
+
+    def _cheapest(self, table: Array) -> Index:
+        """(D,) the joint assignment of distinct columns that weighs most by a table of pairs."""
+        count, known = table.shape
+        cost = np.full((count, known + count), np.inf)
+        cost[:, :known] = np.where(self.admitted, -table, np.inf)
+        cost[np.arange(count), known + np.arange(count)] = -self.costs.log_alone[:, -1]
+        return np.asarray(linear_sum_assignment(cost)[1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Neighbourhood:
+    """The joint assignments about one of them, weighed as products over clusters."""
+
+    log_pairs: Array  # (D, C) given the others
+    log_new: Array  # (D,)
+    ranked: RankedAssignments
+    log_scale: float  # log of what the best of them weighs jointly, by what it weighs as a product
+
+    def holds(self, assignment: Index) -> bool:
+        """Whether it was found here."""
+        return bool((self.ranked.columns == assignment).all(axis=1).any())
+
+    def log_left_out(self, columns: Index) -> float:
+        """Log mass of all that is not among ``columns`` (K, D)."""
+        own = self.ranked
+        log_all = np.logaddexp(np.logaddexp.reduce(own.log_scores), own.log_left_out + own.log_scores[0])
+        return self.log_scale + log_rest(float(log_all), log_products(self.log_pairs, self.log_new, columns))
