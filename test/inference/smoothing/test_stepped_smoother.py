@@ -33,16 +33,14 @@ def on_a_ring(drift_rad: float) -> Smoother:
     for k in range(KEYFRAMES + 3):
         true = se2.compose(true, STEP)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        told = gtsam.Pose2(*(STEP + [0.0, 0.0, drift_rad / KEYFRAMES]))
+        told = gtsam.Pose2(*(STEP + np.array([0.0, 0.0, drift_rad / KEYFRAMES])))
         graph.add(gtsam.BetweenFactorPose2(robot_key(k - 1), robot_key(k), told, STEP_NOISE))
         robot = smoother.isam.calculateEstimatePose2(robot_key(k - 1)).compose(told)
         values.insert(robot_key(k), robot)
         for number in range(len(POSTS)) if k < 3 or k >= KEYFRAMES else ():
             x, y = se2.between(true, np.array([*POSTS[number], 0.0]))[:2]
             reach, bearing = float(np.hypot(x, y)), gtsam.Rot2(float(np.arctan2(y, x)))
-            graph.add(
-                gtsam.BearingRangeFactorPose2(robot_key(k), object_key(number), bearing, reach, PLACE_NOISE)
-            )
+            graph.add(gtsam.BearingRangeFactorPose2(robot_key(k), object_key(number), bearing, reach, PLACE_NOISE))
             if k == 0:
                 start = gtsam.Pose2(*robot.transformFrom(np.array([x, y])), 0.0)
                 graph.add(gtsam.PriorFactorPose2(object_key(number), start, LOOSE))
