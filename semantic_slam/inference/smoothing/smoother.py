@@ -28,15 +28,9 @@ from semantic_slam.inference.smoothing.factor_table import (
     RelinearisedFactors,
 )
 from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
+from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.states.keys import (
-    VECTOR_SIZES,
-    is_descriptor,
-    is_object,
-    is_robot,
-    is_vector,
-    letter_of,
-)
+from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
@@ -46,12 +40,6 @@ MOST_JOINT = 24
 CONVERGED = 1.5
 """Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
 the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
-MOST_MOVED = 0.5
-"""Share of the factors that are on what moved from which on all are made anew, where iSAM2 holds them linearised."""
-MOST_RELINEARISED = 5
-"""Times that what moves is linearised anew after one update, at most."""
-MOST_SLOTS = 4
-"""Slots for factors to each factor from which on all are made anew, in slots of their own: iSAM2 fills none again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,56 +213,10 @@ class Smoother:
         for factor in added.factors:
             exact.add(factor)
         child = replace(self.updated(linearised(graph, point), values, added), exact=exact, steps=self.steps + 1)
-        return child._relinearised(MOST_RELINEARISED) if again or child.steps % STEPPED_SKIP == 0 else child
-
-    def _relinearised(self, times: int) -> "Smoother":
-        """Linearised anew until nothing moves far, so many ``times`` at most. Consumes this smoother if anything does.
-
-        A loop that closes may move a long way so far that one step ends nowhere near.
-        """
-        index = self.isam.getVariableIndex()
-        rows = sorted({row for key in self._moved_far() for row in index.at(key)})
-        return self._with_factors_anew(rows)._relinearised(times - 1) if rows and times else self
-
-    def _with_factors_anew(self, rows: Sequence[int]) -> "Smoother":
-        """With what has moved far linearised anew, and the factors in the slots ``rows`` made anew. Consumes this one.
-
-        All of them, in an order of elimination that suits all, where those are most of them, or most slots are empty.
-        """
-        exact = self.exact
-        assert exact is not None
-        factors, count = gtsam.NonlinearFactorGraph(), exact.nrFactors()
-        if len(rows) > MOST_MOVED * count or exact.size() > MOST_SLOTS * count:
-            for row in range(exact.size()):
-                if exact.exists(row):
-                    factors.add(exact.at(row))
-            estimate, isam = self.isam.calculateEstimate(), single_step_isam(self.spaces, errors_repeat=True)
-            isam.update(linearised(factors, estimate), estimate)
-            return replace(self, owned=OwnedIsam(isam), exact=factors, _known={})
-        for row in rows:
-            factors.add(exact.at(row))
-        kept, owned = gtsam.NonlinearFactorGraph(exact), self.owned.hand_on()
-        kept.push_back(factors)
-        for row in rows:
-            kept.remove(row)
-        point = owned.isam.calculateEstimate(factors.keyVector())
-        owned.isam.update(linearised(factors, point), gtsam.Values(), rows, force_relinearize=True)
-        return replace(self, owned=owned, exact=kept, _known={})
-
-    def _moved_far(self) -> list[int]:
-        """Keys of the robots and landmarks, last by their keys, that are not near where iSAM2 has them linearised.
-
-        Just those that iSAM2 relinearises when it is told to.
-        """
-        keys, layout = self.isam.getLinearizationPoint().keys(), self.spaces.layout
-        robots, objects = (sum(is_kind(key) for key in keys) for is_kind in (is_robot, is_object))
-        changes = np.abs(self.isam.getDelta().vector())
-        split = len(changes) - robots * layout.robot
-        begin = split - objects * layout.landmark
-        limits = (self.spaces.landmark.relinearize_threshold, self.spaces.robot.relinearize_threshold)
-        parts = changes[begin:split].reshape(objects, -1), changes[split:].reshape(robots, -1)
-        near = np.concatenate([(part <= limit).all(axis=1) for part, limit in zip(parts, limits, strict=True)])
-        return [keys[place] for place in len(keys) - len(near) + np.flatnonzero(~near)]
+        if not again and child.steps % STEPPED_SKIP:
+            return child
+        isam, exact = relinearised(child.owned.hand_on().isam, exact, self.spaces)
+        return replace(child, owned=OwnedIsam(isam), exact=exact, _known={})
 
     def with_single_steps(self, num_biases: int, *, errors_repeat: bool) -> "Smoother":
         """The smoother to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.

@@ -68,6 +68,18 @@ def test_a_loop_that_closes_ends_at_the_optimum_of_all_factors(drift_rad: float)
     np.testing.assert_allclose(se2.between(expected, found), 0.0, atol=0.02)
 
 
+def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.PriorFactorPose2(robot_key(-1), gtsam.Pose2(), gtsam.noiseModel.Isotropic.Sigma(3, 1e-3)))
+    values.insert(robot_key(-1), gtsam.Pose2())
+    smoother = Smoother.of(SPACES, MAKER, graph, values).with_single_steps(0, errors_repeat=True)
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.BetweenFactorPose2(robot_key(-1), robot_key(0), gtsam.Pose2(*STEP), STEP_NOISE))
+    values.insert(robot_key(0), gtsam.Pose2(1.0, 1.0, 1.0))
+    smoother = smoother.stepped(graph, values, [], {}, again=True)
+    np.testing.assert_allclose(smoother.states([robot_key(0)])[0], STEP, atol=1e-6)
+
+
 def test_what_has_not_moved_keeps_its_factors() -> None:
     """Those at the start of the drive, which odometry alone moves little."""
     smoother = on_a_ring(0.5)
