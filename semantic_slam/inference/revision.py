@@ -22,6 +22,7 @@ from semantic_slam.inference.smoothing.component import Component, WeightedCompo
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import certain
 from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
+from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.problem import Problem
 
@@ -29,6 +30,11 @@ LARGEST_DISTANCE = 4.0
 """Mahalanobis distance between two objects up to which they may be one."""
 LARGEST_DISTANCE_M = 3.0
 """Metres between them."""
+HOPELESS_DISTANCE = 8.0
+"""Mahalanobis distance between two objects, relative to each other, from which on a replay is spared.
+
+What speaks for a merge against it, a birth less and misses less, is tens of nats at most.
+"""
 LEAST_EXISTENCE = 0.1
 AGAIN = 3
 """Rounds of revision after which a pair that was tried may be tried again."""
@@ -165,13 +171,26 @@ class Revision:
             pair
             for pair in near_pairs(ids, objects, lineage)
             if now - self._tried.get(pair, -now) >= AGAIN * self.settings.every_keyframes
-        ][: self.settings.proposals]
+        ]
+        pairs = self._not_hopeless(lineage, pairs)[: self.settings.proposals]
         self._tried |= dict.fromkeys(pairs, now)
         together = _apart(pairs, lineage)
         chosen = [[pair] for pair in pairs]
         if len(together) > 1:
             chosen.insert(0, together)
         return [merged(lineage, own) for own in chosen]
+
+    def _not_hopeless(self, lineage: Lineage, pairs: Sequence[Pair]) -> list[Pair]:
+        """Those of some pairs that may be one by what the history knows of one relative to the other.
+
+        A replay costs a hundred times as much as to ask, and most pairs that are near where the drive has been far from
+        its start are surely two.
+        """
+        (followed,) = self._replay.log_joints([lineage]) if pairs else (None,)
+        if followed is None:
+            return []
+        distances = relative_distances(followed.component, pairs)
+        return [pair for pair, distance in zip(pairs, distances, strict=True) if distance <= HOPELESS_DISTANCE]
 
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
         """Histories in which objects are one that moves: all at once first, where there are several."""
@@ -215,6 +234,33 @@ def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> li
         if distance <= LARGEST_DISTANCE:
             found.append((distance, pair))
     return [pair for _, pair in sorted(found)]
+
+
+def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
+    """(n,) Mahalanobis distances of the places of the two objects of each pair, in their joint Gaussian.
+
+    What both share, as the drift of a whole drive, does not count. Infinite where the Gaussian is not to be had.
+    """
+    numbers, space = sorted({number for pair in pairs for number in pair}), component.spaces.landmark
+    keys = [object_key(number) for number in numbers]
+    try:
+        states, covariance = component.states(keys), component.joint_covariance(keys)
+    except LostComponentError:
+        return np.full(len(pairs), np.inf)
+    size = space.tangent_size
+    axes = np.tile(np.eye(2, size), (len(numbers), 1, 1))  # (N, 2, l) of the tangent spaces, in map
+    if space.heading is not None:
+        cos, sin = np.cos(states[:, space.heading]), np.sin(states[:, space.heading])
+        axes[:, :, :2] = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
+    found = []
+    for pair in pairs:
+        one, other = (numbers.index(number) for number in pair)
+        rows = np.r_[one * size : (one + 1) * size, other * size : (other + 1) * size]
+        slopes = np.concatenate([-axes[one], axes[other]], axis=1)
+        offset = states[other, :2] - states[one, :2]
+        spread = slopes @ covariance[np.ix_(rows, rows)] @ slopes.T
+        found.append(float(np.sqrt(offset @ np.linalg.solve(spread, offset))))
+    return np.array(found)
 
 
 def seen_together(lineage: Lineage) -> set[Pair]:

@@ -12,7 +12,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.revision import Replay, merged, seen_together
+from semantic_slam.inference.revision import Replay, merged, relative_distances, seen_together
 from semantic_slam.inference.states.lineage import LineageStep
 
 LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
@@ -59,6 +59,21 @@ def test_objects_that_were_started_twice_become_one_when_more_of_them_is_seen() 
     _, (*_, without) = return_with_drift({"every_keyframes": 0})
     assert len(without.object_ids) > len(LANDMARKS)
     assert engine.hypotheses.discarded.total < 1.0
+
+
+def test_what_two_objects_share_of_a_drift_brings_them_no_nearer() -> None:
+    """Where the robot began is not known to metres: each post may be where the other one is, but not beside it."""
+    engine = Engine(open_world({}), initial_covariance=np.diag([4.0, 4.0, 0.25]))
+    engine.process(Keyframe.planar(0, detections=seen_from(np.zeros(3), [0, 1])))
+    (held,) = engine.pool._backends[0].held.values()
+    component = held.component
+    far = relative_distances(component, [(0, 1), (1, 0)])
+    covariances = component.tracked.covariances[:, :2, :2]
+    offset = component.tracked.states[1, :2] - component.tracked.states[0, :2]
+    assert np.sqrt(offset @ np.linalg.solve(covariances.sum(axis=0), offset)) < 2.0
+    range_m, both = np.hypot(*LANDMARKS[0]), np.hypot(*(LANDMARKS[1] - LANDMARKS[0]))
+    assert far[0] == pytest.approx(far[1], rel=1e-6)
+    assert far[0] > 0.5 * both / (np.sqrt(2.0) * max(SIGMAS[0], SIGMAS[1] * range_m)) > 8.0
 
 
 def test_beliefs_tell_every_history_as_it_was_revised() -> None:

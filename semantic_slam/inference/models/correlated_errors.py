@@ -24,6 +24,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.states.keys import VECTOR_SIZES, ErrorPlace, letter_of, vector_parts
 
 OWN_SHARE = 1e-4
 """Share of f that no two detections have in common: it keeps covariances regular where two stand at one place."""
@@ -69,13 +70,17 @@ class WhiteResidual:
             log_normaliser=plain.log_normaliser + measured * float(np.log(self.scale)),
         )
 
-    def factor(self, plain: Any, error_key: int) -> Any:
-        """GTSAM factor on planar robot, object and f of a detection, from the ``plain`` one on robot and object."""
+    def factor(self, plain: Any, place: ErrorPlace) -> Any:
+        """GTSAM factor on planar robot, object and the variable that holds f, from the ``plain`` one on the first two.
+
+        ``place``: where f of the detection is in that variable.
+        """
         scale, size = self.scale, plain.dim()
-        slope = np.asfortranarray(self.slope * np.eye(2)[::-1][:size])  # GTSAM's order: bearing, range
+        slope = np.zeros((size, place.size), order="F")
+        slope[:, place.first : place.first + 2] = self.slope * np.eye(2)[::-1][:size]  # GTSAM's order: bearing, range
 
         def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-            repeated = slope @ values.atVector(error_key)
+            repeated = slope @ values.atVector(place.key)
             if jacobians is None:
                 return np.asarray(scale * plain.whitenedError(values) + repeated)
             jacobian, negated = plain.linearize(values).jacobian()
@@ -83,7 +88,7 @@ class WhiteResidual:
             jacobians[0], jacobians[1], jacobians[2] = jacobian[:, :3], jacobian[:, 3:], slope
             return np.asarray(repeated - scale * negated)
 
-        return gtsam.CustomFactor(unit_noise(size), [*plain.keys(), error_key], error)
+        return gtsam.CustomFactor(unit_noise(size), [*plain.keys(), place.key], error)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,11 +126,11 @@ class ErrorTransition:
         )
 
     def factor(self, before: Sequence[int], now: Sequence[int]) -> Any:
-        """GTSAM factor on the variables of n and D detections by their keys, of (2,) each."""
+        """GTSAM factor on the variables that hold f of n and of D detections, by their keys."""
         inverse = solve_triangular(np.linalg.cholesky(self.noise), np.eye(len(self.noise)), lower=True)
         whole = np.concatenate([-inverse @ self.matrix, inverse], axis=1)
         keys = [*before, *now]
-        blocks = [np.asfortranarray(whole[:, 2 * at : 2 * at + 2]) for at in range(len(keys))]
+        blocks = [np.asfortranarray(whole[:, part]) for part in vector_parts(keys)]
 
         def at_origin(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
             if jacobians is not None:
@@ -135,7 +140,7 @@ class ErrorTransition:
 
         origin = gtsam.Values()
         for key in keys:
-            origin.insert(key, np.zeros(2))
+            origin.insert(key, np.zeros(VECTOR_SIZES[letter_of(key)]))
         callback = gtsam.CustomFactor(unit_noise(len(whole)), keys, at_origin)
         # Linear, so that GTSAM needs no callback: with each it would copy all values of its graph.
         return gtsam.LinearContainerFactor(callback.linearize(origin), origin)

@@ -40,10 +40,7 @@ def linearised(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam
 
     iSAM2 would hand a copy of all of its values to each callback into Python.
     """
-    linear, found = graph.linearize(values), gtsam.NonlinearFactorGraph()
-    for place in range(linear.size()):
-        found.add(gtsam.LinearContainerFactor(linear.at(place), values))
-    return found
+    return gtsam.LinearContainerFactor.ConvertLinearGraph(graph.linearize(values), values)
 
 
 def linearisation_points(

@@ -42,7 +42,7 @@ from semantic_slam.inference.states.tracked_objects import TrackedStates
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
 LOCAL_OBJECTS = 40
-"""Objects around the robot that a local map holds from the start, besides those near the detections."""
+"""Objects that a local map holds from the start besides those near the detections: amid these and the robot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -339,7 +339,8 @@ def _local(component: Component, robot: Array, near: Index) -> LocalMap:
     if known is not None and known.age < LARGEST_AGE and known.holds(ids):
         return known
     if component.single_steps:
-        around = np.argsort(_distances(tracked.states, robot), kind="stable")[:LOCAL_OBJECTS]
+        amid = robot[:2] if not len(near) else 0.5 * (robot[:2] + tracked.states[near, :2].mean(axis=0))
+        around = np.argsort(_distances(tracked.states, amid), kind="stable")[:LOCAL_OBJECTS]
         ids = component.objects.ids[np.union1d(near, around)]
     keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
     together = tracked.motion_covariance.copy()

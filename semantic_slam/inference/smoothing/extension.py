@@ -14,7 +14,14 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactor
-from semantic_slam.inference.states.keys import begins_stretch, descriptor_key, error_keys, object_key, robot_key
+from semantic_slam.inference.states.keys import (
+    begins_stretch,
+    descriptor_key,
+    error_keys,
+    object_key,
+    robot_key,
+    vector_parts,
+)
 from semantic_slam.inference.states.object_views import ObjectViews
 
 JUMP = 0.5
@@ -79,10 +86,11 @@ def _add_errors(
     graph: gtsam.NonlinearFactorGraph,
     values: gtsam.Values,
 ) -> None:
-    """Add the errors of a keyframe's detections that repeat, one variable each."""
+    """Add the errors of a keyframe's detections that repeat."""
     graph.add(shared.errors(errors))
-    for key, mean in zip(error_keys(keyframe, len(errors.places)), errors.mean.reshape(-1, 2), strict=True):
-        values.insert(key, mean)
+    keys = error_keys(keyframe, len(errors.places))
+    for key, part in zip(keys, vector_parts(keys), strict=True):
+        values.insert(key, errors.mean[part])
 
 
 def classed_measurements(component: Component, update: ComponentUpdate) -> list[SemanticFactor]:

@@ -13,6 +13,8 @@ WILDFIRE_THRESHOLD = 1e-9
 STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
 back-substitution stops, metres or radians."""
+NEVER = 1 << 30
+"""Updates from one relinearisation to the next where factors are linearised here: when they are made anew."""
 STIFF_WILDFIRE = 1e-3
 """That change where errors of detections repeat: what is left of a detection's error is a third of the whole."""
 
@@ -61,17 +63,18 @@ def single_step_isam(spaces: Spaces, *, errors_repeat: bool) -> gtsam.ISAM2:
     """An empty one for one update per keyframe: relinearised seldom, back-substituted to millimetres.
 
     Where ``errors_repeat``, states are linearised as near as where updates are iterated: detections are then told by
-    what does not repeat alone, and what bends is no longer small against that.
+    what does not repeat alone, and what bends is no longer small against that. They are relinearised when it is told
+    to, and all that have moved far.
     """
     parameters = gtsam.ISAM2Params()
-    parameters.relinearizeSkip = STEPPED_SKIP
+    parameters.relinearizeSkip = NEVER if errors_repeat else STEPPED_SKIP
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
         thresholds.insert((symbol, space.relinearize_threshold if errors_repeat else space.far))
     for letter, size in VECTOR_SIZES.items():  # all is linear in these
         thresholds.insert((letter, np.full(size, np.inf)))
     parameters.setRelinearizeThreshold(thresholds)
-    parameters.enablePartialRelinearizationCheck = True
+    parameters.enablePartialRelinearizationCheck = not errors_repeat
     solver = gtsam.ISAM2GaussNewtonParams()
     solver.setWildfireThreshold(STIFF_WILDFIRE if errors_repeat else STEPPED_WILDFIRE)
     parameters.setOptimizationParams(solver)

@@ -7,7 +7,7 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import biased_factor
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.states.keys import bias_key, error_key, error_keys, object_key, robot_key
+from semantic_slam.inference.states.keys import bias_key, error_keys, error_place, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
 
@@ -49,7 +49,8 @@ class KeyframeFactors:
             keys = robot_key(self._keyframe), object_key(item.object_id)
             factor = self._model.geometry_factor(item.detection, keys)
             if errors is not None:
-                factor = errors.white.factor(factor, error_key(self._keyframe, item.number))
+                place = error_place(self._keyframe, len(errors.places), item.number)
+                factor = errors.white.factor(factor, place)
             self._geometry[name] = factor
         return self._geometry[name]
 

@@ -28,6 +28,7 @@ from semantic_slam.inference.smoothing.factor_table import (
     RelinearisedFactors,
 )
 from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
+from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
 from semantic_slam.inference.states.spaces import Spaces
@@ -55,7 +56,7 @@ class Smoother:
     num_variables: int
     factor_table: FactorTable = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
-    exact: gtsam.NonlinearFactorGraph | None = None  # its factors where iSAM2 holds them linearised; None: it does not
+    exact: gtsam.NonlinearFactorGraph | None = None  # its factors where iSAM2 holds them linearised, slot by slot
     steps: int = 0  # updates since it began to be updated once per keyframe
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
@@ -201,7 +202,10 @@ class Smoother:
         *,
         again: bool,
     ) -> "Smoother":
-        """One update with factors that are linearised here, at the estimates; all anew where these have moved far."""
+        """One update with factors that are linearised here, at the estimates; anew where these have moved far.
+
+        ``before``: the factors themselves, each in the slot that it has in iSAM2.
+        """
         point = self.isam.calculateEstimate([key for key in graph.keyVector() if not values.exists(key)])
         point.insert(values)
         exact = gtsam.NonlinearFactorGraph(before)
@@ -209,18 +213,10 @@ class Smoother:
         for factor in added.factors:
             exact.add(factor)
         child = replace(self.updated(linearised(graph, point), values, added), exact=exact, steps=self.steps + 1)
-        if (again or child.steps % STEPPED_SKIP == 0) and not child._is_near():
-            isam = single_step_isam(self.spaces, errors_repeat=True)
-            estimate = child.isam.calculateEstimate()
-            isam.update(linearised(exact, estimate), estimate)
-            return replace(child, owned=OwnedIsam(isam), _known={})
-        return child
-
-    def _is_near(self) -> bool:
-        """Whether robots and landmarks, of one size and last by their keys, are near where they are linearised."""
-        count = len(self.spaces.states(self.isam.getLinearizationPoint()))
-        changes = np.abs(self.isam.getDelta().vector())
-        return self.spaces.are_within(changes[len(changes) - count * self.spaces.layout.width :], count)
+        if not again and child.steps % STEPPED_SKIP:
+            return child
+        isam, exact = relinearised(child.owned.hand_on().isam, exact, self.spaces)
+        return replace(child, owned=OwnedIsam(isam), exact=exact, _known={})
 
     def with_single_steps(self, num_biases: int, *, errors_repeat: bool) -> "Smoother":
         """The smoother to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.

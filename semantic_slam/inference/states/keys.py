@@ -1,8 +1,12 @@
 """The GTSAM keys of poses, objects, descriptors, biases of odometry and errors of detections."""
 
+import string
+from collections.abc import Sequence
 from functools import cache
+from typing import NamedTuple
 
 import gtsam
+import numpy as np
 
 
 def robot_key(keyframe: int) -> int:
@@ -64,23 +68,45 @@ def begins_stretch(keyframe: int) -> bool:
     return keyframe > 0 and keyframe % STRETCH == 0
 
 
-ERROR_LETTER = "d"
-VECTOR_SIZES = {BIAS_LETTER: 4, ERROR_LETTER: 2}
-"""Components of a bias of odometry, and of an error of a detection."""
-_MOST_DETECTIONS = 1 << 16
+ERROR_LETTERS = string.ascii_uppercase
+"""Of variables that hold the errors of one detection, of two, and so on; below all others."""
+MOST_TOGETHER = len(ERROR_LETTERS)
+"""Detections whose errors one variable holds; those of a frame with more of them are in several."""
+_MOST_VARIABLES = 1 << 12
 """In one frame."""
+VECTOR_SIZES = {BIAS_LETTER: 4} | {letter: 2 * count for count, letter in enumerate(ERROR_LETTERS, start=1)}
+"""Components of a bias of odometry, and of the errors of some detections."""
 
 
-def error_key(keyframe: int, number: int) -> int:
-    """Error that repeats, of one detection of a keyframe."""
-    return int(gtsam.symbol(ERROR_LETTER, keyframe * _MOST_DETECTIONS + number))
+class ErrorPlace(NamedTuple):
+    """Where a detection's error is in a variable of the smoother."""
+
+    key: int
+    first: int  # of its two components
+    size: int  # components of the variable
 
 
 def error_keys(keyframe: int, count: int) -> list[int]:
-    """Errors that repeat, of the ``count`` detections of a keyframe."""
-    return [error_key(keyframe, number) for number in range(count)]
+    """Errors that repeat, of the ``count`` detections of a keyframe: as few variables as may be, in order."""
+    sizes = [min(MOST_TOGETHER, count - first) for first in range(0, count, MOST_TOGETHER)]
+    return [
+        int(gtsam.symbol(ERROR_LETTERS[size - 1], keyframe * _MOST_VARIABLES + place))
+        for place, size in enumerate(sizes)
+    ]
+
+
+def error_place(keyframe: int, count: int, number: int) -> ErrorPlace:
+    """Of one of the ``count`` detections of a keyframe."""
+    key = error_keys(keyframe, count)[number // MOST_TOGETHER]
+    return ErrorPlace(key, 2 * (number % MOST_TOGETHER), VECTOR_SIZES[letter_of(key)])
+
+
+def vector_parts(keys: Sequence[int]) -> list[slice]:
+    """Where the components of each of some vectors are when they stand one after another."""
+    ends = np.cumsum([VECTOR_SIZES[letter_of(key)] for key in keys]).tolist()
+    return [slice(end - VECTOR_SIZES[letter_of(key)], end) for key, end in zip(keys, ends, strict=True)]
 
 
 def is_vector(key: int) -> bool:
-    """Whether a GTSAM key is a bias of odometry or an error of a detection."""
+    """Whether a GTSAM key is a bias of odometry or the errors of detections."""
     return letter_of(key) in VECTOR_SIZES
