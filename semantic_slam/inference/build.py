@@ -15,7 +15,6 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar
 from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
 from semantic_slam.inference.models.clutter import EvenClutter
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.moving import Moving
@@ -24,6 +23,7 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection, Pla
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import NO_SCORES, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior

@@ -25,13 +25,13 @@ from semantic_slam.geometry.arrays import Array, broadcast_copy
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
 

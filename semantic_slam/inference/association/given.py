@@ -74,7 +74,7 @@ class GivenAssociation(ClosedWorld):
 
 
 def log_odds_of_wrong_identity(problem: Problem) -> float:
-    """Of any one; -inf where none is wrong, or where nothing says what the detection of a wrong one looks like."""
+    """Log odds that an identity is wrong; -inf where none is, or where nothing says what its detection looks like."""
     share = problem.closed_world.wrong_identity_share
     if problem.clutter is None or share <= 0.0:
         return -np.inf

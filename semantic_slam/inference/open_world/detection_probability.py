@@ -7,11 +7,11 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
+from semantic_slam.inference.states.detection_rates import DetectionRates
 
 MOST_LOOKS = 50
-"""Of one place that count, the newest: by then next to nothing is left to be found there."""
+"""Newest looks at one place that count: by then next to nothing is left to be found there."""
 
 
 class Occluders(NamedTuple):

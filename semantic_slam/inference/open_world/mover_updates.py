@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.existence import missed
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate

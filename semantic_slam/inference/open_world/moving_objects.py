@@ -13,10 +13,10 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.existence import missed
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import STATE, Movers
 
 LOST_M = 5.0

@@ -15,7 +15,6 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
@@ -35,6 +34,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.smoothing.tracking import carried_keys
 from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.inference.states.tracked_objects import TrackedStates

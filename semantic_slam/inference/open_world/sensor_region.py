@@ -30,7 +30,7 @@ class SensorRegion:
         return 0.5 * self.field_of_view_rad * (self.max_range_m**2 - self.min_range_m**2)
 
     def reaching(self, sensed: SensedRegion | None) -> Self:
-        """The same sensor with the bounds that its detections have shown; as it is where they are not learned."""
+        """With the bounds that its detections have shown; as it is where they are not learned."""
         if sensed is None:
             return self
         return replace(

@@ -3,9 +3,9 @@
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.states.detection_rates import DetectionRates
 
 NUM_RINGS, NUM_BEARINGS = 4, 8
 """Points of equal area over which the region is averaged."""

@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.models.detection_rates import CERTAIN, DetectionRates
 from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,11 +8,12 @@ import numpy as np
 
 from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models import detection_rates, odometry_bias
-from semantic_slam.inference.models.detection_rates import DetectionRates
+from semantic_slam.inference.models import odometry_bias
 from semantic_slam.inference.models.noise_settings import NAMES, NoiseSettings
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states import detection_rates
+from semantic_slam.inference.states.detection_rates import DetectionRates
 
 
 @dataclass(frozen=True, kw_only=True)

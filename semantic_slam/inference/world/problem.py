@@ -15,7 +15,6 @@ from semantic_slam.configuration import (
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import NoiseSettings
@@ -25,6 +24,7 @@ from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces

@@ -24,7 +24,6 @@ from semantic_slam.inference.evidence.explanation import (
     probability_unexplained,
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
@@ -32,6 +31,7 @@ from semantic_slam.inference.open_world.unseen_ground import first_detections
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import ScoreDensity
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.viewpoint.parametric import ParametricModel
 
 SEEDS = range(6)

@@ -16,11 +16,11 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction import sensor_region
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam_lab.studies.aliased_room.data import Rates, Recording
 from semantic_slam_lab.studies.aliased_room.methods import START_SIGMA, Outcome, front_end

@@ -13,8 +13,8 @@ from worlds.same_beliefs import assert_same
 from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe, MapPrior
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
-from semantic_slam.inference.models.detection_rates import DetectionRates
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.world.map_prior import ObjectPrior
 
 PROBABILITIES, HALF_RANGES, PERSISTENCE = (0.3, 0.8), (1.5, 4.0), 0.6

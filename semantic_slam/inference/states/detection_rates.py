@@ -14,7 +14,7 @@ import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.models.miss_runs import MissRuns
+from semantic_slam.inference.states.miss_runs import MissRuns
 
 LEAST_LOG_WEIGHT = float(np.log(1e-6))
 """Settings that weigh less are given up for good."""
@@ -75,7 +75,7 @@ class DetectionRates:
 
     @cached_property
     def sensors(self) -> "tuple[DetectionRates, Index]":
-        """Those that differ in more than the density of objects, and (G,) which of them each is."""
+        """Settings that differ in more than the density of objects, and (G,) which of them each is."""
         _, first, which = np.unique(
             np.stack([self.probability, self.half_range_m]), axis=1, return_index=True, return_inverse=True
         )

@@ -9,8 +9,8 @@ from worlds.same_beliefs import assert_same
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe, MapPrior
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
-from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.states.miss_runs import MissRuns
 from semantic_slam.inference.world.map_prior import ObjectPrior
 
 RUNS = MissRuns(detection_probability=0.36, persistence=0.7)
