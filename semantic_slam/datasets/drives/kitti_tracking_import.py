@@ -103,4 +103,5 @@ def _detections(detected: DetectedBoxes, frame: int, stamp_ns: int) -> Detection
         scores=detected.scores[rows],
         track_ids=("",) * len(rows),
         positions=detected.centres[rows],
+        position_covariances=detected.covariances[rows],
     )
