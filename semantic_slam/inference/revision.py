@@ -181,9 +181,10 @@ class Revision:
             return []
         first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
         steps, trail = self._replay.steps, followed.component.tracked.trail
+        since = now - AGAIN * self.settings.every_keyframes
         groups = [
             group
-            for group in mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world)
+            for group in mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
             if now - self._tried.get(group, -now) >= AGAIN * self.settings.every_keyframes
         ][: self.settings.proposals]
         self._tried |= dict.fromkeys(groups, now)

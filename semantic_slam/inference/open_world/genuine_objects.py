@@ -14,6 +14,9 @@ from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.detector_scores import ScoreKinds, log_odds, moments_of
 
+MORE = 1.05
+"""Factor on the number of scores from which on their kinds are found anew."""
+
 
 class GenuineObjects:
     """Follows the scores of each live hypothesis's objects, keyframe by keyframe."""
@@ -23,6 +26,8 @@ class GenuineObjects:
         self._news: list[float] = []  # of each keyframe, the share of a score that the keyframe before has not told
         self._moments: list[Array] = []  # of each keyframe (D, 3)
         self._odds: list[Array] = []  # of each keyframe (d,), those that are told
+        self._kinds: ScoreKinds | None = None
+        self._num_fitted = 0  # scores in them
         self._of: dict[int, Array] = {}  # hypothesis -> (N, 3) sums of moments by object id
 
     def note(self, step: Step) -> None:
@@ -39,12 +44,22 @@ class GenuineObjects:
         if not self._is_on:
             return None
         self._of = {number: self._sums(own) for number, own in live.items()}
-        kinds = ScoreKinds.of(np.concatenate(self._odds), np.repeat(self._news, [len(own) for own in self._odds]))
+        kinds = self._kinds_so_far()
         if kinds is None:
             return None
         ids = np.asarray(object_ids, dtype=int)
-        rows = [np.where((ids < len(own))[:, None], own[np.minimum(ids, len(own) - 1)], 0.0) for own in self._of.values()]
+        rows = [
+            np.where((ids < len(own))[:, None], own[np.minimum(ids, len(own) - 1)], 0.0) for own in self._of.values()
+        ]
         return np.array([kinds.genuine(row) for row in rows]).reshape(len(live), len(ids))
+
+    def _kinds_so_far(self) -> ScoreKinds | None:
+        """Those of all scores, found anew as there are more."""
+        counts = [len(own) for own in self._odds]
+        if sum(counts) > MORE * self._num_fitted:
+            self._kinds = ScoreKinds.of(np.concatenate(self._odds), np.repeat(self._news, counts))
+            self._num_fitted = sum(counts)
+        return self._kinds
 
     def _share_of_news(self, step: Step) -> float:
         """Share of a score that the keyframe before has not told."""
@@ -59,7 +74,9 @@ class GenuineObjects:
         before = self._of.get(own.parent_id)
         earlier = np.zeros((0, 3)) if before is None else before
         since = 0 if before is None else len(own.lineage) - 1
-        size = max(len(earlier), 1 + max((max(step.association, default=-1) for step in own.lineage[since:]), default=-1))
+        size = max(
+            len(earlier), 1 + max((max(step.association, default=-1) for step in own.lineage[since:]), default=-1)
+        )
         sums = np.zeros((max(size, 1), 3))
         sums[: len(earlier)] = earlier
         steps = zip(own.lineage[since:], self._moments[since:], self._news[since:], strict=True)

@@ -2,8 +2,8 @@
 
 The log odds of scores are of two kinds, a Gaussian each, found by expectation-maximisation in the scores so far
 (Dempster, Laird, Rubin 1977); how far there are two kinds at all is decided by evidence, that of one Gaussian against
-that of two (Schwarz's approximation). The kind with the larger scores is what the detector looks for: it is seen from near
-and far, and its scores spread no less than those of mistakes.
+that of two (approximated by Schwarz). The kind with the larger scores is what the detector looks for: it is seen from
+near and far, so that its scores spread no less than those of mistakes.
 """
 
 from dataclasses import dataclass
