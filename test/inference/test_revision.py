@@ -1,5 +1,6 @@
 """Association revised afterwards: objects that are one become one, with the weight that they would have had."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,8 @@ from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision import Replay, merged, seen_together
+from semantic_slam.inference.smoothing import trunks
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep
 
 LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
@@ -68,6 +71,25 @@ def test_beliefs_tell_every_history_as_it_was_revised() -> None:
     told = histories(beliefs)
     for row, live in enumerate(engine.live.values()):
         assert [tuple(found[row].tolist()) for found in told] == [step.association for step in live.lineage]
+
+
+def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trunks, "APART", 2)
+    began: list[int] = []
+
+    def asked(kept: trunks.Trunks, numbers: Sequence[int]) -> tuple[int, Component] | None:
+        found = deepest(kept, numbers)
+        began.append(0 if found is None else found[0])
+        return found
+
+    deepest = trunks.Trunks.deepest
+    monkeypatch.setattr(trunks.Trunks, "deepest", asked)
+    _, with_trunks = return_with_drift({"every_keyframes": 1})
+    assert max(began) > 0
+    monkeypatch.setattr(trunks.Trunks, "deepest", lambda kept, numbers: None)
+    _, from_prior = return_with_drift({"every_keyframes": 1})
+    for one, other in zip(with_trunks, from_prior, strict=True):
+        assert_same(one, other)
 
 
 def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:
