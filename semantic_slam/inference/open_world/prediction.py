@@ -361,7 +361,7 @@ def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
 def _local(component: Component, robot: Array, near: Index, reach: Index) -> LocalMap:
     """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be.
 
-    Reading it costs as much as eliminating the whole drive anew, so that it holds what may be near next: ``reach`` (N,).
+    Reading it costs as much as eliminating the whole drive anew: it holds what may be near next, too, ``reach`` (N,).
     """
     tracked, known = _tracked(component), component.local
     ids = component.objects.ids[near]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from worlds.imported import import_bag
 
-from semantic_slam.datasets.drives.kitti_tracking_import import noisy_odometry, read_drive
 from semantic_slam.datasets.drives.kitti_tracking import LabelledBoxes, centre_covariances
+from semantic_slam.datasets.drives.kitti_tracking_import import noisy_odometry, read_drive
 from semantic_slam.datasets.drives.kitti_truth import metre_of, nearest_pairs
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.open_room import make_room
+from worlds.drives.open_room import make_room
 
 from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
 from semantic_slam.inference.engine import Engine
