@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
 
 
 def _metre(folder: Path, name: str) -> float:
-    """Of the labels, in that of the poses."""
+    """Length of the labels' metre in that of the poses."""
     poses = kitti_tracking.read_poses(folder, name)
     labels = kitti_tracking.read_labelled(folder, name, len(poses))
     return 1.0 if labels is None else kitti_truth.metre_of(labels, poses)

@@ -54,7 +54,7 @@ class GenuineObjects:
         return np.array([kinds.genuine(row) for row in rows]).reshape(len(live), len(ids))
 
     def _kinds_so_far(self) -> ScoreKinds | None:
-        """Those of all scores, found anew as there are more."""
+        """The kinds of all scores so far, found anew as there are more scores."""
         counts = [len(own) for own in self._odds]
         if sum(counts) > MORE * self._num_fitted:
             self._kinds = ScoreKinds.of(np.concatenate(self._odds), np.repeat(self._news, counts))

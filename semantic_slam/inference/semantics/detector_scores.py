@@ -18,7 +18,7 @@ LARGEST_LOG_ODDS = 20.0
 LEAST_SIGMA = 0.1
 """Standard deviation of the log odds of a kind at least."""
 NUM_STEPS = 50
-"""Of expectation-maximisation."""
+"""Steps of expectation-maximisation."""
 LEAST_SCORES = 100.0
 """Scores, of those that do not repeat, below which nothing is told: those of a few objects look like kinds, too."""
 PARAMETERS_APART = 3.0
@@ -50,7 +50,7 @@ class ScoreKinds:
 
     @classmethod
     def of(cls, odds: Array, weights: Array) -> Self | None:
-        """Of log odds (N,) that count as ``weights`` (N,); None where too few or too similar ones tell nothing."""
+        """The kinds of log odds (N,) that count as ``weights`` (N,); None where too few or too similar ones tell nothing."""
         total = float(weights.sum())
         if total < LEAST_SCORES:
             return None
