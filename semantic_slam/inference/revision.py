@@ -31,7 +31,7 @@ LARGEST_DISTANCE_M = 3.0
 """Metres between them."""
 LEAST_EXISTENCE = 0.1
 AGAIN = 3
-"""Rounds of revision after which a pair that was tried may be tried again."""
+"""Rounds of revision after which a pair that was tried, and seen since, may be tried again."""
 CHECKPOINT = 10
 """Keyframes from one component that is kept along a replay to the next."""
 
@@ -160,18 +160,23 @@ class Revision:
 
     def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""
-        now = len(self._replay.steps)
-        pairs = [
-            pair
-            for pair in near_pairs(ids, objects, lineage)
-            if now - self._tried.get(pair, -now) >= AGAIN * self.settings.every_keyframes
-        ][: self.settings.proposals]
-        self._tried |= dict.fromkeys(pairs, now)
+        seen = last_seen(lineage)
+        pairs = [pair for pair in near_pairs(ids, objects, lineage) if self._is_news(pair, seen)]
+        pairs = pairs[: self.settings.proposals]
+        self._tried |= dict.fromkeys(pairs, len(self._replay.steps))
         together = _apart(pairs, lineage)
         chosen = [[pair] for pair in pairs]
         if len(together) > 1:
             chosen.insert(0, together)
         return [merged(lineage, own) for own in chosen]
+
+    def _is_news(self, group: tuple[int, ...], seen: Mapping[int, int]) -> bool:
+        """Whether objects were not tried together, or long ago and some of them was ``seen`` (by keyframe) since."""
+        tried = self._tried.get(group)
+        if tried is None:
+            return True
+        again = len(self._replay.steps) - tried >= AGAIN * self.settings.every_keyframes
+        return again and max(seen.get(number, -1) for number in group) >= tried
 
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
         """Histories in which objects are one that moves: all at once first, where there are several."""
@@ -182,11 +187,9 @@ class Revision:
         first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
         steps, trail = self._replay.steps, followed.component.tracked.trail
         since = now - AGAIN * self.settings.every_keyframes
-        groups = [
-            group
-            for group in mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
-            if now - self._tried.get(group, -now) >= AGAIN * self.settings.every_keyframes
-        ][: self.settings.proposals]
+        seen = last_seen(lineage)
+        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
+        groups = [group for group in groups if self._is_news(group, seen)][: self.settings.proposals]
         self._tried |= dict.fromkeys(groups, now)
         found = [with_mover(lineage, group) for group in groups]
         if len(found) > 1:
@@ -216,6 +219,11 @@ def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> li
         if distance <= LARGEST_DISTANCE:
             found.append((distance, pair))
     return [pair for _, pair in sorted(found)]
+
+
+def last_seen(lineage: Lineage) -> dict[int, int]:
+    """Object -> the keyframe at which it was detected last."""
+    return {number: keyframe for keyframe, step in enumerate(lineage) for number in step.association}
 
 
 def seen_together(lineage: Lineage) -> set[Pair]:

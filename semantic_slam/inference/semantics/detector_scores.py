@@ -50,7 +50,7 @@ class ScoreKinds:
 
     @classmethod
     def of(cls, odds: Array, weights: Array) -> Self | None:
-        """The kinds of log odds (N,) that count as ``weights`` (N,); None where too few or too similar ones tell nothing."""
+        """The kinds of log odds (N,) that count as ``weights`` (N,); None where few or similar ones tell nothing."""
         total = float(weights.sum())
         if total < LEAST_SCORES:
             return None
