@@ -156,6 +156,10 @@ class OpenWorldConfiguration:
         "the region reaches as far as the detections so far, in place of field_of_view_rad, direction_rad, min_range_m"
         " and max_range_m, which then bound nothing",
     )
+    learn_scores: bool = parameter(
+        False,
+        "detectors' scores so far tell which objects are what the detector looks for; others are said not to exist",
+    )
     occluder_radius_m: float = parameter(
         0.25,
         "radius of a detected object, which hides what is behind it; 0: neither it nor the depth image hides anything",

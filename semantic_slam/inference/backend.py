@@ -25,6 +25,7 @@ from semantic_slam.inference.protocol import Candidates, Commit, Components, Run
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, certain
+from semantic_slam.inference.smoothing.trunks import Trunks
 from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
@@ -53,6 +54,7 @@ class Backend:
             for number, log_weight in enumerate(self.problem.log_root_weights)
         }
         self.steps: list[Step] = []
+        self._trunks = Trunks()
         self.committed = -1
         self._expanded: tuple[Expansion, list[int]] | None = None
         self._asked: set[int] = set()  # what the newest commit gave to this backend
@@ -88,6 +90,7 @@ class Backend:
         kept = {number: outcome for number, outcome in grown.items() if isinstance(outcome, Component)}
         self.held = {number: WeightedComponent(outcome, weights[number]) for number, outcome in kept.items()}
         self.committed, self._expanded = commit.keyframe, None
+        self._keep_trunk()
         lost = {number: str(outcome) for number, outcome in grown.items() if number not in kept}
         self._asked, self._answer = mine, self._report(commit.keyframe, lost)
         return self._answer
@@ -95,7 +98,7 @@ class Backend:
     def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
         """Components of the survivors: as held already, grown from what was expanded, or rebuilt from lineages."""
         survivors: dict[int, Outcome] = {}
-        growing, rebuilt = {}, dict[int, Component]()
+        growing = {}
         at = self._places_expanded(commit.keyframe)
         for row in rows:
             number, parent = int(commit.ids[row]), int(commit.parent_ids[row])
@@ -106,7 +109,7 @@ class Backend:
             else:
                 lineage = (*commit.lineages[row], commit.steps[row])
                 try:
-                    survivors[number] = self._rebuild(lineage, commit.keyframe + 1, rebuilt)
+                    survivors[number] = self._rebuild(lineage, commit.keyframe + 1)
                 except LostComponentError as fault:
                     survivors[number] = fault
         if growing and self._expanded is not None:
@@ -126,22 +129,39 @@ class Backend:
         parents = [self.held[parent_ids[row]].component for row in rows]
         return self.expander.grow(step, expansion, parents, at, in_place=True)
 
-    def _rebuild(self, lineage: Sequence[LineageStep], length: int, rebuilt: dict[int, Component]) -> Component:
-        """A component from its lineage alone; trunks that lineages share are replayed once."""
+    def _rebuild(self, lineage: Sequence[LineageStep], length: int) -> Component:
+        """A component from its lineage alone, or from where it was last like one that is kept."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        number = ROOT_ID + (lineage[0].mode if len(self.problem.noises) > 1 else 0)
-        component = self.association.root(number - ROOT_ID)
+        kind = lineage[0].mode if len(self.problem.noises) > 1 else 0
+        numbers = [ROOT_ID + kind]
         for step, taken in zip(self.steps[:length], lineage, strict=True):
-            child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
-            if child not in rebuilt:
-                expansion = self.expander.expand(step, [number], [WeightedComponent(component, 0.0)], taken)
-                if child not in expansion.ids:
-                    raise LostComponentError("a lineage names an impossible continuation")
-                at = [expansion.ids.index(child)]
-                rebuilt[child] = certain(self.expander.grow(step, expansion, [component], at, in_place=False)[0])
-            number, component = child, rebuilt[child]
+            numbers.append(
+                hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
+            )
+        begin, component = self._trunks.deepest(numbers) or (0, self.association.root(kind))
+        for at in range(begin, length):
+            step, child = self.steps[at], numbers[at + 1]
+            expansion = self.expander.expand(
+                step, numbers[at : at + 1], [WeightedComponent(component, 0.0)], lineage[at]
+            )
+            if child not in expansion.ids:
+                raise LostComponentError("a lineage names an impossible continuation")
+            rows = [expansion.ids.index(child)]
+            nobodys = at > begin and not self._trunks.is_due(at)
+            component = certain(self.expander.grow(step, expansion, [component], rows, in_place=nobodys)[0])
+            if self._trunks.is_due(at + 1):
+                self._trunks.keep(child, component)
+        if self._trunks.is_due(length):
+            return component.fork()
         return component
+
+    def _keep_trunk(self) -> None:
+        """Keep the heaviest component for histories that are revised later, now and then."""
+        revision, count = self.problem.revision, self.committed + 1
+        if revision.every_keyframes > 0 and count <= revision.horizon and self._trunks.is_due(count) and self.held:
+            heaviest = max(sorted(self.held), key=lambda number: self.held[number].log_weight)
+            self._trunks.keep(heaviest, self.held[heaviest].component.fork())
 
     def _candidates(self, step: Step, expansion: Expansion, parents: list[int]) -> Candidates:
         rows, robot, landmark = expansion.assignments, self.problem.spaces.robot, self.problem.spaces.landmark

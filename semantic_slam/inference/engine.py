@@ -25,6 +25,7 @@ from semantic_slam.inference.marginals import Mixture, PassedOver, state_belief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import stack_rows
 from semantic_slam.inference.open_world.copies import Copies, Distinct
+from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
@@ -79,6 +80,7 @@ class Engine:
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         replay = Replay(self.problem, self.association(self.problem, self.registry))
         self.revision = Revision(self.problem.revision, replay)
+        self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
@@ -181,9 +183,10 @@ class Engine:
     ) -> HybridBelief:
         """The belief {(b[X_k], w)} of Eq. 4.5, with its marginals: Eqs. 4.6-4.8."""
         discarded = self.hypotheses.discarded
+        self.genuine.note(step)
         belief = state_belief(
             step,
-            self._mixture(components),
+            self._mixture(components, reported),
             reported,
             self.problem.class_names,
             self.problem.inferred_noise,
@@ -209,9 +212,13 @@ class Engine:
             unexplained=self.explanation.add(kept.log_mass, log_reference),
         )
 
-    def _mixture(self, components: dict[int, HeldComponent]) -> Mixture:
+    def _mixture(self, components: dict[int, HeldComponent], reported: ReportedObjects) -> Mixture:
         """The live hypotheses, heaviest first."""
         rows = [components[n] for n in self.live]
+        objects = stack_rows([own.objects for own in rows])
+        genuine = self.genuine.probabilities(self.live, reported.ids)
+        if genuine is not None:
+            objects = replace(objects, existence=objects.existence * genuine)
         return Mixture(
             ids=list(self.live),
             parent_ids=[live.told_parent_id for live in self.live.values()],
@@ -220,6 +227,6 @@ class Engine:
             changes=[(n, *change) for n, live in self.live.items() for change in live.changes()],
             poses=np.array([own.pose for own in rows]),
             pose_covariances=np.array([own.covariance for own in rows]),
-            objects=stack_rows([own.objects for own in rows]),
+            objects=objects,
             noise=np.array([own.noise for own in rows]),
         )

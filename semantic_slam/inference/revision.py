@@ -37,7 +37,7 @@ What speaks for a merge against it, a birth less and misses less, is tens of nat
 """
 LEAST_EXISTENCE = 0.1
 AGAIN = 3
-"""Rounds of revision after which a pair that was tried may be tried again."""
+"""Rounds of revision after which a pair that was tried, and seen since, may be tried again."""
 CHECKPOINT = 10
 """Keyframes from one component that is kept along a replay to the next."""
 
@@ -166,14 +166,10 @@ class Revision:
 
     def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""
-        now = len(self._replay.steps)
-        pairs = [
-            pair
-            for pair in near_pairs(ids, objects, lineage)
-            if now - self._tried.get(pair, -now) >= AGAIN * self.settings.every_keyframes
-        ]
+        seen = last_seen(lineage)
+        pairs = [pair for pair in near_pairs(ids, objects, lineage) if self._is_news(pair, seen)]
         pairs = self._not_hopeless(lineage, pairs)[: self.settings.proposals]
-        self._tried |= dict.fromkeys(pairs, now)
+        self._tried |= dict.fromkeys(pairs, len(self._replay.steps))
         together = _apart(pairs, lineage)
         chosen = [[pair] for pair in pairs]
         if len(together) > 1:
@@ -192,6 +188,14 @@ class Revision:
         distances = relative_distances(followed.component, pairs)
         return [pair for pair, distance in zip(pairs, distances, strict=True) if distance <= HOPELESS_DISTANCE]
 
+    def _is_news(self, group: tuple[int, ...], seen: Mapping[int, int]) -> bool:
+        """Whether objects were not tried together, or long ago and some of them was ``seen`` (by keyframe) since."""
+        tried = self._tried.get(group)
+        if tried is None:
+            return True
+        again = len(self._replay.steps) - tried >= AGAIN * self.settings.every_keyframes
+        return again and max(seen.get(number, -1) for number in group) >= tried
+
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
         """Histories in which objects are one that moves: all at once first, where there are several."""
         problem, now = self._replay.problem, len(self._replay.steps)
@@ -200,11 +204,10 @@ class Revision:
             return []
         first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
         steps, trail = self._replay.steps, followed.component.tracked.trail
-        groups = [
-            group
-            for group in mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world)
-            if now - self._tried.get(group, -now) >= AGAIN * self.settings.every_keyframes
-        ][: self.settings.proposals]
+        since = now - AGAIN * self.settings.every_keyframes
+        seen = last_seen(lineage)
+        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
+        groups = [group for group in groups if self._is_news(group, seen)][: self.settings.proposals]
         self._tried |= dict.fromkeys(groups, now)
         found = [with_mover(lineage, group) for group in groups]
         if len(found) > 1:
@@ -261,6 +264,11 @@ def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
         spread = slopes @ covariance[np.ix_(rows, rows)] @ slopes.T
         found.append(float(np.sqrt(offset @ np.linalg.solve(spread, offset))))
     return np.array(found)
+
+
+def last_seen(lineage: Lineage) -> dict[int, int]:
+    """Object -> the keyframe at which it was detected last."""
+    return {number: keyframe for keyframe, step in enumerate(lineage) for number in step.association}
 
 
 def seen_together(lineage: Lineage) -> set[Pair]:

@@ -187,6 +187,29 @@ def test_a_box_lies_in_a_region_by_half_of_its_area() -> None:
     assert kitti.inside(boxes, np.zeros((0, 4))).tolist() == [False, False]
 
 
+def kitti_folder(folder: Path, metre: float) -> Path:
+    """Eight parked cars that a camera passes, a metre of the labels' a picture; poses of a metre that is shorter."""
+    frames = range(20)
+    poses = "".join(f"1 0 0 0 0 1 0 0 0 0 1 {frame / metre}\n" for frame in frames)
+    row = "{} {} Car 0 0 0.0 10 20 30 40 1.6 1.7 4.0 3.0 1.5 {} 0.0\n"
+    labels = "".join(row.format(frame, track, 30.0 + 2.0 * track - frame) for frame in frames for track in range(8))
+    (folder / "orb_0042.txt").write_text(poses)
+    (folder / "label_0042.txt").write_text(labels)
+    return folder
+
+
+def test_kitti_is_judged_in_the_metre_of_its_labels_too(tmp_path: Path) -> None:
+    """What moves along in the metre of the poses, and stands in that of the labels, need not be called moving."""
+    own = small_run([[1]] * 10, [(f"{MOVING}3",)] * 10, {1: [2.0, 1.0]})
+    alike = kitti.metrics_in_labels_metre(own, kitti_folder(tmp_path, 1.0), "0042")
+    assert alike["metre_of_labels"] == pytest.approx(1.0)
+    assert alike["ate_in_labels_metre_m"] == pytest.approx(0.0, abs=1e-9)
+    longer = kitti.metrics_in_labels_metre(own, kitti_folder(tmp_path, 0.9), "0042")
+    assert longer["metre_of_labels"] == pytest.approx(0.9)
+    assert longer["ate_in_labels_metre_m"] == pytest.approx(0.1 * np.arange(10).std())
+    assert longer["moving_recall_in_labels_metre"] is None
+
+
 def test_joint_compatibility_is_that_of_all_sets_of_pairs() -> None:
     """Against enumeration: most pairs that fit together, the closest of as many. Errors of the robot are shared."""
     generator = np.random.default_rng(5)

@@ -5,6 +5,7 @@ axes are x right, y down, z forward; boxes stand on their locations. The body is
 x is the camera's z, y its -x, z its -y.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +37,8 @@ TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
 LABELLED = ("frame", "track", "type", "truncated", "occluded", "alpha", "x_min", "y_min", "x_max", "y_max")
 SIZED = ("h", "w", "l", "x", "y", "z", "heading")
 NOT_AN_OBJECT = "DontCare"
+LEAST_OVERLAP = {"Pedestrian": 0.5, "Car": 0.7, "Cyclist": 0.5}
+"""Intersection over union from which on the benchmark takes a box of that type to be right."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class DetectedBoxes:
     boxes: Array  # (N, 4) pixels
     scores: Array  # (N,) 0..1
     centres: Array  # (N, 3) in the body frame, metres
+    covariances: Array  # (N, 3, 3) of the centres, of boxes that the benchmark takes to be right
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,14 @@ def read_detected(folder: Path, drive: str, num_frames: int) -> DetectedBoxes:
         rows.append(row)
     values = np.array(rows).reshape(-1, len(DETECTED))
     scores = 1.0 / (1.0 + np.exp(-values[:, 6]))
-    return DetectedBoxes(values[:, 0].astype(int), tuple(types), values[:, 2:6], scores, _centres(values[:, 7:13]))
+    return DetectedBoxes(
+        frames=values[:, 0].astype(int),
+        types=tuple(types),
+        boxes=values[:, 2:6],
+        scores=scores,
+        centres=_centres(values[:, 7:13]),
+        covariances=centre_covariances(values[:, 7:10], values[:, 13], types),
+    )
 
 
 def read_labelled(folder: Path, drive: str, num_frames: int) -> LabelledBoxes | None:
@@ -121,3 +132,21 @@ def _check_frame(line: Line, frame: int, before: int, num_frames: int) -> None:
 def _centres(sizes: Array) -> Array:
     """(N, 3) centres in the body frame of boxes h w l x y z (N, 6), whose y is that of the bottom."""
     return np.column_stack([sizes[:, 5], -sizes[:, 3], 0.5 * sizes[:, 0] - sizes[:, 4]])
+
+
+def centre_covariances(sizes: Array, headings_rad: Array, types: Sequence[str]) -> Array:
+    """(N, 3, 3) in the body frame, of the centres of boxes h w l (N, 3) with headings (N,) about the camera's y.
+
+    A detector is made to find boxes that the benchmark takes to be right, so that nearly all of its boxes are: one that
+    is off by a share d of its own length or width overlaps the true one by (1 - d) / (1 + d), and the least overlap
+    is two standard deviations away.
+    """
+    overlap = np.array([LEAST_OVERLAP[name] for name in types])
+    share = 0.5 * (1.0 - overlap) / (1.0 + overlap)
+    height, width, length = (sizes * share[:, None]).T
+    sine, cosine, zero, one = np.sin(headings_rad), np.cos(headings_rad), np.zeros(len(types)), np.ones(len(types))
+    along = np.stack([-sine, -cosine, zero], axis=-1)
+    across = np.stack([cosine, -sine, zero], axis=-1)
+    up = np.stack([zero, zero, one], axis=-1)
+    slopes = np.stack([along * length[:, None], across * width[:, None], up * height[:, None]], axis=-1)
+    return np.asarray(slopes @ np.swapaxes(slopes, 1, 2))

@@ -55,7 +55,18 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
         labelled = sum(bool(name) for names in drive.associations for name in names)
         known = f"{len(drive.objects.object_ids)} objects with {kitti_truth.LEAST_VIEWS} labelled views or more"
         print(f"whole drive: {known}, of which {moving} move; {labelled} detections of labelled objects")
+        metre = _metre(arguments.source, arguments.drive)
+        print(
+            f"the given poses have another metre than the labels: what is parked stands still at {metre:.3f} of theirs"
+        )
     print(f"stamps are made up: 10 Hz; odometry: the poses' increments with noise (--drift {arguments.drift:g})")
+
+
+def _metre(folder: Path, name: str) -> float:
+    """Length of the labels' metre in that of the poses."""
+    poses = kitti_tracking.read_poses(folder, name)
+    labels = kitti_tracking.read_labelled(folder, name, len(poses))
+    return 1.0 if labels is None else kitti_truth.metre_of(labels, poses)
 
 
 def read_drive(folder: Path, name: str, drift: float, seed: int) -> Drive:
@@ -103,4 +114,5 @@ def _detections(detected: DetectedBoxes, frame: int, stamp_ns: int) -> Detection
         scores=detected.scores[rows],
         track_ids=("",) * len(rows),
         positions=detected.centres[rows],
+        position_covariances=detected.covariances[rows],
     )

@@ -51,12 +51,15 @@ def mover_proposals(
     first_new: int,
     moving: Moving,
     settings: OpenWorldConfiguration,
+    since: int = 0,
 ) -> list[Group]:
     """Objects of a history, younger than ``first_new``, that may be one that moves; the most gain first.
 
-    ``trail`` (K, 3): the robot at the keyframes of ``steps``.
+    ``trail`` (K, 3): the robot at the keyframes of ``steps``. Objects that were not seen from the keyframe ``since`` on
+    are left out: all that tells of them was weighed before.
     """
-    seen = {n: own for n, own in _sightings(lineage, steps, trail).items() if n >= first_new}
+    every = _sightings(lineage, steps, trail)
+    seen = {n: own for n, own in every.items() if n >= first_new and own.keyframes[-1] >= since}
     groups: dict[Group, Sightings] = {(n,): own for n, own in seen.items() if len(own.stamps_ns) <= MOST_DETECTIONS}
     share = moving.largest_share
     log_birth = float(np.log(settings.birth_density))  # detections have the same probability either way

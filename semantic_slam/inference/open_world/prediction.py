@@ -43,6 +43,8 @@ LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
 LOCAL_OBJECTS = 40
 """Objects that a local map holds from the start besides those near the detections: amid these and the robot."""
+MOST_LOCAL = 200
+"""As many as the sensor reaches, but no more than these: any of them may be detected before it is read again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +201,7 @@ class Predictor:
             near, beyond = self._near(component, robot, spread, births, detections, reach)
         else:
             near, beyond = named, np.full(len(births), -np.inf)
-        local = _local(component, robot, near)
+        local = _local(component, robot, near, reach)
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(robot, wider, transition, motion.covariance)
         carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
@@ -332,16 +334,19 @@ def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
     )
 
 
-def _local(component: Component, robot: Array, near: Index) -> LocalMap:
-    """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be."""
+def _local(component: Component, robot: Array, near: Index, reach: Index) -> LocalMap:
+    """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be.
+
+    Reading it costs as much as eliminating the whole drive anew: it holds what may be near next, too, ``reach`` (N,).
+    """
     tracked, known = _tracked(component), component.local
     ids = component.objects.ids[near]
     if known is not None and known.age < LARGEST_AGE and known.holds(ids):
         return known
     if component.single_steps:
         amid = robot[:2] if not len(near) else 0.5 * (robot[:2] + tracked.states[near, :2].mean(axis=0))
-        around = np.argsort(_distances(tracked.states, amid), kind="stable")[:LOCAL_OBJECTS]
-        ids = component.objects.ids[np.union1d(near, around)]
+        around = np.argsort(_distances(tracked.states, amid), kind="stable")[: max(LOCAL_OBJECTS, len(reach))]
+        ids = component.objects.ids[np.union1d(near, around[:MOST_LOCAL])]
     keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
     together = tracked.motion_covariance.copy()
     if len(ids):

@@ -151,6 +151,10 @@ class Component:
         change = np.column_stack([motion.by_bias[:, :CLOCK], line.slope])
         return Motion(line.control, motion.covariance + line.covariance, change)
 
+    def fork(self) -> "Component":
+        """A copy whose smoother grows apart from this one's."""
+        return replace(self, smoother=self.smoother.fork())
+
     def child(self, update: ComponentUpdate, smoother: Smoother, max_fresh: int, *, far: bool = False) -> "Component":
         """The component of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from worlds.imported import import_bag
 
+from semantic_slam.datasets.drives.kitti_tracking import LabelledBoxes, centre_covariances
 from semantic_slam.datasets.drives.kitti_tracking_import import noisy_odometry, read_drive
-from semantic_slam.datasets.drives.kitti_truth import nearest_pairs
+from semantic_slam.datasets.drives.kitti_truth import metre_of, nearest_pairs
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector
@@ -96,6 +97,51 @@ def test_pairs_are_nearest_first_and_within_reach():
     centres, others = np.array([[0.0, 0, 0], [1.0, 0, 0], [9.0, 0, 0]]), np.array([[0.9, 0, 0], [2.3, 0, 0]])
     assert nearest_pairs(centres, others) == [-1, 0, -1]
     assert nearest_pairs(centres, np.zeros((0, 3))) == [-1, -1, -1]
+
+
+def overlap(shift, length):
+    return (length - shift) / (length + shift)
+
+
+@pytest.mark.parametrize(("kind", "least"), [("Car", 0.7), ("Pedestrian", 0.5), ("Cyclist", 0.5)])
+def test_a_box_that_is_off_by_two_standard_deviations_is_hardly_right(kind, least):
+    """Heading 0: its length lies along the camera's x, the body's -y."""
+    (covariance,) = centre_covariances(np.array([[1.5, 1.6, 4.0]]), np.zeros(1), [kind])
+    along, across = np.sqrt(covariance[1, 1]), np.sqrt(covariance[0, 0])
+    assert overlap(2.0 * along, 4.0) == pytest.approx(least)
+    assert overlap(2.0 * across, 1.6) == pytest.approx(least)
+    np.testing.assert_allclose(covariance, np.diag(np.diagonal(covariance)))
+
+
+def test_covariances_turn_with_the_box():
+    sizes = np.tile([1.5, 1.6, 4.0], (2, 1))
+    ahead, aside = centre_covariances(sizes, np.array([-0.5 * np.pi, 0.0]), ["Car", "Car"])
+    np.testing.assert_allclose(ahead[[0, 1], [0, 1]], aside[[1, 0], [1, 0]])
+    slanted = centre_covariances(sizes[:1], np.array([-0.25 * np.pi]), ["Car"])[0]
+    assert slanted[0, 1] < 0.0  # from ahead on the right to behind on the left: x forward, y left
+
+
+def drive_past(metre, count=8):
+    """Poses whose metre is 1 / ``metre`` of the labels', past parked cars and behind one that drives along."""
+    frames, tracks, centres = [], [], []
+    for frame in range(20):
+        for track in range(count):
+            frames.append(frame)
+            tracks.append(track)
+            centres.append([30.0 + 2.0 * track - frame, 3.0, 0.0])
+        frames.append(frame)
+        tracks.append(count)
+        centres.append([10.0, 0.0, 0.0])
+    labels = LabelledBoxes(np.array(frames), np.array(tracks), ("Car",) * len(frames), np.array(centres))
+    return labels, np.column_stack([np.arange(20) / metre, np.zeros((20, 2))])
+
+
+def test_the_metre_of_the_labels_is_that_in_which_parked_cars_stand():
+    assert metre_of(*drive_past(0.97)) == pytest.approx(0.97)
+
+
+def test_few_labels_do_not_tell_the_metre():
+    assert metre_of(*drive_past(0.97, count=3)) == 1.0
 
 
 @pytest.mark.parametrize(

@@ -49,3 +49,14 @@ def test_where_nothing_moves_nothing_is_proposed() -> None:
     steps = [engine.problem.reader.step(keyframe) for keyframe in world.keyframes]
     lineage, moving = next(iter(engine.live.values())).lineage, Moving(configuration(0.1).moving)
     assert mover_proposals(lineage, steps, world.truth, 0, moving, engine.problem.open_world) == []
+
+
+@pytest.mark.slow
+def test_what_was_not_seen_lately_is_not_proposed_again() -> None:
+    world = make_world(20, seed=0)
+    blind, _ = run(world, configuration(0.0))
+    lineage = next(iter(blind.live.values())).lineage
+    steps = [blind.problem.reader.step(keyframe) for keyframe in world.keyframes]
+    settled = lineage, steps, world.truth, 0, Moving(configuration(0.1).moving), blind.problem.open_world
+    assert mover_proposals(*settled)
+    assert mover_proposals(*settled, since=len(steps)) == []

@@ -14,10 +14,12 @@ from semantic_slam.datasets.drives.kitti_tracking import (
     read_poses,
 )
 from semantic_slam.datasets.drives.kitti_tracking_import import PERIOD_NS, START_NS
+from semantic_slam.datasets.drives.kitti_truth import metre_of, tracks_of
 from semantic_slam.datasets.drives.tables import found, lines_of
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.messages.ground_truth import MOVING
 from semantic_slam_lab.studies.real_drives.judged import Judged, votes
+from semantic_slam_lab.studies.real_drives.scores import aligned_error, dead_reckoning, moving_recall
 
 NEAR_M = 1.5
 PARKED = ("Car", "Van")
@@ -39,6 +41,7 @@ def kitti_metrics(run: Judged, folder: Path, drive: str) -> dict[str, float | in
     still = run.stated.ids[~run.stated.moves].tolist()
     num_objects, ghosts = counted(still, run.estimate, beside)
     found: dict[str, float | int | None] = {"num_objects": num_objects, "ghosts": ghosts, "parked_recall": None}
+    found |= metrics_in_labels_metre(run, folder, drive)
     objects = run.truth.objects
     if objects is None:
         return found
@@ -47,6 +50,24 @@ def kitti_metrics(run: Judged, folder: Path, drive: str) -> dict[str, float | in
     standing_for = votes(run.names, run.estimate)
     seen = {standing_for.get(int(number)) for number in still}
     return found | {"parked_recall": len(parked & seen) / len(parked) if parked else None, "num_parked": len(parked)}
+
+
+def metrics_in_labels_metre(run: Judged, folder: Path, drive: str) -> dict[str, float | int | None]:
+    """Metrics against the given poses in the metre of the labels, which is not theirs. Raises InputError."""
+    poses = read_poses(folder, drive)
+    labels = read_labelled(folder, drive, len(poses))
+    if labels is None:
+        return {}
+    metre = metre_of(labels, poses)
+    scale = np.array([metre, metre, 1.0])
+    moving = {track.object_id for track in tracks_of(labels, poses * scale).values()}
+    names = [name if name in moving else name.removeprefix(MOVING) for name in run.names]
+    return {
+        "metre_of_labels": metre,
+        "ate_in_labels_metre_m": aligned_error(run.path, run.true_path * scale),
+        "dead_reckoning_ate_in_labels_metre_m": aligned_error(dead_reckoning(run), run.true_path * scale),
+        "moving_recall_in_labels_metre": moving_recall(names, run),
+    }
 
 
 def counted(objects: Sequence[int], estimate: Sequence[int], beside: Beside) -> tuple[int, int]:

@@ -1,6 +1,7 @@
 """Every metric of one run over one drive; None where the drive has no truth for it."""
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -146,7 +147,7 @@ def object_metrics(run: Judged) -> Metrics:
         "num_true_objects": len({name for name in run.names if name and not name.startswith(MOVING)}),
         "gospa_m": None,
         "ghosts": None,
-        **_moving(run),
+        "moving_recall": moving_recall(run.names, run),
     }
     if not run.has_poses or not fixed:
         return found
@@ -159,11 +160,13 @@ def map_metrics(objects: Array, seen: Array, every: list[Array]) -> Metrics:
     return {"gospa_m": gospa(objects, seen).total_m, "ghosts": int((away > GHOST_M).sum())}
 
 
-def _moving(run: Judged) -> Metrics:
-    """Share of the true movers, seen often enough, that some object stands for which is said to move."""
-    counts = Counter(run.names)
+def moving_recall(names: Sequence[str], run: Judged) -> float | None:
+    """Share of the true movers, seen often enough, that some object stands for which is said to move.
+
+    ``names`` (N,) true object of every detection; those of movers begin with ``MOVING``.
+    """
+    counts = Counter(names)
     movers = {name for name, count in counts.items() if name.startswith(MOVING) and count >= LEAST_DETECTIONS}
-    standing_for = votes(run.names, run.estimate)
+    standing_for = votes(names, run.estimate)
     called = {standing_for.get(int(number)) for number in run.stated.ids[run.stated.moves]}
-    share = len(movers & called) / len(movers) if movers else None
-    return {"moving_recall": share}
+    return len(movers & called) / len(movers) if movers else None

@@ -1,0 +1,104 @@
+"""What a detector's scores tell of its detections: of what it looks for, or of what it mistakes for that.
+
+The log odds of scores are of two kinds, a Gaussian each, found by expectation-maximisation in the scores so far
+(Dempster, Laird, Rubin 1977); how far there are two kinds at all is decided by evidence, that of one Gaussian against
+that of two (approximated by Schwarz). The kind with the larger scores is what the detector looks for: it is seen from
+near and far, so that its scores spread no less than those of mistakes.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+
+LARGEST_LOG_ODDS = 20.0
+"""Log odds of a score of 1, and less those of 0."""
+LEAST_SIGMA = 0.1
+"""Standard deviation of the log odds of a kind at least."""
+NUM_STEPS = 50
+"""Steps of expectation-maximisation."""
+LEAST_SCORES = 100.0
+"""Scores, of those that do not repeat, below which nothing is told: those of a few objects look like kinds, too."""
+PARAMETERS_APART = 3.0
+"""Parameters of two Gaussians and a share, less those of one Gaussian."""
+
+
+def log_odds(scores: Array) -> Array:
+    """(D,) log odds of scores (D,) in [0, 1]; NaN where a detector tells none."""
+    with np.errstate(divide="ignore"):
+        told = np.log(scores) - np.log1p(-scores)
+    return np.asarray(np.clip(told, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS))
+
+
+def moments_of(odds: Array) -> Array:
+    """(D, 3) what :meth:`ScoreKinds.log_ratio` needs of log odds (D,): number, sum, sum of squares; 0 where NaN."""
+    told = np.isfinite(odds)
+    known = np.where(told, odds, 0.0)
+    return np.stack([told.astype(np.float64), known, known**2], axis=-1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreKinds:
+    """Gaussians of the log odds of what is mistaken, and of what the detector looks for."""
+
+    shares: Array  # (2,)
+    means: Array  # (2,)
+    sigmas: Array  # (2,)
+    probability: float  # that there are two kinds at all
+
+    @classmethod
+    def of(cls, odds: Array, weights: Array) -> Self | None:
+        """The kinds of log odds (N,) that count as ``weights`` (N,); None where few or similar ones tell nothing."""
+        total = float(weights.sum())
+        if total < LEAST_SCORES:
+            return None
+        mean = float(weights @ odds) / total
+        variance = float(weights @ (odds - mean) ** 2) / total
+        if variance <= LEAST_SIGMA**2:
+            return None
+        shares, sigmas = np.array([0.5, 0.5]), np.full(2, np.sqrt(variance))
+        means = mean + np.array([-1.0, 1.0]) * sigmas
+        for _ in range(NUM_STEPS):
+            joint = _log_joint(odds, shares, means, sigmas)
+            counts = weights * np.exp(joint - np.logaddexp.reduce(joint, axis=0))
+            sums = np.maximum(counts.sum(axis=1), 1e-9)
+            shares, means = sums / sums.sum(), counts @ odds / sums
+            spread = (counts * (odds - means[:, None]) ** 2).sum(axis=1) / sums
+            if spread[0] > spread[1]:
+                spread = np.full(2, shares @ spread)
+            sigmas = np.sqrt(np.maximum(spread, LEAST_SIGMA**2))
+        together = float(weights @ np.logaddexp.reduce(_log_joint(odds, shares, means, sigmas), axis=0))
+        alone = -0.5 * total * (np.log(2.0 * np.pi * variance) + 1.0)
+        gain = together - alone - 0.5 * PARAMETERS_APART * np.log(total)
+        return cls(
+            shares=shares,
+            means=means,
+            sigmas=sigmas,
+            probability=float(1.0 / (1.0 + np.exp(-np.clip(gain, -700.0, 700.0)))),
+        )
+
+    def genuine(self, moments: Array) -> Array:
+        """(...,) probabilities that objects are what the detector looks for, from the ``moments`` (..., 3) of scores.
+
+        Moments are weighted sums of :func:`moments_of`; an object without any scores is genuine.
+        """
+        against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(moments)
+        genuine = 1.0 / (1.0 + np.exp(np.clip(against, -700.0, 700.0)))
+        return np.asarray(np.where(moments[..., 0] > 0.0, 1.0 - self.probability * (1.0 - genuine), 1.0))
+
+    def log_ratio(self, moments: Array) -> Array:
+        """(...,) log ratio of the densities of scores under the second kind and under the first."""
+        count, total, squared = np.moveaxis(moments, -1, 0)
+        under = [
+            -count * np.log(sigma) - 0.5 * (squared - 2.0 * mean * total + count * mean**2) / sigma**2
+            for mean, sigma in zip(self.means, self.sigmas, strict=True)
+        ]
+        return np.asarray(under[1] - under[0])
+
+
+def _log_joint(odds: Array, shares: Array, means: Array, sigmas: Array) -> Array:
+    """(2, N) log densities of each kind, with its share."""
+    off = (odds - means[:, None]) / sigmas[:, None]
+    return np.asarray(np.log(shares / sigmas)[:, None] - 0.5 * np.log(2.0 * np.pi) - 0.5 * off**2)

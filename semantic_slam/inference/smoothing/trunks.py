@@ -1,0 +1,38 @@
+"""Components kept along histories, from which others that begin alike are rebuilt without replaying all of them."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+
+from semantic_slam.inference.smoothing.component import Component
+
+APART = 10
+"""Keyframes from one component that is kept along a history to the next."""
+MOST = 60
+"""Components kept at most: those that were kept or asked for last."""
+
+
+class Trunks:
+    """Components by the id of their hypothesis; nobody updates them in place."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[int, Component] = OrderedDict()
+
+    @staticmethod
+    def is_due(num_keyframes: int) -> bool:
+        """Whether a component after so many keyframes is one to keep."""
+        return num_keyframes % APART == 0
+
+    def keep(self, number: int, component: Component) -> None:
+        """Keep a component, and forget the one that was asked for longest ago where they are too many."""
+        self._kept[number] = component
+        self._kept.move_to_end(number)
+        if len(self._kept) > MOST:
+            self._kept.popitem(last=False)
+
+    def deepest(self, numbers: Sequence[int]) -> tuple[int, Component] | None:
+        """The last of the hypotheses ``numbers`` along a history that is kept: its place among them, and it."""
+        for at in reversed(range(len(numbers))):
+            if numbers[at] in self._kept:
+                self._kept.move_to_end(numbers[at])
+                return at, self._kept[numbers[at]]
+        return None

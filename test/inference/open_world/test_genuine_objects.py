@@ -1,0 +1,80 @@
+"""What is detected again and again with the scores of mistakes is said not to exist; all else is as it was."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from worlds.drives.open_room import make_room
+
+from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.states.lineage import LineageStep
+
+ERRORS = DetectionErrorsConfiguration(correlated_share=0.5, motion_m=1.0)
+ON = OpenWorldConfiguration(learn_scores=True)
+KEYFRAMES, DOUBTED = 60, 2
+
+
+def step_of(index: int, scores: np.ndarray) -> Step:
+    return Step(
+        index=index,
+        stamp_ns=index,
+        motion=Motion(np.array([1.0, 0.0, 0.0]), np.eye(3)),
+        detections=[None] * len(scores),
+        detection_ids=np.arange(len(scores), dtype=np.uint32),
+        scores=scores,
+        names=("",) * len(scores),
+        in_coverage=np.ones(len(scores), dtype=bool),
+    )
+
+
+def hypothesis(count: int, parent: int) -> Hypothesis:
+    step = LineageStep(association=(0, 1, DOUBTED), class_assignment=(-1, -1, -1), mode=0)
+    return Hypothesis(owner=0, log_weight=0.0, parent_id=parent, lineage=(step,) * count)
+
+
+def followed(settings: OpenWorldConfiguration = ON) -> tuple[GenuineObjects, np.ndarray | None]:
+    """Three objects in each keyframe, of which the last has low scores."""
+    rng, genuine, found = np.random.default_rng(0), GenuineObjects(settings, ERRORS), None
+    for index in range(KEYFRAMES):
+        odds = np.array([rng.normal(8.0, 2.0), rng.normal(9.0, 2.0), rng.normal(0.0, 1.0)])
+        genuine.note(step_of(index, 1.0 / (1.0 + np.exp(-odds))))
+        live = {index + 100: hypothesis(index + 1, index + 99)}
+        found = genuine.probabilities(live, [0, 1, DOUBTED, 7])
+    return genuine, found
+
+
+def test_what_scores_low_again_and_again_is_a_mistake() -> None:
+    found = followed()[1]
+    assert found is not None
+    np.testing.assert_allclose(found, [[1.0, 1.0, 0.0, 1.0]], atol=1e-6)
+
+
+def test_a_history_that_enters_late_knows_as_much_as_one_that_was_followed() -> None:
+    genuine, found = followed()
+    late = genuine.probabilities({9999: hypothesis(KEYFRAMES, 8888)}, [0, 1, DOUBTED, 7])
+    np.testing.assert_allclose(late, found, rtol=1e-12)
+
+
+def test_scores_tell_nothing_unless_asked_for() -> None:
+    assert followed(OpenWorldConfiguration())[1] is None
+
+
+def with_scores(keyframe: Keyframe, score: Any) -> Keyframe:
+    scores = np.full(len(keyframe.measurements), score, dtype=np.float64)
+    return replace(keyframe, measurements=replace(keyframe.measurements, scores=scores))
+
+
+@pytest.mark.parametrize("score", [1.0, np.nan])
+def test_scores_that_are_all_alike_change_no_belief(score: float) -> None:
+    plain, asked = make_room(10, seed=0), make_room(10, seed=0, open_world={"learn_scores": True})
+    runs = [Engine.of_run(room.run, InProcessPool(1)) for room in (plain, asked)]
+    for keyframe in plain.keyframes:
+        one, other = (engine.process(with_scores(keyframe, score)) for engine in runs)
+        np.testing.assert_array_equal(one.existence, other.existence)
