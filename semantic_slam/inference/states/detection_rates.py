@@ -76,6 +76,8 @@ class DetectionRates:
     @cached_property
     def sensors(self) -> "tuple[DetectionRates, Index]":
         """Settings that differ in more than the density of objects, and (G,) which of them each is."""
+        if len(self) == 1:
+            return self, np.zeros(1, dtype=int)
         _, first, which = np.unique(
             np.stack([self.probability, self.half_range_m]), axis=1, return_index=True, return_inverse=True
         )
@@ -99,9 +101,11 @@ class DetectionRates:
 
     def reweighed(self, log_weights: Array) -> tuple[Self, Flags]:
         """With (G,) new weights, and which settings are left."""
+        if len(self) == 1:
+            return self, np.ones(1, dtype=bool)
         kept = log_weights >= LEAST_LOG_WEIGHT
-        left = replace(self, log_weights=log_weights)._take(np.flatnonzero(kept))
-        return replace(left, log_weights=left.log_weights - np.logaddexp.reduce(left.log_weights)), kept
+        left = log_weights[kept]
+        return replace(self._take(np.flatnonzero(kept)), log_weights=left - np.logaddexp.reduce(left)), kept
 
     def _take(self, rows: Index) -> Self:
         some: dict[str, Any] = {name: getattr(self, name)[rows] for name in (*NAMES.values(), "log_weights")}
