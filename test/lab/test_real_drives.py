@@ -288,14 +288,18 @@ def test_an_ablation_is_offered_where_it_changes_the_configuration() -> None:
 
 def test_others_are_given_the_noise_that_ours_chose() -> None:
     base = methods.configuration()
-    told = methods.configuration_of("nearest_neighbour", base, methods.Chosen(odometry_factor=4.0))
+    told = methods.configuration_of(
+        "nearest_neighbour", base, methods.Chosen(odometry_factor=4.0, detection_factor=4.0)
+    )
     assert told.association == "nearest_neighbour" and told.pruning.max_hypotheses == 1
-    assert told.odometry.noise_factors == (1.0,)
+    assert told.odometry.noise_factors == (1.0,) and told.perception.noise_factors == (4.0,)
     assert told.odometry.sigma_rotation_per_m == pytest.approx(2.0 * base.odometry.sigma_rotation_per_m)
     given = methods.configuration_of("given", base, methods.Chosen(4.0))
-    assert given == replace(base, association="given", odometry=given.odometry)
+    assert given == replace(base, association="given", odometry=given.odometry, perception=given.perception)
     assert given.odometry.sigma_rotation_per_m == pytest.approx(2.0 * base.odometry.sigma_rotation_per_m)
-    assert methods.configuration_of("given", base, methods.Chosen()) == replace(base, association="given")
+    alone = methods.configuration_of("given", base, methods.AS_CONFIGURED)
+    assert alone.odometry == replace(base.odometry, noise_factors=(1.0,))
+    assert alone.perception == replace(base.perception, noise_factors=(1.0,))
 
 
 def test_drives_are_named_by_what_lies_there(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def begins_stretch(keyframe: int) -> bool:
 
 
 ERROR_LETTERS = string.ascii_uppercase
-"""Of variables that hold the errors of one detection, of two, and so on; below all others."""
+"""Letters of variables that hold the errors of one detection, of two, and so on; below all others."""
 MOST_TOGETHER = len(ERROR_LETTERS)
 """Detections whose errors one variable holds; those of a frame with more of them are in several."""
 _MOST_VARIABLES = 1 << 12
@@ -96,7 +96,7 @@ def error_keys(keyframe: int, count: int) -> list[int]:
 
 
 def error_place(keyframe: int, count: int, number: int) -> ErrorPlace:
-    """Of one of the ``count`` detections of a keyframe."""
+    """Place of the error of one of the ``count`` detections of a keyframe."""
     key = error_keys(keyframe, count)[number // MOST_TOGETHER]
     return ErrorPlace(key, 2 * (number % MOST_TOGETHER), VECTOR_SIZES[letter_of(key)])
 

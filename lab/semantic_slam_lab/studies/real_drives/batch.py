@@ -84,7 +84,8 @@ def _add_detections(
     """The detections of keyframe ``k`` that carry a number; a new number starts where ``pose`` sees it first."""
     seen = record.measurements[record.beliefs[k].stamp_ns]
     noise = ConfiguredNoise(configuration.odometry, configuration.perception)
-    covariances = noise.of_detections(seen.ranges_m, seen.geometric_covariances)
+    factor = configuration.perception.noise_factors[0]
+    covariances = factor * noise.of_detections(seen.ranges_m, seen.geometric_covariances)
     kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY)
     for row, name in enumerate(seen.track_ids):
         if not name:

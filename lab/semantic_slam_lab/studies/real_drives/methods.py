@@ -54,9 +54,10 @@ ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
 
 @dataclass(frozen=True)
 class Chosen:
-    """The noise of odometry that ours settled on."""
+    """The noises of odometry and detections that ours settled on: factors on their covariances."""
 
-    odometry_factor: float = 1.0  # on the covariance
+    odometry_factor: float = 1.0
+    detection_factor: float = 1.0
 
 
 AS_CONFIGURED = Chosen()
@@ -103,7 +104,8 @@ def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Config
         return base
     if switched := ABLATIONS.get(method):
         return switched(base)
-    told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor))
+    perception = replace(base.perception, noise_factors=(chosen.detection_factor,))
+    told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor), perception=perception)
     if method == GIVEN:
         return replace(told, association=GIVEN)
     association = "open" if method == "one_hypothesis" else method

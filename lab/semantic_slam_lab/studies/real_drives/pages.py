@@ -32,6 +32,7 @@ COLUMNS = {
     "parked_recall": ("parked found", ".2f"),
     "moving_recall": ("movers called", ".2f"),
     "odometry_factor": ("odometry covariance ×", ".0f"),
+    "detection_factor": ("detections' covariance ×", ".0f"),
     "cpu_s": ("CPU [s]", ".0f"),
     "real_time_factor": ("× real time", ".1f"),
 }

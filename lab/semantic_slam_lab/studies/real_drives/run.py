@@ -104,11 +104,12 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
     record = read_record(beliefs)
     last = record.beliefs[-1]
     component = pool.component(int(last.hypothesis_ids[np.argmax(last.log_weights)]))
-    run = judged(record, smoothed_poses(component)[:, :3])
+    chosen, run = _chosen(component, configuration), judged(record, smoothed_poses(component)[:, :3])
     metrics: Metrics = {
         **metrics_of(run),
         **_times(record, seconds),
-        "odometry_factor": _odometry_factor(component) * task.chosen.odometry_factor,
+        "odometry_factor": chosen.odometry_factor * task.chosen.odometry_factor,
+        "detection_factor": chosen.detection_factor,
         "num_keyframes": len(record.beliefs),
         "detections_left_out": sum(n for reason, n in summary.dropped.items() if "outside the region" in reason),
     }
@@ -117,11 +118,14 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
     if task.method == WITH_ROBOTS:
         metrics["robots_called_moving"] = metrics["moving_recall"]
     objects = run.stated.positions[~run.stated.moves]
-    return _outcome(run, metrics, Chosen(_odometry_factor(component)), run.path, objects, str(summary.fault or ""))
+    return _outcome(run, metrics, chosen, run.path, objects, str(summary.fault or ""))
 
 
-def _odometry_factor(component: Component) -> float:
-    return 1.0 if component.settings is None else component.settings.odometry_factor
+def _chosen(component: Component, configuration: Configuration) -> Chosen:
+    """What the hypothesis takes the noises to be, or what the configuration says."""
+    if component.settings is None:
+        return Chosen(detection_factor=configuration.perception.noise_factors[0])
+    return Chosen(component.settings.odometry_factor, component.settings.detection_factor)
 
 
 def _by_batch(task: Task, bag: Path, beliefs: Path) -> Outcome:
