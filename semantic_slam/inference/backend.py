@@ -130,7 +130,7 @@ class Backend:
         """A component from its lineage alone; trunks that lineages share are replayed once."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        number = ROOT_ID + (lineage[0].mode if len(self.problem.noises) > 1 else 0)
+        number = ROOT_ID + self.problem.beginning(lineage)
         component = self.association.root(number - ROOT_ID)
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             child = hypothesis_id(number, step.stamp_ns, taken.association, taken.class_assignment, taken.mode)

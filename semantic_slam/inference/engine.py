@@ -29,8 +29,11 @@ from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
 from semantic_slam.inference.pruning import Pruned, prune
-from semantic_slam.inference.revision import Replay, Revision, log_mass, with_revised
+from semantic_slam.inference.relocation import Relocation
+from semantic_slam.inference.replay import Lineage, Replay
+from semantic_slam.inference.revision import Revision, log_mass, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
+from semantic_slam.inference.unplaced import in_map
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -77,8 +80,10 @@ class Engine:
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         self.copies = Copies(self.problem) if self.association.merges_copies else Distinct()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
-        replay = Replay(self.problem, self.association(self.problem, self.registry))
-        self.revision = Revision(self.problem.revision, replay)
+        association = self.association(self.problem, self.registry)
+        self.steps: list[Step] = []  # so far, where histories are replayed
+        self.revision = Revision(self.problem.revision, Replay(self.problem, association, self.steps))
+        self.relocation = Relocation(self.problem.revision, Replay(self.problem, association, self.steps))
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
@@ -148,13 +153,16 @@ class Engine:
     def revise(
         self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects
     ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
-        """Histories in which objects of the best one are the same enter, with what they weigh: see ``revision``."""
-        self.revision.note(step)
-        if not self.revision.is_due():
-            return components, reported
+        """Histories enter with what they weigh: with objects that are one (``revision``), or that place the robot."""
+        if self.revision.is_on or self.relocation.is_on:
+            self.steps.append(step)
         best = components[next(iter(self.live))].objects
         ratio = self.problem.pruning.ratio
-        found = self.revision.revised(self.live, reported.ids, best, ratio)
+        found: dict[int, Hypothesis] = {}
+        if self.revision.is_due():
+            found |= self.revision.revised(self.live, reported.ids, best, ratio)
+        if self.relocation.is_due():
+            found |= self.relocation.placed(self.live, ratio)
         if not found:
             return components, reported
         together = with_revised(self.live, found, self.problem.pruning.max_hypotheses)
@@ -178,7 +186,7 @@ class Engine:
         discarded = self.hypotheses.discarded
         belief = state_belief(
             step,
-            self._mixture(components),
+            self._mixture(components, reported),
             reported,
             self.problem.class_names,
             self.problem.inferred_noise,
@@ -203,9 +211,17 @@ class Engine:
             unexplained=self.explanation.add(kept.log_mass, log_reference),
         )
 
-    def _mixture(self, components: dict[int, HeldComponent]) -> Mixture:
+    def _in_map(self, held: HeldComponent, lineage: Lineage, reported: ReportedObjects) -> HeldComponent:
+        """A component with the uncertainty of the map, where its robot is not placed and has a frame of its own."""
+        starts = self.problem.starts
+        if starts is None or self.problem.is_placed(lineage):
+            return held
+        known = {entry.object_id for entry in self.problem.objects}
+        return in_map(held, starts, np.array([n in known for n in reported.ids], dtype=bool))
+
+    def _mixture(self, components: dict[int, HeldComponent], reported: ReportedObjects) -> Mixture:
         """The live hypotheses, heaviest first."""
-        rows = [components[n] for n in self.live]
+        rows = [self._in_map(components[n], live.lineage, reported) for n, live in self.live.items()]
         return Mixture(
             ids=list(self.live),
             parent_ids=[live.told_parent_id for live in self.live.values()],

@@ -5,25 +5,17 @@ P(history, Z_1:k), as if it had been followed all along. Nothing is optimised un
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.association.strategy import AssociationStrategy
-from semantic_slam.inference.expander import Expander
 from semantic_slam.inference.hypotheses import Hypothesis
-from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
-from semantic_slam.inference.smoothing.component import Component, WeightedComponent
-from semantic_slam.inference.smoothing.errors import LostComponentError
-from semantic_slam.inference.smoothing.growth import certain
-from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
-from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.replay import Lineage, Replay
 
 LARGEST_DISTANCE = 4.0
 """Mahalanobis distance between two objects up to which they may be one."""
@@ -32,85 +24,7 @@ LARGEST_DISTANCE_M = 3.0
 LEAST_EXISTENCE = 0.1
 AGAIN = 3
 """Rounds of revision after which a pair that was tried may be tried again."""
-CHECKPOINT = 10
-"""Keyframes from one component that is kept along a replay to the next."""
-
-Lineage = tuple[LineageStep, ...]
 Pair = tuple[int, int]
-_Known = tuple[Component, float]
-"""A component, and log P(history, Z_1:k) of the history that leads to it."""
-
-
-@dataclass(frozen=True)
-class Revised:
-    """A history that was not followed before."""
-
-    number: int  # its hypothesis id
-    parent_id: int
-    lineage: Lineage
-    log_joint: float  # log P(history, Z_1:k)
-    component: Component = field(compare=False)
-
-
-@dataclass
-class Replay:
-    """Replays histories, from where they part from what was replayed before."""
-
-    problem: Problem
-    association: AssociationStrategy
-    steps: list[Step] = field(default_factory=list)  # so far
-    _kept: dict[int, _Known] = field(default_factory=dict)  # of the history that was replayed first in the last round
-
-    @property
-    def may_move(self) -> bool:
-        """Whether there are detections of what may move."""
-        moving = self.problem.moving
-        return moving.is_on and any(moving.shares(step.labels).any() for step in self.steps)
-
-    def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
-        """What each weighs; None for one that is impossible. The next round begins where the first of them was."""
-        known = dict(self._kept)
-        found = [self._replayed(lineage, known) for lineage in lineages]
-        self._kept = {number: known[number] for number in self._numbers(lineages[0]) if number in known}
-        return found
-
-    def _replayed(self, lineage: Lineage, known: dict[int, _Known]) -> Revised | None:
-        try:
-            return self._along(lineage, known)
-        except LostComponentError:
-            return None
-
-    def _along(self, lineage: Lineage, known: dict[int, _Known]) -> Revised:
-        expander = Expander(self.problem, self.association)
-        numbers = self._numbers(lineage)
-        begin = max((at for at, number in enumerate(numbers) if number in known), default=0)
-        kind = self._kind(lineage)
-        at_root = self.association.root(kind), self.problem.log_root_weights[kind]
-        component, total = known[numbers[begin]] if begin else at_root
-        for at in range(begin, len(lineage)):
-            step, number, child = self.steps[at], numbers[at], numbers[at + 1]
-            expansion = expander.expand(step, [number], [WeightedComponent(component, 0.0)], lineage[at])
-            if child not in expansion.ids:
-                raise LostComponentError("a lineage names an impossible continuation")
-            row = expansion.ids.index(child)
-            nobodys = number not in known
-            component = certain(expander.grow(step, expansion, [component], [row], in_place=nobodys)[0])
-            total += float(expansion.log_psi[row])
-            if (at + 1) % CHECKPOINT == 0:
-                known[child] = component, total
-        return Revised(numbers[-1], numbers[-2], lineage, total, component)
-
-    def _numbers(self, lineage: Lineage) -> list[int]:
-        """Ids of the hypotheses along a history, the root's first."""
-        numbers = [ROOT_ID + self._kind(lineage)]
-        for step, taken in zip(self.steps, lineage, strict=True):
-            own = hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
-            numbers.append(own)
-        return numbers
-
-    def _kind(self, lineage: Lineage) -> int:
-        """Which of the noises it begins with."""
-        return lineage[0].mode if len(self.problem.noises) > 1 else 0
 
 
 class Revision:
@@ -120,10 +34,10 @@ class Revision:
         self.settings, self._replay = settings, replay
         self._tried: dict[tuple[int, ...], int] = {}
 
-    def note(self, step: Step) -> None:
-        """Keep a keyframe for later replays, where anything is revised."""
-        if self.settings.every_keyframes > 0:
-            self._replay.steps.append(step)
+    @property
+    def is_on(self) -> bool:
+        """Whether anything is ever revised."""
+        return self.settings.every_keyframes > 0
 
     def is_due(self) -> bool:
         """Whether the newest keyframe is one after which to revise."""
@@ -160,11 +74,14 @@ class Revision:
 
     def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""
-        now = len(self._replay.steps)
+        now, problem = len(self._replay.steps), self._replay.problem
+        on_map = {entry.object_id for entry in problem.objects}
+        met = on_map if problem.is_placed(lineage) else set[int]()
         pairs = [
-            pair
-            for pair in near_pairs(ids, objects, lineage)
-            if now - self._tried.get(pair, -now) >= AGAIN * self.settings.every_keyframes
+            (older, younger)
+            for older, younger in near_pairs(ids, objects, lineage)
+            if younger not in on_map and (older not in on_map or older in met)
+            if now - self._tried.get((older, younger), -now) >= AGAIN * self.settings.every_keyframes
         ][: self.settings.proposals]
         self._tried |= dict.fromkeys(pairs, now)
         together = _apart(pairs, lineage)

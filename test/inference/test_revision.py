@@ -12,7 +12,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.revision import Replay, merged, seen_together
+from semantic_slam.inference.replay import Replay
+from semantic_slam.inference.revision import merged, seen_together
 from semantic_slam.inference.states.lineage import LineageStep
 
 LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])

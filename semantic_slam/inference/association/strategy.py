@@ -97,7 +97,7 @@ class AssociationStrategy(Protocol):
         """The objects that are reported while hypotheses hold those ``alive``."""
 
     def root(self, number: int) -> Component:
-        """The component before any keyframe, under the odometry noise of that number."""
+        """The component before any keyframe, under the beginning of that number: a noise of odometry, and a start."""
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> PredictedKeyframe:
         """The keyframe as the parents expect it; ``path``: one candidate of one parent. Raises LostComponentError."""

@@ -120,8 +120,8 @@ class OpenKeyframe:
         weighed = self._with_classes(candidates) if has_classes else self._by_linearisation(candidates)
         if self.step.index > 0:
             return weighed
-        noises = np.array([component.noise for component in self.parents.components])
-        return weighed.gaining(numbers=noises[weighed.assignments.parents])  # under which noise a lineage begins
+        begun = [self.problem.with_start(component.noise, component.start) for component in self.parents.components]
+        return weighed.gaining(numbers=np.array(begun)[weighed.assignments.parents])  # how a lineage begins
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
         """What no map knows may be of any class."""
