@@ -6,7 +6,7 @@ is decided here: evidence decides between starts, and what is undecided stays so
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,17 +14,30 @@ from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.hypotheses import Hypothesis
-from semantic_slam.inference.open_world.constellation import Fit, Fitting, Places, positions
+from semantic_slam.inference.open_world.constellation import Fitting, Places, positions
 from semantic_slam.inference.replay import Lineage, Replay
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.world.starts import Starts
 
 LEAST_OBJECTS = 3
 """Objects from which on the robot may be placed by them."""
 LEAST_EXISTENCE = 0.5
+AGAIN = 30
+"""Keyframes after which a fit that was tried may be tried again."""
+SELDOM = 4
+"""How many times as many keyframes there are between looks where all histories are placed."""
 MARGIN = 5.0
 """Nats below what would enter that a fit is still replayed: it leaves misses out, and stretches of the drive."""
+
+
+@dataclass(frozen=True)
+class _Lost:
+    """A history that does not place the robot."""
+
+    lineage: Lineage
+    surplus: float  # log of its weight, with that of near copies, to its own
 
 
 class Relocation:
@@ -33,42 +46,69 @@ class Relocation:
     def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
         self.settings, self._replay = settings, replay
         self._tried: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
+        self._lost: _Lost | None = None
 
     @property
     def is_on(self) -> bool:
         """Whether the robot was lost when it began."""
         return self._replay.problem.starts is not None
 
-    def is_due(self) -> bool:
-        """Whether the newest keyframe is one after which to look."""
-        every, count = self.settings.lost_every_keyframes, len(self._replay.steps)
-        return self.is_on and 1 < count <= self.settings.horizon and count % every == 0
+    def is_due(self, live: Mapping[int, Hypothesis]) -> bool:
+        """Whether the newest keyframe is one after which to look: more seldom where all histories are placed."""
+        count, every = len(self._replay.steps), self.settings.lost_every_keyframes
+        if not self.is_on or not 1 < count <= self.settings.horizon:
+            return False
+        return count % (every if self._likeliest_lost(live) else SELDOM * every) == 0
 
-    def placed(self, live: Mapping[int, Hypothesis], ratio: float) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh at least the ``ratio``-th part of the best live one."""
-        problem = self._replay.problem
-        best = next(iter(live.values()))
-        lost = next((own for own in live.values() if not problem.is_placed(own.lineage)), None)
-        if lost is None:
+    def placed(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+
+        ``log_evidence``: what weights are relative to. They come from the likeliest history that is not placed; when
+        evidence has done away with all of these, its likeliest continuation is still followed, so that a robot that was
+        placed wrongly is found.
+        """
+        problem, best = self._replay.problem, next(iter(live.values()))
+        lost = self._likeliest_lost(live)
+        lineage = self._continued() if lost is None else lost.lineage
+        if lineage is None:
             return {}
-        (followed,) = self._replay.log_joints([lost.lineage])
+        (followed,) = self._replay.log_joints([lineage])
         if followed is None:
             return {}
-        least = best.log_weight - lost.log_weight - float(np.log(ratio))
+        if lost is not None:  # it may stand for near copies: what comes from it stands for as many
+            surplus = lost.log_weight + log_evidence - followed.log_joint
+        else:
+            surplus = self._lost.surplus if self._lost is not None else 0.0
+        self._lost = _Lost(lineage, surplus)
+        unit = log_evidence - surplus
+        least = best.log_weight + unit - float(np.log(ratio))
         starts = {problem.start_of(problem.beginning(own.lineage)) for own in live.values()}
-        lineages = self._proposals(lost.lineage, followed.component, least - MARGIN, starts)
-        _, *others = self._replay.log_joints([lost.lineage, *lineages])
+        gain = least - followed.log_joint - MARGIN
+        lineages = self._proposals(lineage, followed.component, gain, starts)
+        _, *others = self._replay.log_joints([lineage, *lineages])
         return {
             own.number: Hypothesis(
-                owner=lost.owner,
-                log_weight=lost.log_weight + own.log_joint - followed.log_joint,
+                owner=best.owner,
+                log_weight=own.log_joint - unit,
                 parent_id=own.parent_id,
                 lineage=own.lineage,
-                revises=lost,
+                revises=lost or best,
             )
             for own in others
-            if own is not None and own.number not in live and own.log_joint - followed.log_joint >= least
+            if own is not None and own.number not in live and own.log_joint >= least
         }
+
+    def _likeliest_lost(self, live: Mapping[int, Hypothesis]) -> Hypothesis | None:
+        """The live hypothesis that weighs most of those that do not place the robot."""
+        is_placed = self._replay.problem.is_placed
+        return next((own for own in live.values() if not is_placed(own.lineage)), None)
+
+    def _continued(self) -> Lineage | None:
+        """The history that was not placed when there was one, up to now."""
+        try:
+            return None if self._lost is None else self._replay.continued(self._lost.lineage)
+        except LostComponentError:
+            return None
 
     def _proposals(self, lineage: Lineage, component: Component, least: float, taken: set[int]) -> list[Lineage]:
         """Histories at the starts that fit best, with a log gain of ``least``; starts already ``taken`` are kept to."""
@@ -129,7 +169,3 @@ class Relocation:
         ]
         steps[0] = replace(steps[0], mode=problem.with_start(problem.beginning(lineage), start))
         return tuple(steps)
-
-
-AGAIN = 30
-"""Keyframes after which a fit that was tried may be tried again."""

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.expander import Expander
 from semantic_slam.inference.models.step import Step
@@ -54,6 +56,19 @@ class Replay:
         self._kept = {number: known[number] for number in self._numbers(lineages[0]) if number in known}
         return found
 
+    def continued(self, lineage: Lineage) -> Lineage:
+        """A history with its likeliest continuation through all keyframes since. Raises LostComponentError."""
+        known = dict(self._kept)
+        own = self._along(lineage, known)
+        number, component = own.number, own.component
+        expander = Expander(self.problem, self.association)
+        for step in self.steps[len(lineage) :]:
+            expansion = expander.expand(step, [number], [WeightedComponent(component, 0.0)])
+            row = int(np.argmax(expansion.log_psi))
+            number, lineage = expansion.ids[row], (*lineage, expansion.steps[row])
+            component = certain(expander.grow(step, expansion, [component], [row], in_place=False)[0])
+        return lineage
+
     def _replayed(self, lineage: Lineage, known: dict[int, _Known]) -> Revised | None:
         try:
             return self._along(lineage, known)
@@ -83,7 +98,7 @@ class Replay:
     def _numbers(self, lineage: Lineage) -> list[int]:
         """Ids of the hypotheses along a history, the root's first."""
         numbers = [ROOT_ID + self.problem.beginning(lineage)]
-        for step, taken in zip(self.steps, lineage, strict=True):
+        for step, taken in zip(self.steps, lineage, strict=False):  # a history may end before the newest keyframe
             own = hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             numbers.append(own)
         return numbers

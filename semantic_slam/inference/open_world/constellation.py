@@ -110,7 +110,7 @@ class Fitting:
         among = self.own.covariance[np.ix_(rows, rows)] + 1e-6 * np.eye(4)
         gain = np.linalg.solve(among, self.own.covariance[rows]).T  # (2 n, 4)
         shift = 0.5 * np.concatenate([-along, along])
-        places = self.own.points[None] + ((gain @ shift)[None] * stretch[:, None]).reshape(len(motions), -1, 2)
+        places = self.own.points[None] + stretch[:, None, None] * (gain @ shift).reshape(-1, 2)
         after = self.own.covariance - gain @ self.own.covariance[rows]
         blocks = np.array([after[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] for n in range(len(self.own))])
         variance = 0.5 * np.trace(blocks, axis1=1, axis2=2)[:, None]

@@ -31,8 +31,6 @@ SPACING = 0.5
 """Of the lattice, in stand-ins."""
 REACH = 6.0
 """Standard deviations of the initial pose that the lattice covers."""
-TURNS = np.arange(-3, 4)
-"""Full turns by which headings of one prior may differ."""
 
 ANYWHERE = 0
 """Number of the start of a robot that is not placed; points of the lattice follow."""
@@ -96,8 +94,10 @@ class Starts:
     def log_density(self, poses: Array) -> Array:
         """(...,) of poses (..., 3), per square metre and radian."""
         offset = poses - self.mean
-        offset = np.repeat(offset[..., None, :], len(TURNS), axis=-2)
-        offset[..., 2] = wrap_angle(offset[..., 2]) + 2.0 * np.pi * TURNS
+        most = int(np.ceil(REACH * np.sqrt(self.covariance[2, 2]) / (2.0 * np.pi)))
+        turns = 2.0 * np.pi * np.arange(-most, most + 1)
+        offset = np.repeat(offset[..., None, :], len(turns), axis=-2)
+        offset[..., 2] = wrap_angle(offset[..., 2]) + turns
         squared = (offset @ np.linalg.inv(self.covariance) * offset).sum(axis=-1)
         log_peak = -0.5 * float(np.linalg.slogdet(2.0 * np.pi * self.covariance)[1])
         return np.asarray(np.logaddexp.reduce(log_peak - 0.5 * squared, axis=-1))
@@ -115,7 +115,9 @@ class Starts:
         trace = np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         turned = 0.5 * (1.0 + double) * second + 0.5 * (1.0 - double) * (trace - second)
         found = np.zeros_like(covariances)
+        swung = shrink * across[:, :, None] * self.covariance[:2, 2]
         found[:, :2, :2] = turned - shrink**2 * arm[:, :, None] * arm[:, None] + self.covariance[:2, :2]
+        found[:, :2, :2] += swung + np.swapaxes(swung, 1, 2)
         found[:, 2, 2] = covariances[:, 2, 2] + variance
         cross = shrink * (covariances[:, :2, 2] + variance * across) + self.covariance[:2, 2]
         found[:, :2, 2] = found[:, 2, :2] = cross
@@ -130,17 +132,19 @@ class Starts:
 
     @cached_property
     def _counts(self) -> Index:
-        """(3,) points of the lattice along x, y and yaw, an odd number of each."""
+        """(3,) points of the lattice along x, y and yaw."""
         sigmas = np.sqrt(np.diagonal(self.covariance))
         half = np.ceil(REACH * sigmas / (SPACING * self._sigmas))
-        half[2] = min(half[2], np.ceil(np.pi / (SPACING * self._sigmas[2])))
         half[sigmas <= STAND_IN_SIGMAS] = 0  # the prior itself
-        return np.asarray(2 * half + 1, dtype=int)
+        counts = 2 * half + 1
+        if self._is_circular:
+            counts[2] = 2 * np.ceil(np.pi / (SPACING * self._sigmas[2]))
+        return np.asarray(counts, dtype=int)
 
-    @property
+    @cached_property
     def _is_circular(self) -> bool:
-        """Whether the lattice has headings all around."""
-        return bool(self._counts[2] * SPACING * self._sigmas[2] >= 2.0 * np.pi)
+        """Whether the lattice has headings all around: an even number, so that it has the opposite of each."""
+        return bool(REACH * self.covariance[2, 2] ** 0.5 >= np.pi)
 
     @property
     def _half(self) -> Index:
