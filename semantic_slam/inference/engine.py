@@ -161,8 +161,7 @@ class Engine:
         found: dict[int, Hypothesis] = {}
         if self.revision.is_due():
             found |= self.revision.revised(self.live, reported.ids, best, ratio)
-        if self.relocation.is_due(self.live):
-            found |= self.relocation.placed(self.live, self.log_evidence, ratio)
+        found |= self.relocation.placed(self.live, self.log_evidence, ratio)
         if not found:
             return components, reported
         together = with_revised(self.live, found, self.problem.pruning.max_hypotheses)

@@ -1,35 +1,29 @@
 """Where on the map a lost robot may be: histories in which what it has mapped in a frame of its own is on the map.
 
-Such a history begins at a start of its own, and names objects of the map in place of those that the robot had started;
-it is replayed from there, and enters with the ratio of its P(history, Z_1:k) to that of the one it comes from. Nothing
-is decided here: evidence decides between starts, and what is undecided stays so.
+Such a history begins at a start of its own, and names objects of the map in place of those that the robot had started.
+It is replayed from there, a few keyframes at a time, and enters with its P(history, Z_1:k) once it has caught up.
+Nothing is decided here: evidence decides between starts, and what is undecided stays so.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from semantic_slam.configuration import RevisionConfiguration
-from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.hypotheses import Hypothesis
-from semantic_slam.inference.open_world.constellation import Fitting, Places, positions
-from semantic_slam.inference.replay import Lineage, Replay
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.open_world.placements import Placements
+from semantic_slam.inference.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
-from semantic_slam.inference.states.keys import object_key
-from semantic_slam.inference.world.starts import Starts
 
-LEAST_OBJECTS = 3
-"""Objects from which on the robot may be placed by them."""
-LEAST_EXISTENCE = 0.5
 AGAIN = 30
-"""Keyframes after which a fit that was tried may be tried again."""
+"""Keyframes after which a placement that was tried may be tried again."""
 SELDOM = 4
 """How many times as many keyframes there are between looks where all histories are placed."""
-MARGIN = 5.0
-"""Nats below what would enter that a fit is still replayed: it leaves misses out, and stretches of the drive."""
+MARGIN = 10.0
+"""Nats below what would enter that a placement is still replayed: what it may weigh is told roughly."""
+STEPS_PER_KEYFRAME = 40
+"""Keyframes that are replayed in one, all placements together."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +31,7 @@ class _Lost:
     """A history that does not place the robot."""
 
     lineage: Lineage
-    surplus: float  # log of its weight, with that of near copies, to its own
+    log_surplus: float  # of its weight, with that of near copies, to its own
 
 
 class Relocation:
@@ -45,127 +39,112 @@ class Relocation:
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
         self.settings, self._replay = settings, replay
-        self._tried: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
+        self._tried: dict[object, int] = {}
         self._lost: _Lost | None = None
+        self._waiting: list[Progress] = []
 
     @property
     def is_on(self) -> bool:
         """Whether the robot was lost when it began."""
         return self._replay.problem.starts is not None
 
-    def is_due(self, live: Mapping[int, Hypothesis]) -> bool:
-        """Whether the newest keyframe is one after which to look: more seldom where all histories are placed."""
-        count, every = len(self._replay.steps), self.settings.lost_every_keyframes
-        if not self.is_on or not 1 < count <= self.settings.horizon:
-            return False
-        return count % (every if self._likeliest_lost(live) else SELDOM * every) == 0
-
     def placed(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
         """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
 
-        ``log_evidence``: what weights are relative to. They come from the likeliest history that is not placed; when
-        evidence has done away with all of these, its likeliest continuation is still followed, so that a robot that was
-        placed wrongly is found.
+        ``log_evidence``: what weights are relative to.
         """
-        problem, best = self._replay.problem, next(iter(live.values()))
-        lost = self._likeliest_lost(live)
-        lineage = self._continued() if lost is None else lost.lineage
-        if lineage is None:
+        if not self.is_on:
             return {}
-        (followed,) = self._replay.log_joints([lineage])
-        if followed is None:
-            return {}
-        if lost is not None:  # it may stand for near copies: what comes from it stands for as many
-            surplus = lost.log_weight + log_evidence - followed.log_joint
-        else:
-            surplus = self._lost.surplus if self._lost is not None else 0.0
-        self._lost = _Lost(lineage, surplus)
-        unit = log_evidence - surplus
-        least = best.log_weight + unit - float(np.log(ratio))
-        starts = {problem.start_of(problem.beginning(own.lineage)) for own in live.values()}
-        gain = least - followed.log_joint - MARGIN
-        lineages = self._proposals(lineage, followed.component, gain, starts)
-        _, *others = self._replay.log_joints([lineage, *lineages])
-        return {
-            own.number: Hypothesis(
-                owner=best.owner,
-                log_weight=own.log_joint - unit,
-                parent_id=own.parent_id,
-                lineage=own.lineage,
-                revises=lost or best,
-            )
-            for own in others
-            if own is not None and own.number not in live and own.log_joint >= least
-        }
+        best = next(iter(live.values()))
+        log_least = best.log_weight + log_evidence - float(np.log(ratio))
+        if self._is_due(live):
+            self._look(live, log_evidence, log_least)
+        found: dict[int, Hypothesis] = {}
+        for own in self._caught_up():
+            assert self._lost is not None
+            log_weight = own.log_joint + self._lost.log_surplus
+            if own.number not in live and log_weight >= log_least:
+                lost = self._likeliest_lost(live)
+                found[own.number] = Hypothesis(
+                    owner=best.owner,
+                    log_weight=log_weight - log_evidence,
+                    parent_id=own.parent_id,
+                    lineage=own.lineage,
+                    revises=lost or best,
+                )
+        return found
+
+    def _is_due(self, live: Mapping[int, Hypothesis]) -> bool:
+        """Whether the newest keyframe is one after which to look: more seldom where all histories are placed."""
+        count, every = len(self._replay.steps), self.settings.lost_every_keyframes
+        if self._waiting or not 1 < count <= self.settings.horizon:
+            return False
+        return count % (every if self._likeliest_lost(live) else SELDOM * every) == 0
 
     def _likeliest_lost(self, live: Mapping[int, Hypothesis]) -> Hypothesis | None:
         """The live hypothesis that weighs most of those that do not place the robot."""
         is_placed = self._replay.problem.is_placed
         return next((own for own in live.values() if not is_placed(own.lineage)), None)
 
-    def _continued(self) -> Lineage | None:
-        """The history that was not placed when there was one, up to now."""
-        try:
-            return None if self._lost is None else self._replay.continued(self._lost.lineage)
-        except LostComponentError:
-            return None
+    def _look(self, live: Mapping[int, Hypothesis], log_evidence: float, log_least: float) -> None:
+        """Begin to replay the placements of the likeliest history that is not placed.
 
-    def _proposals(self, lineage: Lineage, component: Component, least: float, taken: set[int]) -> list[Lineage]:
-        """Histories at the starts that fit best, with a log gain of ``least``; starts already ``taken`` are kept to."""
-        starts = self._replay.problem.starts
-        assert starts is not None
-        ids = self._own_objects(component)
-        if len(ids) < LEAST_OBJECTS:
-            return []
-        fitting, found = self._fitting(component, ids, starts), list[Lineage]()
-        now = len(self._replay.steps)
-        for fit in fitting.best(4 * self.settings.proposals):
-            start = starts.nearest(se2.compose(fit.T_map_own, starts.mean), taken)
-            names = {ids[own]: self._map_ids[on_map] for own, on_map in fit.names.items()}
-            what = (start or 0, tuple(sorted(names.items())))
-            again = now - self._tried.get(what, -AGAIN) >= AGAIN
-            if start is not None and fit.log_gain >= least and again and len(found) < self.settings.proposals:
-                self._tried[what] = now
-                found.append(self._renamed(lineage, start, names))
-        return found
-
-    def _own_objects(self, component: Component) -> list[int]:
-        """Objects that the robot has started, and that are likely to exist."""
-        known = component.objects
-        likely = known.ids[known.existence > LEAST_EXISTENCE].tolist()
-        return [n for n in likely if n not in component.elsewhere]
-
-    @property
-    def _map_ids(self) -> list[int]:
-        return sorted(entry.object_id for entry in self._replay.problem.objects)
-
-    def _fitting(self, component: Component, ids: Sequence[int], starts: Starts) -> Fitting:
-        problem = self._replay.problem
-        entries = sorted(problem.objects, key=lambda entry: entry.object_id)
-        priors = [entry.prior for entry in entries]
-        places = [positions(prior.mean[None], prior.covariance) for prior in priors]
-        keys = [object_key(n) for n in ids]
-        own: Places = positions(component.states(keys), component.joint_covariance(keys))
-        settings = component.settings
-        density = problem.open_world.birth_density if settings is None else settings.birth_density
-
-        def log_prior(motions: Array) -> Array:
-            return starts.log_density(se2.compose(motions, np.broadcast_to(starts.mean, motions.shape)))
-
-        return Fitting(
-            own=own,
-            map_points=np.array([place.points[0] for place in places]),
-            map_covariances=np.array([place.covariance for place in places]),
-            log_new=np.full(len(ids), np.log(density)),
-            log_prior=log_prior,
+        When evidence has done away with all of these, its likeliest continuation is still followed, so that a robot
+        that was placed wrongly is found.
+        """
+        lost = self._followed(live, log_evidence)
+        if lost is None:
+            return
+        problem, now = self._replay.problem, len(self._replay.steps)
+        assert problem.starts is not None
+        placements = Placements(
+            problem=problem,
+            starts=problem.starts,
+            steps=self._replay.steps,
+            lineage=lost.lineage,
+            component=lost.component,
+            expected_births=lost.expected_births,
         )
+        assert self._lost is not None
+        least = log_least - self._lost.log_surplus - lost.log_joint - MARGIN
+        taken = {problem.start_of(problem.beginning(own.lineage)) for own in live.values()}
+        for placement in placements.best(self.settings.proposals, taken):
+            again = now - self._tried.get(placement.what, -AGAIN) >= AGAIN
+            if placement.log_gain >= least and again:
+                self._tried[placement.what] = now
+                self._waiting.append(self._replay.begun(placement.lineage))
 
-    def _renamed(self, lineage: Lineage, start: int, names: Mapping[int, int]) -> Lineage:
-        """The history from a start, with objects of the map in place of those that it had started."""
-        problem = self._replay.problem
-        steps = [
-            replace(step, association=tuple(names.get(number, number) for number in step.association))
-            for step in lineage
-        ]
-        steps[0] = replace(steps[0], mode=problem.with_start(problem.beginning(lineage), start))
-        return tuple(steps)
+    def _followed(self, live: Mapping[int, Hypothesis], log_evidence: float) -> Revised | None:
+        """The likeliest history that is not placed, replayed."""
+        lost, before = self._likeliest_lost(live), self._lost
+        lineage = lost.lineage if lost is not None else None
+        if lineage is None and before is not None:
+            lineage = self._replay.continued(before.lineage)
+        if lineage is None:
+            return None
+        (followed,) = self._replay.log_joints([lineage])
+        if followed is None:
+            return None
+        surplus = before.log_surplus if before is not None else 0.0
+        if lost is not None:  # it may stand for near copies: what comes from it stands for as many
+            surplus = lost.log_weight + log_evidence - followed.log_joint
+        self._lost = _Lost(lineage, surplus)
+        return followed
+
+    def _caught_up(self) -> list[Revised]:
+        """The placements that are through, after some keyframes more of those that wait."""
+        left, found = STEPS_PER_KEYFRAME, list[Revised]()
+        now = len(self._replay.steps)
+        while self._waiting and left > 0:
+            own = self._waiting.pop(0)
+            count = min(left, now - own.at)
+            left -= count
+            try:
+                own = self._replay.advanced(own, count)
+            except LostComponentError:
+                continue
+            if own.at == now:
+                found.append(self._replay.finished(own))
+            else:
+                self._waiting.insert(0, own)
+        return found

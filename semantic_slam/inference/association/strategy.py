@@ -49,6 +49,10 @@ class PredictedKeyframe(Protocol):
     def used(self) -> Index:
         """(n,) detections that take part; the others are clutter in every candidate."""
 
+    @property
+    def expected_births(self) -> float:
+        """Detections of objects that nobody knows yet, as the first parent expects them."""
+
     def associate(self) -> Candidates:
         """The associations of the detections to objects, as far as the gates admit."""
 

@@ -59,7 +59,7 @@ class Fitting:
     own: Places
     map_points: Array  # (M, 2)
     map_covariances: Array  # (M, 2, 2)
-    log_new: Array  # (n,) log density of an object that is not on the map, per square metre
+    log_new: float  # log density of an object that is not on the map, per square metre
     log_prior: Callable[[Array], Array]  # log density of motions (..., 3)
 
     def best(self, count: int) -> list[Fit]:
@@ -193,7 +193,7 @@ class Fitting:
         log_gain = -0.5 * squared - 0.5 * float(np.linalg.slogdet(2.0 * np.pi * covariance)[1])
         log_gain -= 0.5 * float(np.linalg.slogdet(information / (2.0 * np.pi))[1])
         motion = np.append(motion[:2], wrap_angle(motion[2]))
-        log_gain += float(self.log_prior(motion)) - float(self.log_new[order].sum())
+        log_gain += float(self.log_prior(motion)) - self.log_new * len(order)
         return Fit(motion, dict(names), log_gain)
 
     def _turned_covariance(self, turn: float, among: Array, chosen: Sequence[int]) -> Array:

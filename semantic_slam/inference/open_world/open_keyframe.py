@@ -134,6 +134,11 @@ class OpenKeyframe:
             new=self._births,
         )
 
+    @property
+    def expected_births(self) -> float:
+        """First detections that the first parent expects."""
+        return self.predictions[0].expected_births
+
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Births, detections and misses."""
         accounts = ExistenceAccounts(self.problem.open_world, self.step, self.predictions, self.born)
