@@ -31,7 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="bag folder to write")
     parser.add_argument("--robots", action="store_true", help="keep the sightings of other robots, which move")
-    parser.add_argument("--from-s", type=float, default=0.0, metavar="S", help="begin S seconds after the odometry does")
+    parser.add_argument(
+        "--from-s", type=float, default=0.0, metavar="S", help="begin S seconds after the odometry does"
+    )
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N frames")
 
 
