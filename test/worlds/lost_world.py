@@ -1,4 +1,4 @@
-"""A robot that drives a circle among points that all look alike, on a map that it has, and does not know where it is."""
+"""A robot on a circle among points that all look alike: it has a map of them, and does not know where it is."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -37,7 +37,7 @@ class Sightings:
         return found
 
     def log_likelihoods(self, in_view: Array, detected: Flags, first: Index) -> Array:
-        """(..., P) of ``detected`` (..., T) and missed, from the keyframe after ``first`` (...,) on; -1: from all on."""
+        """(..., P) of ``detected`` (..., T) and missed, from the keyframe after ``first`` (...,) on; -1: from all."""
         hit = np.array([chain.hit for chain in self.chains])
         share = np.array([chain.share for chain in self.chains])
         persistence = np.array([chain.persistence for chain in self.chains])

@@ -22,9 +22,8 @@ def test_a_lost_robot_finds_itself_among_points_that_look_alike() -> None:
     near = errors(last, world.truth[-1]) < 0.3
     assert weights[near].sum() > 0.99
     best = next(iter(engine.live.values()))
-    named = [
-        pair for step, names in zip(best.lineage, world.names, strict=True) for pair in zip(step.association, names)
-    ]
+    pairs = zip(best.lineage, world.names, strict=True)
+    named = [pair for step, names in pairs for pair in zip(step.association, names, strict=True)]
     assert np.mean([number == name for number, name in named]) > 0.9
     assert {n for n, _ in named} <= set(range(len(PLACES)))
 

@@ -30,7 +30,7 @@ def test_every_start_is_the_one_that_is_nearest_to_its_own_pose() -> None:
 
 
 def test_beyond_six_standard_deviations_there_are_none() -> None:
-    assert WIDE.number(WIDE.mean + [61.0, 0.0, 0.0]) is None
+    assert WIDE.number(WIDE.mean + np.array([61.0, 0.0, 0.0])) is None
 
 
 def test_what_is_known_well_has_its_prior_and_no_lattice() -> None:
@@ -49,7 +49,7 @@ def test_a_robot_that_knows_roughly_where_it_begins_is_not_lost() -> None:
 def test_a_start_beside_one_that_is_taken_is_that_one() -> None:
     number = WIDE.number(np.array([3.0, 4.0, 1.0]))
     assert number is not None
-    beside = WIDE.pose(number) + [0.2, -0.2, 0.05]
+    beside = WIDE.pose(number) + np.array([0.2, -0.2, 0.05])
     assert WIDE.number(beside) != number
     assert WIDE.nearest(beside, {ANYWHERE, number}) == number
     assert WIDE.nearest(beside, {ANYWHERE}) == WIDE.number(beside)
@@ -100,8 +100,8 @@ def _detected(count: int) -> float:
 def _by_grid(engine: Engine, step: object, start: np.ndarray, places: np.ndarray) -> float:
     """Log of the integral over x0 and the motion, of the density of range and bearing of each place."""
     random = np.random.default_rng(0)
-    motions = random.multivariate_normal(np.zeros(3), step.motion.covariance, 400)
-    axes = [np.linspace(-w, w, n) for w, n in ((0.5, 41), (0.5, 41), (0.25, 41))]
+    motions = random.multivariate_normal(np.zeros(3), step.motion.covariance, 200)
+    axes = [np.linspace(-w, w, n) for w, n in ((0.35, 21), (0.35, 21), (0.12, 21))]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) + start
     volume = float(np.prod([axis[1] - axis[0] for axis in axes]))
     total = np.full(len(grid), -np.inf)
@@ -118,7 +118,7 @@ def _log_likelihood(x: np.ndarray, detections: list[object], places: np.ndarray)
         offset = place - x[:, :2]
         off_range = detection.range_m - np.hypot(*offset.T)
         off_bearing = wrap_angle(detection.bearing_rad - np.arctan2(offset[:, 1], offset[:, 0]) + x[:, 2])
-        variances = np.diag(detection.covariance) + [1e-4, 0.0]  # a point of the map is known to a centimetre
+        variances = np.diag(detection.covariance) + np.array([1e-4, 0.0])  # a point of the map is known to a centimetre
         found += -0.5 * (off_range**2 / variances[0] + off_bearing**2 / variances[1])
         found -= 0.5 * np.log((2.0 * np.pi) ** 2 * variances.prod())
     return found
