@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import (
     covariance_from_planar,
     planar_from_covariance,
@@ -15,7 +15,7 @@ from semantic_slam.inference.rounds import HeldComponent
 from semantic_slam.inference.world.starts import Starts
 
 
-def in_map(held: HeldComponent, starts: Starts, on_map: Array) -> HeldComponent:
+def in_map(held: HeldComponent, starts: Starts, on_map: Flags) -> HeldComponent:
     """A component with the moments that robot and objects have in map; (O,) those ``on_map`` stay as they are."""
     objects = held.objects
     pose, covariance = _moved(held.pose[None], held.covariance[None], starts)

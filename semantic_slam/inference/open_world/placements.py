@@ -12,11 +12,12 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.constellation import Fit, Fitting, positions
 from semantic_slam.inference.open_world.prediction import sensor_region
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.sightings import Sightings
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import object_key, robot_key
@@ -101,7 +102,7 @@ class Placements:
         return sorted({probability for probability, _ in self._noises})
 
     @cached_property
-    def _regions(self) -> list[object]:
+    def _regions(self) -> list[SensorRegion]:
         region = sensor_region(self.problem.open_world)
         return [region.reaching(step.sensed) for step in self.steps]
 
@@ -168,7 +169,7 @@ class Placements:
         )
 
     @cached_property
-    def _detected(self) -> Array:
+    def _detected(self) -> Flags:
         """(n, T) in which keyframes each object was detected."""
         rows = [[number in step.association for step in self.lineage] for number in self._ids]
         return np.array(rows, dtype=bool)

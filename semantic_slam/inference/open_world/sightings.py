@@ -45,10 +45,10 @@ class Sightings:
         known = np.broadcast_to(share, (*first.shape, len(share))).copy()
         total = np.zeros(known.shape)
         for k in range(in_view.shape[-1]):
-            begun, seen = (k > first)[..., None], detected[..., k, None]
+            begun, seen = np.asarray(k > first)[..., None], detected[..., k, None]
             now = in_view[..., k, None] * hit * known
             log_seen = np.log(np.maximum(now, least))
             total += np.where(begun, np.where(seen, log_seen, np.log1p(-np.minimum(now, 1.0 - 1e-9))), 0.0)
-            after = np.where(seen | (k == first)[..., None], 1.0, (known - now) / np.maximum(1.0 - now, 1e-9))
+            after = np.where(seen | np.asarray(k == first)[..., None], 1.0, (known - now) / np.maximum(1.0 - now, 1e-9))
             known = np.where(k >= first[..., None], share + persistence * (after - share), known)
         return total

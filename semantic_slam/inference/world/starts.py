@@ -89,7 +89,7 @@ class Starts:
         if number == ANYWHERE:
             return 0.0
         log_peak = -1.5 * float(np.log(2.0 * np.pi)) - float(np.log(self._sigmas).sum())
-        return self.log_density(self.pose(number)) - log_peak
+        return float(self.log_density(self.pose(number))) - log_peak
 
     def log_density(self, poses: Array) -> Array:
         """(...,) of poses (..., 3), per square metre and radian."""
@@ -128,7 +128,7 @@ class Starts:
     @cached_property
     def _sigmas(self) -> Array:
         """(3,) of the stand-in, not above those of the prior."""
-        return np.minimum(STAND_IN_SIGMAS, np.sqrt(np.diagonal(self.covariance)))
+        return np.asarray(np.minimum(STAND_IN_SIGMAS, np.sqrt(np.diagonal(self.covariance))))
 
     @cached_property
     def _counts(self) -> Index:

@@ -53,7 +53,9 @@ def _start(name: str, whole: drives.Drive, time_s: float) -> Start:
         time_s = float(seen_s[after]) - LEAD_S
     part = drives.in_frame_of_start(drives.since(whole, begin_ns + round(time_s * 1e9)))
     assert part.objects is not None
-    rows = enumerate(zip(part.objects.object_ids, part.objects.positions.tolist(), strict=True))
-    sigmas = {"sigma_m": SURVEY_SIGMA_M, "sigma_rad": SURVEY_SIGMA_RAD}
-    prior = MapPrior(tuple(ObjectPrior.planar(n, x, y, name=barcode, **sigmas) for n, (barcode, (x, y)) in rows))
-    return Start(f"{name} from {time_s:.1f} s", part, prior)
+    rows = zip(part.objects.object_ids, part.objects.positions.tolist(), strict=True)
+    landmarks = [
+        ObjectPrior.planar(n, x, y, sigma_m=SURVEY_SIGMA_M, sigma_rad=SURVEY_SIGMA_RAD, name=barcode)
+        for n, (barcode, (x, y)) in enumerate(rows)
+    ]
+    return Start(f"{name} from {time_s:.1f} s", part, MapPrior(tuple(landmarks)))
