@@ -13,6 +13,7 @@ import numpy as np
 from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.open_world.placements import Placements
+from semantic_slam.inference.open_world.stretches import parted, stretches
 from semantic_slam.inference.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
 
@@ -20,7 +21,7 @@ AGAIN = 30
 """Keyframes after which a placement that was tried may be tried again."""
 SELDOM = 4
 """How many times as many keyframes there are between looks where all histories are placed."""
-MARGIN = 10.0
+MARGIN = 60.0
 """Nats below what would enter that a placement is still replayed: what it may weigh is told roughly."""
 STEPS_PER_KEYFRAME = 40
 """Keyframes that are replayed in one, all placements together."""
@@ -39,6 +40,8 @@ class Relocation:
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
         self.settings, self._replay = settings, replay
+        self._parted = Replay(replay.problem, replay.association, replay.steps)  # of histories that forget places
+        self._looks = 0
         self._tried: dict[object, int] = {}
         self._lost: _Lost | None = None
         self._waiting: list[Progress] = []
@@ -95,6 +98,8 @@ class Relocation:
         lost = self._followed(live, log_evidence)
         if lost is None:
             return
+        self._looks += 1
+        lost, is_parted = self._forgetful(lost) if self._looks % 2 == 0 else (lost, False)
         problem, now = self._replay.problem, len(self._replay.steps)
         assert problem.starts is not None
         placements = Placements(
@@ -104,6 +109,7 @@ class Relocation:
             lineage=lost.lineage,
             component=lost.component,
             expected_births=lost.expected_births,
+            is_parted=is_parted,
         )
         assert self._lost is not None
         least = log_least - self._lost.log_surplus - lost.log_joint - MARGIN
@@ -130,6 +136,15 @@ class Relocation:
             surplus = lost.log_weight + log_evidence - followed.log_joint
         self._lost = _Lost(lineage, surplus)
         return followed
+
+    def _forgetful(self, lost: Revised) -> tuple[Revised, bool]:
+        """The history without what it has recognised after blind stretches, and whether there was anything."""
+        steps = self._replay.steps
+        lineage = parted(lost.lineage, stretches(steps), self._replay.association.registry.first_new_id)
+        if lineage == lost.lineage:
+            return lost, False
+        (found,) = self._parted.log_joints([lineage])
+        return (lost, False) if found is None else (found, True)
 
     def _caught_up(self) -> list[Revised]:
         """The placements that are through, after some keyframes more of those that wait."""

@@ -7,11 +7,12 @@ the replay of its history tells.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from functools import cached_property
+from itertools import combinations, product
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
 
 LEAST_BASE_M = 0.8
@@ -22,6 +23,8 @@ MOST_MOTIONS = 10
 """Motions that are weighed with the joint Gaussian."""
 APART = np.array([0.5, 0.5, 0.15])
 """x, y [m] and yaw [rad] by which two motions differ at least, in one of them."""
+LARGEST_GATE_M = 4.0
+"""Distance up to which an object that is known badly may be one of the map."""
 NEIGHBOUR_M = 1.0
 """Distance on the map up to which objects may be mistaken for each other once the motion is known."""
 STEPS = 3
@@ -48,7 +51,8 @@ class Fit:
     """A motion that brings objects onto the map, and which each of them then is."""
 
     T_map_own: Array  # (3,)
-    names: dict[int, int]  # object -> object of the map, one to one
+    names: dict[int, int]  # object -> object of the map, one to one in each stretch
+    points: Array  # (n, 2) where all objects are then, in their own frame
     log_gain: float  # log evidence to that of as many objects that the map does not have, misses left out
 
 
@@ -61,6 +65,7 @@ class Fitting:
     map_covariances: Array  # (M, 2, 2)
     log_new: float  # log density of an object that is not on the map, per square metre
     log_prior: Callable[[Array], Array]  # log density of motions (..., 3)
+    stretches: Index  # (n,) objects of two stretches of the drive may be one
 
     def best(self, count: int) -> list[Fit]:
         """At most ``count`` fits of three or more objects, the best ones first."""
@@ -140,33 +145,45 @@ class Fitting:
     def _named(self, motion: Array) -> dict[int, int]:
         """Object by object the one that gains most, given those before."""
         names: dict[int, int] = {}
-        log_gain = -np.inf
+        log_gain, points = -np.inf, self.own.points
         while True:
-            moved = motion[:2] + _turned(motion[2], self.own.points)
+            moved = motion[:2] + _turned(motion[2], points)
             away = np.linalg.norm(moved[:, None] - self.map_points, axis=-1)
             free = [n for n in range(len(self.own)) if n not in names]
-            taken = set(names.values())
-            pairs = [(n, int(m)) for n in free for m in np.flatnonzero(away[n] < NEIGHBOUR_M) if int(m) not in taken]
+            taken = self._taken(names)
+            near = [(n, int(m)) for n in free for m in np.flatnonzero(away[n] < self._gates[n])]
+            pairs = [(n, m) for n, m in near if (self.stretches[n], m) not in taken]
             pairs = sorted(pairs, key=lambda own: away[own])[:4]
             found = [self.weighed(motion, names | {n: m}) for n, m in pairs]
             best = max(found, key=lambda own: own.log_gain, default=None)
             if best is None or (best.log_gain <= log_gain and len(names) >= 3):
                 return names
-            names, motion, log_gain = best.names, best.T_map_own, best.log_gain
+            names, motion, log_gain, points = best.names, best.T_map_own, best.log_gain, best.points
 
     def _changed(self, names: dict[int, int]) -> list[dict[int, int]]:
         """Names with one object of another name, or without one, or two objects' names exchanged."""
         found: list[dict[int, int]] = []
-        taken = {m: n for n, m in names.items()}
+        taken = self._taken(names)
         for n, m in names.items():
             if len(names) > 3:
                 found.append({k: own for k, own in names.items() if k != n})
             for other in self._neighbours(m):
-                if other not in taken:
+                holder = taken.get((self.stretches[n], other))
+                if holder is None:
                     found.append(names | {n: other})
-                elif taken[other] > n:
-                    found.append(names | {n: other, taken[other]: m})
+                elif holder > n:
+                    found.append(names | {n: other, holder: m})
         return found
+
+    def _taken(self, names: dict[int, int]) -> dict[tuple[int, int], int]:
+        """(stretch, object of the map) -> the object that has its name."""
+        return {(int(self.stretches[n]), m): n for n, m in names.items()}
+
+    @cached_property
+    def _gates(self) -> Array:
+        """(n,) metres from an object to what it may be."""
+        variances = np.diagonal(self.own.covariance).reshape(-1, 2).mean(axis=1)
+        return np.maximum(NEIGHBOUR_M, np.minimum(np.sqrt(variances), LARGEST_GATE_M))
 
     def _neighbours(self, number: int) -> list[int]:
         away = np.linalg.norm(self.map_points - self.map_points[number], axis=1)
@@ -189,18 +206,22 @@ class Fitting:
             step = np.linalg.solve(information, slope.T @ weighted[:, 3])
             motion = motion - step
         left = residual - slope @ step
-        squared = float(left @ np.linalg.solve(covariance, left))
+        pull = np.linalg.solve(covariance, left)
+        squared = float(left @ pull)
+        back = (pull.reshape(-1, 2) @ _rotation(motion[2])).ravel()  # in the objects' own frame
+        after = self.own.points - (self.own.covariance[:, rows] @ back).reshape(-1, 2)
         log_gain = -0.5 * squared - 0.5 * float(np.linalg.slogdet(2.0 * np.pi * covariance)[1])
         log_gain -= 0.5 * float(np.linalg.slogdet(information / (2.0 * np.pi))[1])
         motion = np.append(motion[:2], wrap_angle(motion[2]))
         log_gain += float(self.log_prior(motion)) - self.log_new * len(order)
-        return Fit(motion, dict(names), log_gain)
+        return Fit(motion, dict(names), after, log_gain)
 
     def _turned_covariance(self, turn: float, among: Array, chosen: Sequence[int]) -> Array:
         rotation = np.kron(np.eye(len(chosen)), _rotation(turn))
         covariance = rotation @ among @ rotation.T
-        for place, number in enumerate(chosen):
-            covariance[2 * place : 2 * place + 2, 2 * place : 2 * place + 2] += self.map_covariances[number]
+        for (one, number), (two, other) in product(enumerate(chosen), repeat=2):
+            if number == other:  # what the map has wrong of one is wrong of all that are it
+                covariance[2 * one : 2 * one + 2, 2 * two : 2 * two + 2] += self.map_covariances[number]
         return np.asarray(covariance + 1e-6 * np.eye(len(covariance)))
 
 

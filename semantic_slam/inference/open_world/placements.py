@@ -19,6 +19,7 @@ from semantic_slam.inference.open_world.constellation import Fit, Fitting, posit
 from semantic_slam.inference.open_world.prediction import sensor_region
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.sightings import Sightings
+from semantic_slam.inference.open_world.stretches import stretches
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.lineage import LineageStep
@@ -60,6 +61,7 @@ class Placements:
     lineage: Lineage  # T
     component: Component  # after them
     expected_births: float  # in them
+    is_parted: bool = False  # every object was seen in one stretch alone: see ``stretches``
 
     def best(self, count: int, taken: Collection[int]) -> list[Placement]:
         """At most ``count``, what may weigh most first; a start beside one that is ``taken`` is that one."""
@@ -133,6 +135,7 @@ class Placements:
             map_covariances=covariances,
             log_new=float(np.median(self._log_intensities)),
             log_prior=log_prior,
+            stretches=stretches(self.steps)[self._detected.argmax(axis=1)] if self.is_parted else np.zeros(len(keys)),
         )
 
     def _scores(self, fits: Sequence[Fit]) -> Array:
