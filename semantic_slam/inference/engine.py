@@ -83,7 +83,9 @@ class Engine:
         association = self.association(self.problem, self.registry)
         self.steps: list[Step] = []  # so far, where histories are replayed
         self.revision = Revision(self.problem.revision, Replay(self.problem, association, self.steps))
-        self.relocation = Relocation(self.problem.revision, Replay(self.problem, association, self.steps))
+        self.relocation = Relocation(
+            self.problem.revision, Replay(self.problem, association, self.steps), self.registry
+        )
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 

@@ -16,6 +16,7 @@ from semantic_slam.inference.open_world.placements import Placements
 from semantic_slam.inference.open_world.stretches import parted, stretches
 from semantic_slam.inference.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.world.objects import ObjectRegistry
 
 AGAIN = 30
 """Keyframes after which a placement that was tried may be tried again."""
@@ -38,8 +39,8 @@ class _Lost:
 class Relocation:
     """Proposes and weighs histories in which a robot that is not placed is."""
 
-    def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
-        self.settings, self._replay = settings, replay
+    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
+        self.settings, self._replay, self._registry = settings, replay, registry
         self._parted = Replay(replay.problem, replay.association, replay.steps)  # of histories that forget places
         self._looks = 0
         self._tried: dict[object, int] = {}
@@ -140,7 +141,7 @@ class Relocation:
     def _forgetful(self, lost: Revised) -> tuple[Revised, bool]:
         """The history without what it has recognised after blind stretches, and whether there was anything."""
         steps = self._replay.steps
-        lineage = parted(lost.lineage, stretches(steps), self._replay.association.registry.first_new_id)
+        lineage = parted(lost.lineage, stretches(steps), self._registry.first_new_id)
         if lineage == lost.lineage:
             return lost, False
         (found,) = self._parted.log_joints([lineage])

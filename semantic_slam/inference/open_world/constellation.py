@@ -28,7 +28,7 @@ LARGEST_GATE_M = 4.0
 NEIGHBOUR_M = 1.0
 """Distance on the map up to which objects may be mistaken for each other once the motion is known."""
 STEPS = 3
-"""Of Gauss and Newton, for the motion."""
+"""Steps of Gauss and Newton for a motion."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class Fitting:
     def _gates(self) -> Array:
         """(n,) metres from an object to what it may be."""
         variances = np.diagonal(self.own.covariance).reshape(-1, 2).mean(axis=1)
-        return np.maximum(NEIGHBOUR_M, np.minimum(np.sqrt(variances), LARGEST_GATE_M))
+        return np.asarray(np.maximum(NEIGHBOUR_M, np.minimum(np.sqrt(variances), LARGEST_GATE_M)))
 
     def _neighbours(self, number: int) -> list[int]:
         away = np.linalg.norm(self.map_points - self.map_points[number], axis=1)

@@ -121,6 +121,13 @@ class Placements:
         places = [positions(entry.prior.mean[None], entry.prior.covariance) for entry in entries]
         return np.array([place.points[0] for place in places]), np.array([place.covariance for place in places])
 
+    @property
+    def _stretches(self) -> Index:
+        """(n,) the one in which each object was seen."""
+        if not self.is_parted:
+            return np.zeros(len(self._ids), dtype=int)
+        return np.asarray(stretches(self.steps)[self._detected.argmax(axis=1)])
+
     def _fitting(self) -> Fitting:
         keys = [object_key(n) for n in self._ids]
         points, covariances = self._map_places
@@ -135,7 +142,7 @@ class Placements:
             map_covariances=covariances,
             log_new=float(np.median(self._log_intensities)),
             log_prior=log_prior,
-            stretches=stretches(self.steps)[self._detected.argmax(axis=1)] if self.is_parted else np.zeros(len(keys)),
+            stretches=self._stretches,
         )
 
     def _scores(self, fits: Sequence[Fit]) -> Array:

@@ -15,7 +15,7 @@ from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTIO
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 
 PLACE_SIGMA_M = 0.1
-"""Of an object beside the path: the edge of the region is as soft."""
+"""Standard deviation of an object beside the path: the edge of the region is as soft."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,9 +26,9 @@ LOST_SIGMA_M, LOST_SIGMA_RAD = 1.0, 0.3
 STAND_IN_SIGMAS = np.array([0.5, 0.5, 0.15])
 """x, y [m] and yaw [rad]: wide beside what a few objects of a map tell, narrow beside what measurements bend by."""
 OWN_FRAME_SIGMAS = np.array([0.01, 0.01, 0.01])
-"""Of the initial pose in the frame in which a robot maps that is not placed."""
+"""Standard deviations of the initial pose in the frame in which a robot maps that is not placed."""
 SPACING = 0.5
-"""Of the lattice, in stand-ins."""
+"""Distance of neighbours on the lattice, in stand-ins."""
 REACH = 6.0
 """Standard deviations of the initial pose that the lattice covers."""
 

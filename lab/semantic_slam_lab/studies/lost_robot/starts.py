@@ -18,7 +18,7 @@ LEAD_S = 0.5
 LOST_M = 10.0
 """Standard deviation of the initial pose, and the most that its mean is off."""
 SURVEY_SIGMA_M, SURVEY_SIGMA_RAD = 0.02, 1.0
-"""Of the landmarks on the map; they have no heading."""
+"""Standard deviations of the landmarks on the map; they have no heading."""
 
 
 @dataclass(frozen=True)
