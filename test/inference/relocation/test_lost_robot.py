@@ -6,6 +6,7 @@ from worlds.lost_world import PLACES, SYMMETRIC, configuration, errors, make_wor
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Engine
+from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.inference.build import make_run_configuration
@@ -26,6 +27,14 @@ def test_a_lost_robot_finds_itself_among_points_that_look_alike() -> None:
     named = [pair for step, names in pairs for pair in zip(step.association, names, strict=True)]
     assert np.mean([number == name for number, name in named]) > 0.9
     assert {n for n, _ in named} <= set(range(len(PLACES)))
+
+
+def test_beliefs_tell_the_history_of_a_robot_that_was_placed() -> None:
+    engine, beliefs = run(make_world(START, 8), configuration())
+    told = histories(beliefs)
+    assert any(engine.problem.is_placed(live.lineage) for live in engine.live.values())
+    for row, live in enumerate(engine.live.values()):
+        assert [tuple(found[row].tolist()) for found in told] == [step.association for step in live.lineage]
 
 
 def test_until_then_it_says_that_it_may_be_anywhere() -> None:
