@@ -83,7 +83,8 @@ class Relocation:
         count, every = len(self._replay.steps), self.settings.lost_every_keyframes
         if self._waiting or not 1 < count <= self.settings.horizon:
             return False
-        return count % (every if self._likeliest_lost(live) else SELDOM * every) == 0
+        apart = every if self._likeliest_lost(live) else SELDOM * every
+        return (count + every // 2) % apart == 0  # not in keyframes in which objects are merged
 
     def _likeliest_lost(self, live: Mapping[int, Hypothesis]) -> Hypothesis | None:
         """The live hypothesis that weighs most of those that do not place the robot."""

@@ -8,7 +8,7 @@ the replay of its history tells.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 
@@ -19,7 +19,7 @@ LEAST_BASE_M = 0.8
 """Distance of two objects from which on they tell a heading."""
 LARGEST_MISFIT = 3.0
 """Standard deviations of a distance that two pairs may differ by."""
-MOST_MOTIONS = 10
+MOST_MOTIONS = 6
 """Motions that are weighed with the joint Gaussian."""
 APART = np.array([0.5, 0.5, 0.15])
 """x, y [m] and yaw [rad] by which two motions differ at least, in one of them."""
@@ -27,7 +27,7 @@ LARGEST_GATE_M = 4.0
 """Distance up to which an object that is known badly may be one of the map."""
 NEIGHBOUR_M = 1.0
 """Distance on the map up to which objects may be mistaken for each other once the motion is known."""
-STEPS = 3
+STEPS = 2
 """Steps of Gauss and Newton for a motion."""
 
 
@@ -217,11 +217,11 @@ class Fitting:
         return Fit(motion, dict(names), after, log_gain)
 
     def _turned_covariance(self, turn: float, among: Array, chosen: Sequence[int]) -> Array:
-        rotation = np.kron(np.eye(len(chosen)), _rotation(turn))
-        covariance = rotation @ among @ rotation.T
-        for (one, number), (two, other) in product(enumerate(chosen), repeat=2):
-            if number == other:  # what the map has wrong of one is wrong of all that are it
-                covariance[2 * one : 2 * one + 2, 2 * two : 2 * two + 2] += self.map_covariances[number]
+        count, rotation, names = len(chosen), _rotation(turn), np.asarray(chosen)
+        blocks = rotation @ among.reshape(count, 2, count, 2).transpose(0, 2, 1, 3) @ rotation.T  # (n, n, 2, 2)
+        same = names[:, None] == names  # what the map has wrong of one is wrong of all that are it
+        blocks = blocks + same[..., None, None] * self.map_covariances[names]
+        covariance = blocks.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
         return np.asarray(covariance + 1e-6 * np.eye(len(covariance)))
 
 
