@@ -235,6 +235,12 @@ class RevisionConfiguration:
     every_keyframes: int = parameter(
         0, "association: open: keyframes from one look for objects that are one to the next; 0: never", minimum=0
     )
+    lost_every_keyframes: int = parameter(
+        0,
+        "association: open with a map, the initial pose wider than 1 m or 0.3 rad: keyframes from one look for where on"
+        " the map the robot may be to the next; 0: never",
+        minimum=0,
+    )
     proposals: int = parameter(4, "revised histories that are weighed in one look", minimum=1)
     horizon: int = parameter(
         600, "keyframes up to which histories are revised: each revised one is replayed from the start", minimum=1

@@ -133,13 +133,13 @@ class Backend:
         """A component from its lineage alone, or from where it was last like one that is kept."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        kind = lineage[0].mode if len(self.problem.noises) > 1 else 0
-        numbers = [ROOT_ID + kind]
+        beginning = self.problem.beginning(lineage)
+        numbers = [ROOT_ID + beginning]
         for step, taken in zip(self.steps[:length], lineage, strict=True):
             numbers.append(
                 hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             )
-        begin, component = self._trunks.deepest(numbers) or (0, self.association.root(kind))
+        begin, component = self._trunks.deepest(numbers) or (0, self.association.root(beginning))
         for at in range(begin, length):
             step, child = self.steps[at], numbers[at + 1]
             expansion = self.expander.expand(

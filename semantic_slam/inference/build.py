@@ -30,6 +30,7 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingBuilder, SensingSettings
+from semantic_slam.inference.world.starts import Starts
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.registry import OBSERVATIONS, SEMANTICS
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
@@ -126,11 +127,14 @@ def _check_detections(configuration: Configuration, association: type[Associatio
 
 
 def _check_revision(configuration: Configuration, association: type[AssociationStrategy]) -> None:
-    if configuration.revision.every_keyframes > 0 and not association.tracks_objects:
+    revision, tracks = configuration.revision, association.tracks_objects
+    if revision.every_keyframes > 0 and not tracks:
         raise InputError(
             "revision.every_keyframes is for worlds without a map; set association: open, or set it to 0 (given with"
             " open_world.iterate_updates: false has nothing to revise)"
         )
+    if revision.lost_every_keyframes > 0 and not tracks:
+        raise InputError("revision.lost_every_keyframes is for association: open; set that, or set it to 0")
 
 
 def _check_moving(configuration: Configuration, association: type[AssociationStrategy]) -> None:
@@ -159,7 +163,7 @@ def _as_used(configuration: Configuration, association: type[AssociationStrategy
     """Without what ``association`` has no use for: names leave nothing to revise, and misses may not count."""
     revision, world = configuration.revision, configuration.open_world
     if association.wants_identities:
-        revision = replace(revision, every_keyframes=0)
+        revision = replace(revision, every_keyframes=0, lost_every_keyframes=0)
     if not association.counts_misses:
         world = replace(
             world, detection_probabilities=(), detection_half_ranges_m=(), birth_densities=(), miss_persistence=0.0
@@ -190,13 +194,16 @@ def problem_of(run: RunConfiguration) -> Problem:
     latent = _latent(descriptors, tempering, prior, objects) if descriptors is not None else None
     semantics: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
     noises = _noises(configuration, association)
+    robot = sensing.robot_prior(run.initial_pose, run.initial_covariance)
+    is_relocated = bool(objects) and configuration.revision.lost_every_keyframes > 0
     return Problem(
+        starts=Starts.of(robot) if is_relocated else None,
         inferred_noise=InferredNoise.of(configuration.odometry, noises, DetectionRates.of(configuration.open_world)),
         noises=noises,
         spaces=sensing.spaces,
         model=sensing.model,
         reader=sensing.reader,
-        robot=sensing.robot_prior(run.initial_pose, run.initial_covariance),
+        robot=robot,
         objects=objects,
         class_names=run.class_names,
         seed=configuration.seed,

@@ -30,7 +30,10 @@ from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
 from semantic_slam.inference.pruning import Pruned, prune
-from semantic_slam.inference.revision import Replay, Revision, log_mass, with_revised
+from semantic_slam.inference.relocation.relocation import Relocation
+from semantic_slam.inference.relocation.unplaced import in_map
+from semantic_slam.inference.revision.replay import Lineage, Replay
+from semantic_slam.inference.revision.revision import Revision, log_mass, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
@@ -78,9 +81,13 @@ class Engine:
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         self.copies = Copies(self.problem) if self.association.merges_copies else Distinct()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
-        replay = Replay(self.problem, self.association(self.problem, self.registry))
-        self.revision = Revision(self.problem.revision, replay)
         self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
+        association = self.association(self.problem, self.registry)
+        self.steps: list[Step] = []  # so far, where histories are replayed
+        self.revision = Revision(self.problem.revision, Replay(self.problem, association, self.steps))
+        self.relocation = Relocation(
+            self.problem.revision, Replay(self.problem, association, self.steps), self.registry
+        )
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
@@ -150,13 +157,15 @@ class Engine:
     def revise(
         self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects
     ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
-        """Histories in which objects of the best one are the same enter, with what they weigh: see ``revision``."""
-        self.revision.note(step)
-        if not self.revision.is_due():
-            return components, reported
+        """Histories enter with what they weigh: with objects that are one (``revision``), or that place the robot."""
+        if self.revision.is_on or self.relocation.is_on:
+            self.steps.append(step)
         best = components[next(iter(self.live))].objects
         ratio = self.problem.pruning.ratio
-        found = self.revision.revised(self.live, reported.ids, best, ratio)
+        found: dict[int, Hypothesis] = {}
+        if self.revision.is_due():
+            found |= self.revision.revised(self.live, reported.ids, best, ratio)
+        found |= self.relocation.placed(self.live, self.log_evidence, ratio)
         if not found:
             return components, reported
         together = with_revised(self.live, found, self.problem.pruning.max_hypotheses)
@@ -212,9 +221,17 @@ class Engine:
             unexplained=self.explanation.add(kept.log_mass, log_reference),
         )
 
+    def _in_map(self, held: HeldComponent, lineage: Lineage, reported: ReportedObjects) -> HeldComponent:
+        """A component with the uncertainty of the map, where its robot is not placed and has a frame of its own."""
+        starts = self.problem.starts
+        if starts is None or self.problem.is_placed(lineage):
+            return held
+        known = self.problem.map_ids
+        return in_map(held, starts, np.array([n in known for n in reported.ids], dtype=bool))
+
     def _mixture(self, components: dict[int, HeldComponent], reported: ReportedObjects) -> Mixture:
         """The live hypotheses, heaviest first."""
-        rows = [components[n] for n in self.live]
+        rows = [self._in_map(components[n], live.lineage, reported) for n, live in self.live.items()]
         objects = stack_rows([own.objects for own in rows])
         genuine = self.genuine.probabilities(self.live, reported.ids)
         if genuine is not None:

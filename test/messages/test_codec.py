@@ -115,7 +115,7 @@ VALUES = {
     "no components": components(s=0, o=0, lost=0),
     "commit": commit(
         (LineageStep((1, -1), (0, -1), 2), LineageStep((2, 1), (-1, -1), 0)),
-        ((), (LineageStep((), (), 1), LineageStep((3,), (0,), 0), LineageStep((4, 5, 6), (1, 2, -1), 3))),
+        ((), (LineageStep((), (), 10_403_766), LineageStep((3,), (0,), 0), LineageStep((4, 5, 6), (1, 2, -1), 3))),
     ),
     "commit without detections": commit((LineageStep((), ()),) * 2, ((), ())),
     "no commit": commit((), ()),

@@ -24,6 +24,7 @@ STUDIES = {
     "ch5_sensitivity": "semantic_slam_lab.studies.ch5.sensitivity",
     "drawn_worlds": "semantic_slam_lab.studies.drawn_worlds.study",
     "latent_slam": "semantic_slam_lab.studies.latent_slam.study",
+    "lost_robot": "semantic_slam_lab.studies.lost_robot.study",
     "real_drives": "semantic_slam_lab.studies.real_drives.study",
     "rendered_localization": "semantic_slam_lab.studies.rendered.localization",
     "rendered_model_uncertainty": "semantic_slam_lab.studies.rendered.model_uncertainty",
@@ -31,7 +32,11 @@ STUDIES = {
     "victoria_park": "semantic_slam_lab.studies.victoria_park.study",
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
-OPTIONS = {"avd_bigbird": ("avd", "bigbird"), "real_drives": ("data", "drives", "methods", "everything")}
+OPTIONS = {
+    "avd_bigbird": ("avd", "bigbird"),
+    "lost_robot": ("data", "drives"),
+    "real_drives": ("data", "drives", "methods", "everything"),
+}
 """Study -> what else its ``run`` takes by keyword, as the command line has it; None or False where it has not."""
 
 RENDERED = "data"
@@ -52,7 +57,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     for name in ("avd", "bigbird"):
         text = f"avd_bigbird: folder in {name.upper()}'s layout (default: simulated)"
         parser.add_argument(f"--{name}", type=Path, metavar="DIR", help=text)
-    text = "real_drives: folder of the data sets (default: SEMANTIC_SLAM_DATA)"
+    text = "lost_robot, real_drives: folder of the data sets (default: SEMANTIC_SLAM_DATA)"
     parser.add_argument("--data", type=Path, metavar="DIR", help=text)
     for name, what in (("drives", "such as mrclam_d6/1 or dlr (default: all)"), ("methods", "besides ours")):
         parser.add_argument(f"--{name}", nargs="+", metavar="NAME", help=f"real_drives: {name}, {what}")

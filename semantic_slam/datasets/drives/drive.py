@@ -2,7 +2,7 @@
 
 import heapq
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +59,18 @@ class Drive:
     associations: list[tuple[str, ...]] | None = None  # (F,) of (D,) true ids, "" for none; None: not known
     truth: Path2D | None = None
     objects: TrueObjects | None = None
+
+
+def since(drive: Drive, stamp_ns: int) -> Drive:
+    """The drive from a stamp on: odometry and truth from their last poses at or before it, and later frames."""
+    first = next((row for row, frame in enumerate(drive.frames) if frame.stamp_ns >= stamp_ns), len(drive.frames))
+    return replace(
+        drive,
+        odometry=drive.odometry.since(stamp_ns),
+        frames=drive.frames[first:],
+        associations=None if drive.associations is None else drive.associations[first:],
+        truth=None if drive.truth is None else drive.truth.since(stamp_ns),
+    )
 
 
 @dataclass(frozen=True)

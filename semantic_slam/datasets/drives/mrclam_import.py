@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.datasets.drives import mrclam
-from semantic_slam.datasets.drives.drive import BODY_FRAME, Drive, TrueObjects, write_drive
+from semantic_slam.datasets.drives.drive import BODY_FRAME, Drive, TrueObjects, since, write_drive
 from semantic_slam.datasets.drives.mrclam import NUM_ROBOTS, Readings
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Index
 from semantic_slam.messages.ground_truth import MOVING
 from semantic_slam.perception.frame import Detections
@@ -30,12 +31,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="bag folder to write")
     parser.add_argument("--robots", action="store_true", help="keep the sightings of other robots, which move")
+    parser.add_argument(
+        "--from-s", type=float, default=0.0, metavar="S", help="begin S seconds after the odometry does"
+    )
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N frames")
 
 
 def run(arguments: argparse.Namespace, bag: Path) -> None:
     """Write the bag and say what it holds and what was left out; raises InputError."""
     drive, counts = read_drive(arguments.source, arguments.robot, with_robots=arguments.robots)
+    if arguments.from_s > 0.0:
+        drive = since(drive, int(drive.odometry.stamps_ns[0]) + round(arguments.from_s * 1e9))
+    if not drive.frames:
+        raise InputError(f"{arguments.source}: nothing is read after --from-s {arguments.from_s}; give an earlier time")
     written = write_drive(drive, bag, f"robot {arguments.robot}", arguments.max_keyframes)
     print(f"{arguments.out}: {written}")
     print("whole drive: " + ", ".join(f"{number} {name}" for name, number in counts.items()))

@@ -52,6 +52,11 @@ class ClosedKeyframe:
     log_clutter: Array | None = None  # (n,) log odds times density of a detection of no object; None: each is of one
     new: Sequence[dict[int, GaussianPrior]] = field(default_factory=tuple)  # P: objects that this keyframe introduces
 
+    @property
+    def expected_births(self) -> float:
+        """None: what is not on the map is not expected."""
+        return 0.0
+
     def associate(self) -> Candidates:
         """Objects of a large map that no detection can be of are not looked at, unless the result says they must be."""
         gate = self._map_gate()

@@ -49,6 +49,10 @@ class PredictedKeyframe(Protocol):
     def used(self) -> Index:
         """(n,) detections that take part; the others are clutter in every candidate."""
 
+    @property
+    def expected_births(self) -> float:
+        """Detections of objects that nobody knows yet, as the first parent expects them."""
+
     def associate(self) -> Candidates:
         """The associations of the detections to objects, as far as the gates admit."""
 
@@ -97,7 +101,7 @@ class AssociationStrategy(Protocol):
         """The objects that are reported while hypotheses hold those ``alive``."""
 
     def root(self, number: int) -> Component:
-        """The component before any keyframe, under the odometry noise of that number."""
+        """The component before any keyframe, under the beginning of that number: a noise of odometry, and a start."""
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> PredictedKeyframe:
         """The keyframe as the parents expect it; ``path``: one candidate of one parent. Raises LostComponentError."""

@@ -72,7 +72,7 @@ class OpenAssociation:
         return registry.alive(alive)
 
     def root(self, number: int) -> Component:
-        """The prior of Eq. 4.3 with what existence the map states, under one of the noises of odometry."""
+        """The prior of Eq. 4.3 with what existence the map states, under one of the noises of odometry and starts."""
         return self.problem.tracking_root(number)
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:

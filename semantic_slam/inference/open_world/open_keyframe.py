@@ -120,8 +120,8 @@ class OpenKeyframe:
         weighed = self._with_classes(candidates) if has_classes else self._by_linearisation(candidates)
         if self.step.index > 0:
             return weighed
-        noises = np.array([component.noise for component in self.parents.components])
-        return weighed.gaining(numbers=noises[weighed.assignments.parents])  # under which noise a lineage begins
+        begun = [self.problem.with_start(component.noise, component.start) for component in self.parents.components]
+        return weighed.gaining(numbers=np.array(begun)[weighed.assignments.parents])  # how a lineage begins
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
         """What no map knows may be of any class."""
@@ -133,6 +133,12 @@ class OpenKeyframe:
             log_class_prior=self.registry.log_class_prior_of(self.object_ids.tolist()),
             new=self._births,
         )
+
+    @property
+    def expected_births(self) -> float:
+        """First detections that the first parent expects."""
+        first = self.predictions[0]
+        return float(first.rates.average(first.expected_births))
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Births, detections and misses."""

@@ -197,6 +197,8 @@ class Predictor:
         sigma = float(position_sigmas(spread[None])[0])
         margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
         reach = np.flatnonzero(_distances(tracked.states, robot) < region.max_range_m + margin)
+        if component.elsewhere:
+            reach = reach[~np.isin(component.objects.ids[reach], list(component.elsewhere))]
         if named is None:
             near, beyond = self._near(component, robot, spread, births, detections, reach)
         else:

@@ -47,6 +47,8 @@ class Component:
     single_steps: bool = False  # one update per keyframe instead of updates until they converge
     local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
     noise: int = 0  # which of the noises that robot and sensor may have
+    start: int = 0  # where it began, of a robot that is lost
+    elsewhere: frozenset[int] = frozenset()  # objects of a map on which the robot is not placed: no detection is of one
     settings: NoiseSettings | None = None  # that number's; None: all as told
     movers: Movers | None = None  # objects that move, or may; None: nothing does
 

@@ -18,7 +18,7 @@ def hypothesis_id(
 ) -> int:
     """64-bit digest of a hypothesis's parent, keyframe stamp, association, class assignment and mode."""
     count = len(association)
-    layout = f"<QqI{count}i{count}iH"
+    layout = f"<QqI{count}i{count}i{'H' if mode < 2**16 else 'I'}"
     packed = struct.pack(layout, parent_id, stamp_ns, count, *association, *class_assignment, mode)
     return int.from_bytes(hashlib.blake2b(packed, digest_size=8).digest(), "little")
 

@@ -1,6 +1,8 @@
 """What a run is about: models, priors and settings, built once from the run's configuration."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,10 +28,12 @@ from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.starts import ANYWHERE, Starts
 
 
 class KeyframeReader(Protocol):
@@ -64,6 +68,12 @@ class Problem:
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
+    starts: Starts | None = None  # of a robot that is lost on a map, in an open world; None: it begins at its prior
+
+    @cached_property
+    def map_ids(self) -> frozenset[int]:
+        """Ids of the map's objects."""
+        return frozenset(entry.object_id for entry in self.objects)
 
     @property
     def num_biases(self) -> int:
@@ -76,6 +86,27 @@ class Problem:
         count = len(self.noises)
         return [-float(np.log(count))] * count
 
+    def beginning(self, lineage: Sequence[LineageStep]) -> int:
+        """The number under which a history begins: which of the noises, and then which start."""
+        return lineage[0].mode if len(self.noises) > 1 or self.starts is not None else 0
+
+    def start_of(self, beginning: int) -> int:
+        """The start of a beginning."""
+        return beginning // len(self.noises)
+
+    def with_start(self, beginning: int, start: int) -> int:
+        """The beginning with the same noise, and another start."""
+        return beginning % len(self.noises) + start * len(self.noises)
+
+    def is_placed(self, lineage: Sequence[LineageStep]) -> bool:
+        """Whether a history says where the robot is on the map."""
+        return self.starts is None or self.start_of(self.beginning(lineage)) != ANYWHERE
+
+    def log_weight_of(self, beginning: int) -> float:
+        """Log weight of a beginning before any measurement."""
+        log_weight = self.log_root_weights[beginning % len(self.noises)]
+        return log_weight if self.starts is None else log_weight + self.starts.log_weight(self.start_of(beginning))
+
     def root(self) -> Component:
         """The component before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
@@ -86,11 +117,19 @@ class Problem:
         """One that is updated once per keyframe."""
         return smoother.with_single_steps(self.num_biases, errors_repeat=self.detection_errors.correlated_share > 0.0)
 
-    def tracking_root(self, number: int) -> Component:
-        """One that tracks its states, under one of the noises, as the configuration wants it updated."""
-        plain, single_steps = self.root(), not self.open_world.iterate_updates
+    def tracking_root(self, beginning: int) -> Component:
+        """One that tracks its states, under one of the noises and starts, as the configuration wants it updated.
+
+        A robot that is not placed cannot meet the objects of the map.
+        """
+        number, robot = beginning % len(self.noises), self.robot
+        if self.starts is not None:
+            robot = self.starts.prior(self.start_of(beginning))
+        plain, single_steps = replace(self, robot=robot).root(), not self.open_world.iterate_updates
         entries = sorted(self.objects, key=lambda entry: entry.object_id)
-        tracked = tracked_before(self.spaces, self.robot, [entry.prior for entry in entries], self.num_biases)
+        tracked = tracked_before(self.spaces, robot, [entry.prior for entry in entries], self.num_biases)
+        start = self.start_of(beginning)
+        is_elsewhere = self.starts is not None and start == ANYWHERE
         rates, in_runs = DetectionRates.of(self.open_world), self.open_world.miss_persistence > 0.0
         shape = len(entries), len(rates)
         objects = replace(
@@ -106,6 +145,8 @@ class Problem:
             tracked=tracked,
             single_steps=single_steps,
             noise=number,
+            start=start,
+            elsewhere=plain.object_ids if is_elsewhere else frozenset(),
             settings=self.noises[number],
             movers=Movers.none(len(self.moving.speeds), len(rates), in_runs) if self.moving.is_on else None,
         )

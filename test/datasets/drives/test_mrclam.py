@@ -69,6 +69,21 @@ def test_truth_is_in_the_frame_of_the_first_true_pose_of_the_drive(folder, monke
     np.testing.assert_allclose(objects.poses[:, :2], [[2, -1], [4, 0]], atol=1e-12)
 
 
+def test_a_drive_that_begins_later_has_its_truth_in_the_frame_of_the_pose_then(folder, monkeypatch):
+    bag = run(monkeypatch, folder, "--from-s", 2.2)
+    assert [pose.stamp_ns for pose in bag["/odom"]] == [102 * 10**9, 103 * 10**9]
+    assert [frame.track_ids for frame in bag["/detections"]] == [("81", "43")]
+    assert [truth.object_ids for truth in bag["/ground_truth/associations"]] == [("81", "")]
+    poses = planar_from_pose_vector(np.array([pose.pose for pose in bag["/ground_truth/odom"]]))
+    np.testing.assert_allclose(poses, [[0, 0, 0], [1, 0, -np.pi / 2]], atol=1e-12)
+    np.testing.assert_allclose(bag["/ground_truth/objects"][0].poses[:, :2], [[1, -1], [3, 0]], atol=1e-12)
+
+
+def test_a_drive_cannot_begin_after_its_last_reading(folder, monkeypatch):
+    with pytest.raises(InputError, match=r"nothing is read after --from-s 5\.0; give an earlier time"):
+        run(monkeypatch, folder, "--from-s", 5.0)
+
+
 def test_other_robots_are_kept_with_their_truth_where_that_is_asked_for(folder, monkeypatch):
     bag = run(monkeypatch, folder, "--robots")
     assert [frame.track_ids for frame in bag["/detections"]] == [("63", "14"), ("14",), ("81", "43")]

@@ -6,7 +6,7 @@ from worlds.drives.moving_world import configuration, make_world, objects_of, ru
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
-from semantic_slam.inference.revision import Replay
+from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import MOVES
 
 

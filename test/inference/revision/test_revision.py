@@ -12,11 +12,9 @@ from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyfra
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
-from semantic_slam.inference import revision
-from semantic_slam.inference.hypotheses import Hypothesis
-from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.revision import Replay, Revised, merged, relative_distances, seen_together
+from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
+from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.smoothing import trunks
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep
@@ -89,35 +87,6 @@ def test_beliefs_tell_every_history_as_it_was_revised() -> None:
     told = histories(beliefs)
     for row, live in enumerate(engine.live.values()):
         assert [tuple(found[row].tolist()) for found in told] == [step.association for step in live.lineage]
-
-
-class Recording(Replay):
-    """Notes how many histories it is asked to weigh, and weighs none."""
-
-    may_move = False
-    asked = 0
-
-    def log_joints(self, lineages: Sequence[tuple[LineageStep, ...]]) -> list[Revised | None]:
-        self.asked += len(lineages) - 1
-        return [None] * len(lineages)
-
-
-@pytest.mark.parametrize(("seen_later", "times"), [(False, 1), (True, 2)])
-def test_a_pair_is_tried_again_when_it_was_seen_since(
-    monkeypatch: pytest.MonkeyPatch, seen_later: bool, times: int
-) -> None:
-    monkeypatch.setattr(revision, "near_pairs", lambda *given: [(0, 1)])
-    engine = Engine(open_world({"every_keyframes": 1}))
-    replay = Recording(engine.problem, engine.association(engine.problem, engine.registry))
-    revising = revision.Revision(engine.problem.revision, replay)
-    both, other = (LineageStep(association=own, class_assignment=(-1,) * len(own), mode=0) for own in ((0, 1), (2,)))
-    lineage: tuple[LineageStep, ...] = ()
-    for k in range(2 + revision.AGAIN):
-        revising.note(engine.problem.reader.step(Keyframe.planar(k, detections=[])))
-        lineage += (both,) if k == 0 or (seen_later and k > 1) else (other,)
-        live = {1: Hypothesis(owner=0, log_weight=0.0, parent_id=0, lineage=lineage)}
-        revising.revised(live, [], without_views(0, np.zeros((0, 0))), 10.0)
-    assert replay.asked == times
 
 
 def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,167 @@
+"""Where on the map a lost robot may be: histories in which what it has mapped in a frame of its own is on the map.
+
+Such a history begins at a start of its own, and names objects of the map in place of those that the robot had started.
+It is replayed from there, a few keyframes at a time, and enters with its P(history, Z_1:k) once it has caught up.
+Nothing is decided here: evidence decides between starts, and what is undecided stays so.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.configuration import RevisionConfiguration
+from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.relocation.placements import Placements
+from semantic_slam.inference.relocation.stretches import parted, stretches
+from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.world.objects import ObjectRegistry
+
+AGAIN = 30
+"""Keyframes after which a placement that was tried may be tried again."""
+SELDOM = 4
+"""How many times as many keyframes there are between looks where all histories are placed."""
+MARGIN = 60.0
+"""Nats below what would enter that a placement is still replayed: what it may weigh is told roughly."""
+STEPS_PER_KEYFRAME = 40
+"""Keyframes that are replayed in one, all placements together."""
+
+
+@dataclass(frozen=True)
+class _Lost:
+    """A history that does not place the robot."""
+
+    lineage: Lineage
+    log_surplus: float  # of its weight, with that of near copies, to its own
+
+
+class Relocation:
+    """Proposes and weighs histories in which a robot that is not placed is."""
+
+    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
+        self.settings, self._replay, self._registry = settings, replay, registry
+        self._parted = Replay(replay.problem, replay.association, replay.steps)  # of histories that forget places
+        self._looks = 0
+        self._tried: dict[object, int] = {}
+        self._lost: _Lost | None = None
+        self._waiting: list[Progress] = []
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the robot was lost when it began."""
+        return self._replay.problem.starts is not None
+
+    def placed(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+
+        ``log_evidence``: what weights are relative to.
+        """
+        if not self.is_on:
+            return {}
+        best = next(iter(live.values()))
+        log_least = best.log_weight + log_evidence - float(np.log(ratio))
+        if self._is_due(live):
+            self._look(live, log_evidence, log_least)
+        found: dict[int, Hypothesis] = {}
+        for own in self._caught_up():
+            assert self._lost is not None
+            log_weight = own.log_joint + self._lost.log_surplus
+            if own.number not in live and log_weight >= log_least:
+                lost = self._likeliest_lost(live)
+                found[own.number] = Hypothesis(
+                    owner=best.owner,
+                    log_weight=log_weight - log_evidence,
+                    parent_id=own.parent_id,
+                    lineage=own.lineage,
+                    revises=lost or best,
+                )
+        return found
+
+    def _is_due(self, live: Mapping[int, Hypothesis]) -> bool:
+        """Whether the newest keyframe is one after which to look: more seldom where all histories are placed."""
+        count, every = len(self._replay.steps), self.settings.lost_every_keyframes
+        if self._waiting or not 1 < count <= self.settings.horizon:
+            return False
+        apart = every if self._likeliest_lost(live) else SELDOM * every
+        return (count + every // 2) % apart == 0  # not in keyframes in which objects are merged
+
+    def _likeliest_lost(self, live: Mapping[int, Hypothesis]) -> Hypothesis | None:
+        """The live hypothesis that weighs most of those that do not place the robot."""
+        is_placed = self._replay.problem.is_placed
+        return next((own for own in live.values() if not is_placed(own.lineage)), None)
+
+    def _look(self, live: Mapping[int, Hypothesis], log_evidence: float, log_least: float) -> None:
+        """Begin to replay the placements of the likeliest history that is not placed.
+
+        When evidence has done away with all of these, its likeliest continuation is still followed, so that a robot
+        that was placed wrongly is found.
+        """
+        lost = self._followed(live, log_evidence)
+        if lost is None:
+            return
+        self._looks += 1
+        lost, is_parted = self._forgetful(lost) if self._looks % 2 == 0 else (lost, False)
+        problem, now = self._replay.problem, len(self._replay.steps)
+        assert problem.starts is not None
+        placements = Placements(
+            problem=problem,
+            starts=problem.starts,
+            steps=self._replay.steps,
+            lineage=lost.lineage,
+            component=lost.component,
+            expected_births=lost.expected_births,
+            is_parted=is_parted,
+        )
+        assert self._lost is not None
+        least = log_least - self._lost.log_surplus - lost.log_joint - MARGIN
+        taken = {problem.start_of(problem.beginning(own.lineage)) for own in live.values()}
+        for placement in placements.best(self.settings.proposals, taken):
+            again = now - self._tried.get(placement.what, -AGAIN) >= AGAIN
+            if placement.log_gain >= least and again:
+                self._tried[placement.what] = now
+                self._waiting.append(self._replay.begun(placement.lineage))
+
+    def _followed(self, live: Mapping[int, Hypothesis], log_evidence: float) -> Revised | None:
+        """The likeliest history that is not placed, replayed."""
+        lost, before = self._likeliest_lost(live), self._lost
+        lineage = lost.lineage if lost is not None else None
+        if lineage is None and before is not None:
+            lineage = self._replay.continued(before.lineage)
+        if lineage is None:
+            return None
+        (followed,) = self._replay.log_joints([lineage])
+        if followed is None:
+            return None
+        surplus = before.log_surplus if before is not None else 0.0
+        if lost is not None:  # it may stand for near copies: what comes from it stands for as many
+            surplus = lost.log_weight + log_evidence - followed.log_joint
+        self._lost = _Lost(lineage, surplus)
+        return followed
+
+    def _forgetful(self, lost: Revised) -> tuple[Revised, bool]:
+        """The history without what it has recognised after blind stretches, and whether there was anything."""
+        steps = self._replay.steps
+        lineage = parted(lost.lineage, stretches(steps), self._registry.first_new_id)
+        if lineage == lost.lineage:
+            return lost, False
+        (found,) = self._parted.log_joints([lineage])
+        return (lost, False) if found is None else (found, True)
+
+    def _caught_up(self) -> list[Revised]:
+        """The placements that are through, after some keyframes more of those that wait."""
+        left, found = STEPS_PER_KEYFRAME, list[Revised]()
+        now = len(self._replay.steps)
+        while self._waiting and left > 0:
+            own = self._waiting.pop(0)
+            count = min(left, now - own.at)
+            left -= count
+            try:
+                own = self._replay.advanced(own, count)
+            except LostComponentError:
+                continue
+            if own.at == now:
+                found.append(self._replay.finished(own))
+            else:
+                self._waiting.insert(0, own)
+        return found

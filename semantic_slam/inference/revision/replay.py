@@ -1,0 +1,144 @@
+"""Histories replayed from the prior: what each weighs, log P(history, Z_1:k), and the component it leads to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from semantic_slam.inference.association.strategy import AssociationStrategy
+from semantic_slam.inference.expander import Expander, Expansion
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.smoothing.component import Component, WeightedComponent
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.growth import certain
+from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.problem import Problem
+
+CHECKPOINT = 10
+"""Keyframes from one component that is kept along a replay to the next."""
+
+Lineage = tuple[LineageStep, ...]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """A history replayed so far; beyond the steps that it names, its likeliest continuation is followed."""
+
+    lineage: Lineage
+    at: int  # keyframes replayed
+    number: int  # hypothesis id after these
+    component: Component
+    log_joint: float  # log P(history, Z_1:at)
+    expected_births: float  # in all of them
+
+
+@dataclass(frozen=True)
+class Revised:
+    """A history that was not followed before."""
+
+    number: int  # its hypothesis id
+    parent_id: int
+    lineage: Lineage
+    log_joint: float  # log P(history, Z_1:k)
+    component: Component = field(compare=False)
+    expected_births: float = field(default=0.0, compare=False)
+
+
+@dataclass
+class Replay:
+    """Replays histories, from where they part from what was replayed before."""
+
+    problem: Problem
+    association: AssociationStrategy
+    steps: list[Step] = field(default_factory=list)  # so far
+    _kept: dict[int, Progress] = field(default_factory=dict)  # of the history that was replayed first in the last round
+
+    @property
+    def may_move(self) -> bool:
+        """Whether there are detections of what may move."""
+        moving = self.problem.moving
+        return moving.is_on and any(moving.shares(step.labels).any() for step in self.steps)
+
+    def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
+        """What each weighs; None for one that is impossible. The next round begins where the first of them was."""
+        known = dict(self._kept)
+        found = [self._replayed(lineage, known) for lineage in lineages]
+        self._kept = {number: known[number] for number in self._numbers(lineages[0]) if number in known}
+        return found
+
+    def _replayed(self, lineage: Lineage, known: dict[int, Progress]) -> Revised | None:
+        try:
+            return self._along(lineage, known)
+        except LostComponentError:
+            return None
+
+    def _along(self, lineage: Lineage, known: dict[int, Progress]) -> Revised:
+        return self.finished(self._to(lineage, known))
+
+    def _to(self, lineage: Lineage, known: dict[int, Progress]) -> Progress:
+        """A history up to where it ends."""
+        numbers = self._numbers(lineage)
+        begin = max((at for at, number in enumerate(numbers) if number in known), default=0)
+        own = replace(known[numbers[begin]], lineage=lineage) if begin else self.begun(lineage)
+        while own.at < len(lineage):
+            own = self.advanced(own, 1, in_place=own.number not in known)
+            if own.at % CHECKPOINT == 0:
+                known[own.number] = own
+        return own
+
+    def begun(self, lineage: Lineage) -> Progress:
+        """A history before the first keyframe."""
+        beginning = self.problem.beginning(lineage)
+        root, log_weight = self.association.root(beginning), self.problem.log_weight_of(beginning)
+        return Progress(lineage, 0, ROOT_ID + beginning, root, log_weight, 0.0)
+
+    def advanced(self, own: Progress, count: int, *, in_place: bool = True) -> Progress:
+        """A history after at most ``count`` keyframes more. Raises LostComponentError where it is impossible.
+
+        ``in_place``: nobody needs it again as it was.
+        """
+        expander = Expander(self.problem, self.association)
+        for step in self.steps[own.at : own.at + count]:
+            named = own.lineage[own.at] if own.at < len(own.lineage) else None
+            expansion = expander.expand(step, [own.number], [WeightedComponent(own.component, 0.0)], named)
+            row = int(np.argmax(expansion.log_psi)) if named is None else self._row(own, step, expansion)
+            (grown,) = expander.grow(step, expansion, [own.component], [row], in_place=in_place)
+            own = Progress(
+                lineage=(*own.lineage, expansion.steps[row]) if named is None else own.lineage,
+                at=own.at + 1,
+                number=expansion.ids[row],
+                component=certain(grown),
+                log_joint=own.log_joint + float(expansion.log_psi[row]),
+                expected_births=own.expected_births + expansion.keyframe.expected_births,
+            )
+        return own
+
+    def continued(self, lineage: Lineage) -> Lineage | None:
+        """A history with its likeliest continuation through all keyframes since; None where it is impossible."""
+        known = dict(self._kept)
+        try:
+            return self.advanced(self._to(lineage, known), len(self.steps), in_place=False).lineage
+        except LostComponentError:
+            return None
+
+    def finished(self, own: Progress) -> Revised:
+        """What a history weighs that was replayed through all keyframes so far."""
+        numbers = self._numbers(own.lineage)
+        return Revised(own.number, numbers[-2], own.lineage, own.log_joint, own.component, own.expected_births)
+
+    def _row(self, own: Progress, step: Step, expansion: Expansion) -> int:
+        """Which candidate a history names. Raises LostComponentError where there is none."""
+        named = own.lineage[own.at]
+        child = hypothesis_id(own.number, step.stamp_ns, named.association, named.class_assignment, named.mode)
+        if child not in expansion.ids:
+            raise LostComponentError("a lineage names an impossible continuation")
+        return expansion.ids.index(child)
+
+    def _numbers(self, lineage: Lineage) -> list[int]:
+        """Ids of the hypotheses along a history, the root's first."""
+        numbers = [ROOT_ID + self.problem.beginning(lineage)]
+        for step, taken in zip(self.steps, lineage, strict=False):
+            own = hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
+            numbers.append(own)
+        return numbers

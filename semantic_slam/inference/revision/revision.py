@@ -1,0 +1,133 @@
+"""Association revised afterwards: histories in which two objects of a live one are the same, or in which one moves.
+
+A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
+P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from semantic_slam.configuration import RevisionConfiguration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.object_table import ObjectTable
+from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
+from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
+from semantic_slam.inference.revision.replay import Lineage, Replay
+from semantic_slam.inference.revision.tried import Tried
+
+HOPELESS_DISTANCE = 8.0
+"""Mahalanobis distance between two objects, relative to each other, from which on a replay is spared.
+
+What speaks for a merge against it, a birth less and misses less, is tens of nats at most.
+"""
+AGAIN = 3
+"""Rounds of revision after which what was tried, and seen since, may be tried again."""
+
+
+class Revision:
+    """Proposes and weighs histories in which objects of the best one are the same."""
+
+    def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
+        self.settings, self._replay = settings, replay
+        self._tried = Tried(AGAIN * settings.every_keyframes)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether anything is ever revised."""
+        return self.settings.every_keyframes > 0
+
+    def is_due(self) -> bool:
+        """Whether the newest keyframe is one after which to revise."""
+        every, count = self.settings.every_keyframes, len(self._replay.steps)
+        return every > 0 and count % every == 0 and count <= self.settings.horizon
+
+    def revised(
+        self, live: Mapping[int, Hypothesis], ids: Sequence[int], objects: ObjectTable, ratio: float
+    ) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+
+        ``objects`` (O, ...) of the best live hypothesis, over the ``ids``. Its weight may stand for near copies that
+        were merged into it; a revised one stands for as many, so that it weighs by its ratio to the best one's own.
+        """
+        best = next(iter(live.values()))
+        lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
+        if not lineages:
+            return {}
+        followed, *others = self._replay.log_joints([best.lineage, *lineages])
+        if followed is None:
+            return {}
+        gains = [(own, own.log_joint - followed.log_joint) for own in others if own is not None]
+        return {
+            own.number: Hypothesis(
+                owner=best.owner,
+                log_weight=best.log_weight + gain,
+                parent_id=own.parent_id,
+                lineage=own.lineage,
+                revises=best,
+            )
+            for own, gain in gains
+            if own.number not in live and gain >= -float(np.log(ratio))
+        }
+
+    def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
+        """All pairs at once first, where there are several, and then one by one, the nearest first."""
+        near = [pair for pair in near_pairs(ids, objects, lineage) if self._may_be_one(pair, lineage)]
+        pairs = self._not_hopeless(lineage, self._tried.news(near, lineage))[: self.settings.proposals]
+        self._tried.note(pairs, len(self._replay.steps))
+        together = apart(pairs, lineage)
+        chosen = [[pair] for pair in pairs]
+        if len(together) > 1:
+            chosen.insert(0, together)
+        return [merged(lineage, own) for own in chosen]
+
+    def _not_hopeless(self, lineage: Lineage, pairs: Sequence[Pair]) -> list[Pair]:
+        """Pairs that may be one by what the history knows of one relative to the other.
+
+        A replay costs a hundred times as much as to ask, and most pairs that are near where the drive has been far from
+        its start are surely two.
+        """
+        (followed,) = self._replay.log_joints([lineage]) if pairs else (None,)
+        if followed is None:
+            return []
+        distances = relative_distances(followed.component, pairs)
+        return [pair for pair, distance in zip(pairs, distances, strict=True) if distance <= HOPELESS_DISTANCE]
+
+    def _may_be_one(self, pair: Pair, lineage: Lineage) -> bool:
+        """Whether the younger object of a pair is not on the map, and the older not where the robot never was."""
+        problem, (older, younger) = self._replay.problem, pair
+        on_map = problem.map_ids
+        return younger not in on_map and (older not in on_map or problem.is_placed(lineage))
+
+    def _with_movers(self, lineage: Lineage) -> list[Lineage]:
+        """Histories in which objects are one that moves: all at once first, where there are several."""
+        problem, now = self._replay.problem, len(self._replay.steps)
+        (followed,) = self._replay.log_joints([lineage]) if self._replay.may_move else (None,)
+        if followed is None or followed.component.tracked is None:
+            return []
+        first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
+        steps, trail = self._replay.steps, followed.component.tracked.trail
+        since = now - AGAIN * self.settings.every_keyframes
+        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
+        groups = self._tried.news(groups, lineage)[: self.settings.proposals]
+        self._tried.note(groups, now)
+        found = [with_mover(lineage, group) for group in groups]
+        if len(found) > 1:
+            together = lineage
+            for group in groups:
+                together = with_mover(together, group)
+            found.insert(0, together)
+        return found
+
+
+def with_revised(live: Mapping[int, Hypothesis], found: Mapping[int, Hypothesis], limit: int) -> dict[int, Hypothesis]:
+    """Live and revised hypotheses, heaviest first, at most ``limit``; weights in the live ones' unit."""
+    every = sorted({**live, **found}.items(), key=lambda item: (-item[1].log_weight, item[0]))
+    return dict(every[:limit])
+
+
+def log_mass(hypotheses: Mapping[int, Hypothesis]) -> float:
+    """Log of the sum of their weights."""
+    weights: Array = np.array([own.log_weight for own in hypotheses.values()])
+    return float(np.logaddexp.reduce(weights))
