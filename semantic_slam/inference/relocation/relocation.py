@@ -20,7 +20,7 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 
 AGAIN = 30
 """Keyframes after which a placement that was tried may be tried again."""
-SELDOM = 4
+SELDOM = 2
 """How many times as many keyframes there are between looks where all histories are placed."""
 MARGIN = 60.0
 """Nats below what would enter that a placement is still replayed: what it may weigh is told roughly."""

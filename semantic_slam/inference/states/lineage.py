@@ -17,7 +17,7 @@ class LineageStep:
 
     association: tuple[int, ...]  # (D,) object id per detection, -1 clutter
     class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated, MOVES
-    mode: int = 0
+    mode: int = 0  # in an open world, of the first keyframe: under which noise, and from which start, a history begins
 
 
 def lineage_steps(

@@ -10,7 +10,7 @@ from semantic_slam.datasets.drives.mrclam_import import read_drive
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam_lab.studies.real_drives.drives import Drive
 
-TIMES_S = (0.0, 180.0, 360.0, 540.0)
+TIMES_S = (0.0, 120.0, 240.0, 360.0)
 """Seconds from the beginning of a drive."""
 BLIND_S = 15.0
 """A start in a longer stretch without detections is moved to just before its end."""
