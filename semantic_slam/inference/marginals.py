@@ -54,7 +54,7 @@ class PassedOver:
 
     @classmethod
     def of(cls, candidates: CandidateTable, kept: Pruned) -> "PassedOver":
-        """Those that pruning left."""
+        """Continuations that pruning left."""
         rows = np.delete(np.arange(len(candidates.ids)), kept.kept)
         weights = np.exp(candidates.log_weights[rows] - kept.log_mass)
         return cls(weights=weights, associations=candidates.associations[rows].astype(np.int64))

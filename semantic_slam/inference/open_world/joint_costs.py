@@ -30,7 +30,7 @@ class JointCosts:
 
     @classmethod
     def of(cls, linear: LinearisedEvidence, admitted: Flags, log_ratio: Array, log_alone: Array) -> "JointCosts":
-        """Of the ``admitted`` (D, M) pairs; ``log_ratio`` (M,) of detecting an object against missing it."""
+        """Costs of the ``admitted`` (D, M) pairs; ``log_ratio`` (M,) of detecting an object against missing it."""
         rows, columns = np.nonzero(admitted)
         joint, count = linear.innovation_of_pairs(rows, columns), len(rows)
         size = len(joint.residual) // max(count, 1)
