@@ -74,6 +74,10 @@ class Replay:
         self._kept = {number: known[number] for number in self._numbers(lineages[0]) if number in known}
         return found
 
+    def forget(self) -> None:
+        """Keep nothing of what was replayed: the next round begins at the prior."""
+        self._kept.clear()
+
     def _replayed(self, lineage: Lineage, known: dict[int, _Known]) -> Revised | None:
         try:
             return self._along(lineage, known)
@@ -121,9 +125,11 @@ class Revision:
         self._tried: dict[tuple[int, ...], int] = {}
 
     def note(self, step: Step) -> None:
-        """Keep a keyframe for later replays, where anything is revised."""
+        """Keep a keyframe for later replays, while anything is revised."""
         if self.settings.every_keyframes > 0:
             self._replay.steps.append(step)
+        if len(self._replay.steps) > self.settings.horizon:
+            self._replay.forget()
 
     def is_due(self) -> bool:
         """Whether the newest keyframe is one after which to revise."""
