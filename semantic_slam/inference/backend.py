@@ -159,7 +159,9 @@ class Backend:
     def _keep_trunk(self) -> None:
         """Keep the heaviest component for histories that are revised later, now and then."""
         revision, count = self.problem.revision, self.committed + 1
-        if revision.every_keyframes > 0 and count <= revision.horizon and self._trunks.is_due(count) and self.held:
+        if revision.every_keyframes == 0 or count > revision.horizon:
+            self._trunks.forget()
+        elif self._trunks.is_due(count) and self.held:
             heaviest = max(sorted(self.held), key=lambda number: self.held[number].log_weight)
             self._trunks.keep(heaviest, self.held[heaviest].component.fork())
 

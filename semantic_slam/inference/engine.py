@@ -160,6 +160,7 @@ class Engine:
         """Histories enter with what they weigh: with objects that are one (``revision``), or that place the robot."""
         if self.revision.is_on or self.relocation.is_on:
             self.steps.append(step)
+            self.revision.note_keyframe()
         best = components[next(iter(self.live))].objects
         ratio = self.problem.pruning.ratio
         found: dict[int, Hypothesis] = {}

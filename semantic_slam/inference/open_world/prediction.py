@@ -43,8 +43,10 @@ LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
 LOCAL_OBJECTS = 40
 """Objects that a local map holds from the start besides those near the detections: amid these and the robot."""
-MOST_LOCAL = 200
-"""As many as the sensor reaches, but no more than these: any of them may be detected before it is read again."""
+MOST_AHEAD = 80
+"""Objects where the sensor looks that it holds besides: any of them may be detected before it is read again."""
+AHEAD_RAD = 0.2
+"""Beyond the region's bearings, where a turn of the robot brings them into it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,7 +205,7 @@ class Predictor:
             near, beyond = self._near(component, robot, spread, births, detections, reach)
         else:
             near, beyond = named, np.full(len(births), -np.inf)
-        local = _local(component, robot, near, reach)
+        local = _local(component, robot, near, _ahead(region, tracked.states, robot, reach))
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(robot, wider, transition, motion.covariance)
         carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
@@ -336,10 +338,18 @@ def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
     )
 
 
-def _local(component: Component, robot: Array, near: Index, reach: Index) -> LocalMap:
+def _ahead(region: SensorRegion, states: Array, robot: Array, reach: Index) -> Index:
+    """(n,) rows of the objects of those within ``reach`` (N,) towards which the sensor looks, the nearest ones."""
+    apart = states[reach, :2] - robot[:2]
+    off = region.off_centre(np.arctan2(apart[:, 1], apart[:, 0]) - robot[2])
+    seen = reach[np.abs(off) <= 0.5 * region.field_of_view_rad + AHEAD_RAD]
+    return seen[np.argsort(_distances(states[seen], robot), kind="stable")[:MOST_AHEAD]]
+
+
+def _local(component: Component, robot: Array, near: Index, ahead: Index) -> LocalMap:
     """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be.
 
-    Reading it costs as much as eliminating the whole drive anew: it holds what may be near next, too, ``reach`` (N,).
+    Reading it costs as much as eliminating the whole drive anew: it holds what may be near next, too, ``ahead`` (n,).
     """
     tracked, known = _tracked(component), component.local
     ids = component.objects.ids[near]
@@ -347,8 +357,8 @@ def _local(component: Component, robot: Array, near: Index, reach: Index) -> Loc
         return known
     if component.single_steps:
         amid = robot[:2] if not len(near) else 0.5 * (robot[:2] + tracked.states[near, :2].mean(axis=0))
-        around = np.argsort(_distances(tracked.states, amid), kind="stable")[: max(LOCAL_OBJECTS, len(reach))]
-        ids = component.objects.ids[np.union1d(near, around[:MOST_LOCAL])]
+        around = np.argsort(_distances(tracked.states, amid), kind="stable")[:LOCAL_OBJECTS]
+        ids = component.objects.ids[np.union1d(np.union1d(near, ahead), around)]
     keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
     together = tracked.motion_covariance.copy()
     if len(ids):

@@ -67,6 +67,10 @@ class Replay:
         self._kept = {number: known[number] for number in self._numbers(lineages[0]) if number in known}
         return found
 
+    def forget(self) -> None:
+        """Keep nothing of what was replayed: the next round begins at the prior."""
+        self._kept.clear()
+
     def _replayed(self, lineage: Lineage, known: dict[int, Progress]) -> Revised | None:
         try:
             return self._along(lineage, known)

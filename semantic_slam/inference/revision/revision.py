@@ -38,6 +38,11 @@ class Revision:
         """Whether anything is ever revised."""
         return self.settings.every_keyframes > 0
 
+    def note_keyframe(self) -> None:
+        """Give up what replays keep, once there are more keyframes than are ever revised."""
+        if len(self._replay.steps) > self.settings.horizon:
+            self._replay.forget()
+
     def is_due(self) -> bool:
         """Whether the newest keyframe is one after which to revise."""
         every, count = self.settings.every_keyframes, len(self._replay.steps)

@@ -7,8 +7,8 @@ from semantic_slam.inference.smoothing.component import Component
 
 APART = 10
 """Keyframes from one component that is kept along a history to the next."""
-MOST = 60
-"""Components kept at most: those that were kept or asked for last."""
+MOST = 12
+"""Components kept at most, each a copy of a whole drive: those that were kept or asked for last."""
 
 
 class Trunks:
@@ -28,6 +28,10 @@ class Trunks:
         self._kept.move_to_end(number)
         if len(self._kept) > MOST:
             self._kept.popitem(last=False)
+
+    def forget(self) -> None:
+        """Keep none."""
+        self._kept.clear()
 
     def deepest(self, numbers: Sequence[int]) -> tuple[int, Component] | None:
         """The last of the hypotheses ``numbers`` along a history that is kept: its place among them, and it."""

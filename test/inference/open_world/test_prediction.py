@@ -1,5 +1,7 @@
 """Where objects are too many for a joint covariance: those that fit stay, and what is cut is counted."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from worlds.drives.open_room import make_room
@@ -9,6 +11,7 @@ from semantic_slam.inference.association.gating import best_assignments, pair_de
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
+from semantic_slam.inference.open_world import prediction as predicting
 from semantic_slam.inference.open_world.prediction import Prediction, Predictor
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
@@ -16,7 +19,7 @@ AROUND = 24
 MOTION = Motion(np.zeros(3), 1e-4 * np.eye(3))
 
 
-def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3) -> Prediction:
+def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3, **world: Any) -> Prediction:
     """Objects on a circle of 3 m about the robot, at every 15 degrees, the first straight behind it."""
     angles = np.pi + 2.0 * np.pi * np.arange(AROUND) / AROUND
     covariance = np.diag([sigma_m**2, sigma_m**2, 0.01, 1.0, 1.0, 1.0])
@@ -30,7 +33,7 @@ def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3) -> 
         )
         for i, a in enumerate(angles)
     )
-    room = make_room(1, map_prior=MapPrior(objects), open_world={"max_joint_objects": limit})
+    room = make_room(1, map_prior=MapPrior(objects), open_world={"max_joint_objects": limit, **world})
     problem = problem_of(room.run)
     component = problem.tracking_root(0)
     return Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
@@ -100,3 +103,12 @@ def test_an_uncertain_object_may_be_within_reach() -> None:
         component, MOTION, [detection(3.0)]
     )
     assert found.in_reach.tolist() == [0]
+
+
+def test_a_local_map_holds_what_the_sensor_may_see_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within 45 degrees of straight ahead, and what a small turn brings there: three at 15 degrees on either side."""
+    monkeypatch.setattr(predicting, "LOCAL_OBJECTS", 0)
+    world = {"iterate_updates": False, "field_of_view_rad": 0.5 * np.pi}
+    found = prediction(detection(3.0), 1, **world)
+    assert found.near_ids.tolist() == [12]
+    assert found.local.ids.tolist() == [9, 10, 11, 12, 13, 14, 15]
