@@ -107,8 +107,11 @@ def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Config
     perception = replace(base.perception, noise_factors=(chosen.detection_factor,))
     told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor), perception=perception)
     if method == GIVEN:
-        return replace(told, association=GIVEN)
+        return replace(base if chosen == AS_CONFIGURED else told, association=GIVEN)
     association = "open" if method == "one_hypothesis" else method
+    told = replace(
+        told, perception=replace(told.perception, noise_factors=(1.0,))
+    )  # one hypothesis has nothing to choose
     return replace(told, association=association, pruning=replace(told.pruning, max_hypotheses=1))
 
 
