@@ -6,9 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
+
+
+NOTHING = np.zeros((0, 2))
+"""Places of no object."""
 
 
 class Occluders(NamedTuple):
@@ -68,18 +72,35 @@ def _relative_covariance(relative: Array, prediction: PredictedObjects, covarian
     return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + by_remainder)
 
 
-def undetected_share(region: SensorRegion, runs: MissRuns, trail: Array, points: Array) -> Array:
+def undetected_share(
+    region: SensorRegion, runs: MissRuns, trail: Array, points: Array, hiding: Array = NOTHING
+) -> Array:
     """(D,) probabilities that objects at ``points`` (D, 2) in map were not detected from ``trail`` (T, 3) so far.
 
-    Positions count as known: what is looked for lies where a detection is.
+    Positions count as known: what is looked for lies where a detection is. What is behind the objects ``hiding``
+    (N, 2) was not looked at.
     """
-    return runs.never_detected(_looks(region, trail, points))
+    return runs.never_detected(_looks(region, trail, points, hiding))
 
 
-def _looks(region: SensorRegion, trail: Array, points: Array) -> Index:
-    """(D,) how many of the robot's poses ``trail`` (T, 3) have points (D, 2) in the region."""
+def _looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> Index:
+    """(D,) how many of the robot's poses ``trail`` (T, 3) have points (D, 2) in the region, and nothing before them."""
     x, y = (points[:, None, axis] - trail[:, axis] for axis in (0, 1))
     squared = x * x + y * y
     numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
     bearing = region.off_centre(np.arctan2(y[numbers, times], x[numbers, times]) - trail[times, 2])
-    return np.bincount(numbers[np.abs(bearing) <= 0.5 * region.field_of_view_rad], minlength=len(points))
+    inside = np.abs(bearing) <= 0.5 * region.field_of_view_rad
+    numbers, times = numbers[inside], times[inside]
+    if region.occluder_radius_m > 0.0 and len(hiding) and len(numbers):
+        near = np.hypot(*(hiding[:, None] - points).T).min(axis=0) < region.max_range_m
+        numbers = numbers[~_hidden(region, points[numbers] - trail[times, :2], hiding[near] - trail[times, None, :2])]
+    return np.bincount(numbers, minlength=len(points))
+
+
+def _hidden(region: SensorRegion, point: Array, hiding: Array) -> Flags:
+    """(Q,) whether one of N objects (Q, N, 2) stands before a point (Q, 2), all as seen from where the robot is."""
+    x, y = point[:, None, 0], point[:, None, 1]
+    distance, reach = np.hypot(x, y), np.hypot(hiding[..., 0], hiding[..., 1])
+    aside = np.abs(x * hiding[..., 1] - y * hiding[..., 0]) < region.occluder_radius_m * distance
+    behind = (x * hiding[..., 0] + y * hiding[..., 1] > 0.0) & (distance > reach + 2.0 * region.occluder_radius_m)
+    return np.asarray((aside & behind).any(axis=1))

@@ -44,6 +44,10 @@ LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
 LOCAL_OBJECTS = 40
 """Objects around the robot that a local map holds from the start, besides those near the detections."""
+LEAST_IN_SIGHT = 0.02
+"""Share of first detections left where something stands before them: what stands there may be a false alarm."""
+HIDES = 0.5
+"""Existence above which an object counts as hiding what is behind it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -317,8 +321,27 @@ class Predictor:
     def _expected_births(self, component: Component, region: SensorRegion, runs: MissRuns, robot: Array) -> float:
         """First detections expected from ``robot`` (3,), most of them where it has not looked before."""
         trail = _tracked(component).trail
-        share = unseen_share(region, runs, trail, robot, self.settings.least_undetected_share)
+        share = unseen_share(region, runs, trail, robot, self.settings.least_undetected_share, _hiding(component))
         return region.detection_probability * self._density(component) * region.area_m2 * share
+
+    def _share_left(
+        self, component: Component, region: SensorRegion, runs: MissRuns, births: list[Birth]
+    ) -> Array:
+        """(D,) shares of objects not detected so far where detections lie, averaged over where these may be.
+
+        A region that is learned ends where detections end, whose errors are in it: there the places count as known.
+        """
+        least, trail = self.settings.least_undetected_share, _tracked(component).trail
+        if least >= 1.0 or not len(trail):
+            return np.ones(len(births))
+        hiding = _hiding(component)
+        if self.settings.learn_region:
+            points = np.array([born.prior.mean[:2] for born in births])
+            return np.maximum(undetected_share(region, runs, trail, points, hiding), least)
+        places = [_places(born) for born in births]
+        points = np.concatenate([points for points, _ in places])
+        share = np.maximum(undetected_share(region, runs, trail, points, hiding), least)
+        return np.asarray((share.reshape(len(births), -1) * np.array([weights for _, weights in places])).sum(axis=1))
 
     def _births(
         self,
@@ -328,20 +351,41 @@ class Predictor:
         births: list[Birth],
         detections: Sequence[Any],
     ) -> tuple[Array, Array]:
-        """(D,) log intensities of first detections and (D,) existence of what they are detections of."""
+        """(D,) log intensities of first detections and (D,) existence of what they are detections of.
+
+        Behind what another detection of the frame shows there is hardly anything but false alarms.
+        """
         if not births:
             return np.zeros(0), np.zeros(0)
-        points = np.array([born.prior.mean[:2] for born in births])
-        least = self.settings.least_undetected_share
-        share = np.ones(len(births))
-        if least < 1.0:
-            share = undetected_share(region, runs, _tracked(component).trail, points)
-        density = self._density(component) * np.maximum(share, least)
+        density = self._density(component) * self._share_left(component, region, runs, births)
+        density = density * _in_sight(region, detections)
         intensity, existence = birth(
             density, self.settings.clutter_per_frame / region.area_m2, region.detection_probability
         )
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
         return np.log(np.where(ranged, intensity, intensity * region.area_m2)), existence
+
+
+def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
+    """(D,) 1 for detections that none of the others stands before, else little."""
+    ranges = np.array([detection.range_m for detection in detections], dtype=np.float64)
+    bearings = np.array([detection.bearing_rad for detection in detections], dtype=np.float64)
+    relative = np.nan_to_num(ranges)[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    return np.maximum(region.not_occluded(relative, ranges, bearings), LEAST_IN_SIGHT)
+
+
+def _hiding(component: Component) -> Array:
+    """(N, 2) places of the objects that rather exist than not, which hide what is behind them."""
+    places: Array = _tracked(component).states[component.objects.existence > HIDES, :2]
+    return places
+
+
+def _places(born: Birth) -> tuple[Array, Array]:
+    """(S, 2) points in map and their (S,) weights that stand for where a detection's object may be, given the robot."""
+    cos, sin = np.cos(born.prior.mean[2]), np.sin(born.prior.mean[2])
+    root = np.array([[cos, -sin], [sin, cos]]) @ np.linalg.cholesky(born.noise[:2, :2])
+    offsets = np.sqrt(3.0) * np.concatenate([np.zeros((1, 2)), root.T, -root.T])
+    return born.prior.mean[:2] + offsets, np.array([1.0 / 3.0, *(1.0 / 6.0,) * 4])
 
 
 def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:

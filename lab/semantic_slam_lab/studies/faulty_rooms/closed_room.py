@@ -34,6 +34,7 @@ class ClosedRoom:
     keyframes: tuple[Keyframe, ...]  # K
     truth: np.ndarray  # (K, 3)
     associations: tuple[tuple[int, ...], ...]  # K: object of each detection
+    objects: np.ndarray  # (O, 3)
 
 
 def make_room(seed: int, num_keyframes: int = 40) -> ClosedRoom:
@@ -48,7 +49,7 @@ def make_room(seed: int, num_keyframes: int = 40) -> ClosedRoom:
         keyframes.append(_keyframe(k, control, _measured(random, model, k, pose, objects, seen)))
         associations.append(tuple(seen.tolist()))
     start = truth[0] + random.normal(size=3) * [LOST_M, LOST_M, HEADING_RAD]
-    return ClosedRoom(_map(random, objects), start, tuple(keyframes), truth, tuple(associations))
+    return ClosedRoom(_map(random, objects), start, tuple(keyframes), truth, tuple(associations), objects)
 
 
 def without_object(room: ClosedRoom, number: int) -> ClosedRoom:
@@ -77,10 +78,20 @@ def some_views(room: ClosedRoom, share: float, seed: int = 0) -> list[tuple[int,
     return [view for view in every if random.random() < share]
 
 
+def first_view(room: ClosedRoom) -> tuple[int, int]:
+    """Keyframe and detection of the first view of the drive."""
+    return next((k, 0) for k, own in enumerate(room.associations) if own)
+
+
 def driven(room: ClosedRoom, **configuration: object) -> list[HybridBelief]:
+    """The beliefs after every keyframe, under the default configuration but for some values."""
+    return run(room, Configuration.of(**configuration))
+
+
+def run(room: ClosedRoom, configuration: Configuration) -> list[HybridBelief]:
     """The beliefs after every keyframe."""
     engine = Engine(
-        Configuration.of(**configuration),
+        configuration,
         room.prior,
         initial_pose=room.start,
         initial_covariance=np.diag([LOST_M**2, LOST_M**2, HEADING_RAD**2]),
