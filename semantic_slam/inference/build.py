@@ -28,8 +28,8 @@ from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.inference.world.unmapped import unmapped_objects
 from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingBuilder, SensingSettings
+from semantic_slam.inference.world.unmapped import unmapped_objects
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.registry import OBSERVATIONS, SEMANTICS
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names

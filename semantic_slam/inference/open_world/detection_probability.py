@@ -10,7 +10,6 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.miss_runs import MissRuns
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 
-
 NOTHING = np.zeros((0, 2))
 """Places of no object."""
 

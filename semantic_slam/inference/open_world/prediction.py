@@ -324,9 +324,7 @@ class Predictor:
         share = unseen_share(region, runs, trail, robot, self.settings.least_undetected_share, _hiding(component))
         return region.detection_probability * self._density(component) * region.area_m2 * share
 
-    def _share_left(
-        self, component: Component, region: SensorRegion, runs: MissRuns, births: list[Birth]
-    ) -> Array:
+    def _share_left(self, component: Component, region: SensorRegion, runs: MissRuns, births: list[Birth]) -> Array:
         """(D,) shares of objects not detected so far where detections lie, averaged over where these may be.
 
         A region that is learned ends where detections end, whose errors are in it: there the places count as known.

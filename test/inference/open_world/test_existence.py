@@ -105,3 +105,13 @@ def test_the_area_is_that_of_the_sector() -> None:
     points = random.uniform(-5.0, 5.0, size=(200_000, 2))
     share = REGION.contains(points, np.zeros((len(points), 2, 2))).mean()
     assert share * 100.0 == pytest.approx(REGION.area_m2, rel=0.03)
+
+
+def test_what_stood_behind_a_known_object_was_not_looked_at() -> None:
+    region = replace(REGION, occluder_radius_m=0.25)
+    runs, trail = MissRuns(region.detection_probability, 0.0), np.zeros((3, 3))
+    points, before = np.array([[4.0, 0.0], [4.0, 1.0]]), np.array([[2.0, 0.1]])
+    missed = (1.0 - region.detection_probability) ** 3
+    np.testing.assert_allclose(undetected_share(region, runs, trail, points, before), [1.0, missed])
+    np.testing.assert_allclose(undetected_share(region, runs, trail, points, 2.5 * before), [missed, missed])
+    np.testing.assert_allclose(undetected_share(region, runs, trail, points), [missed, missed])

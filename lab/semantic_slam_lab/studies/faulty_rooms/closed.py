@@ -107,4 +107,4 @@ def _unmapped(faulty: FaultyRoom, belief: HybridBelief, least: float) -> np.ndar
 
 
 def _distances(faulty: FaultyRoom, places: np.ndarray, number: int) -> np.ndarray:
-    return np.linalg.norm(places - faulty.room.objects[number, :2], axis=1)
+    return np.asarray(np.linalg.norm(places - faulty.room.objects[number, :2], axis=1))

@@ -14,7 +14,7 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
 CLASSES = (2, 4, 2, 1, 0, 4, 3, 2)
 """Of the eight pieces: three crates, two lockers, one of each other kind."""
@@ -144,7 +144,14 @@ def _visible(pose: np.ndarray, objects: np.ndarray) -> np.ndarray:
     return np.flatnonzero((distance < REACH_M) & (np.abs(bearing) < HALF_VIEW_RAD))
 
 
-def _measured(random, model, k: int, pose: np.ndarray, objects: np.ndarray, seen: np.ndarray) -> SemanticMeasurements:
+def _measured(
+    random: np.random.Generator,
+    model: ViewpointModel,
+    k: int,
+    pose: np.ndarray,
+    objects: np.ndarray,
+    seen: np.ndarray,
+) -> SemanticMeasurements:
     count, size = len(seen), model.num_features
     robot = np.broadcast_to(pose, (count, 3))
     relative, camera = se2.between(robot, objects[seen]), se2.between(objects[seen], robot)

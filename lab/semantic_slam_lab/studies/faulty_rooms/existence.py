@@ -138,7 +138,7 @@ def _pooled(rooms: Sequence[Judged]) -> tuple[Array, Array, Array]:
 
 
 def _is_credible(stated: Array, exists: Array, room: Array, count: int, random: np.random.Generator) -> bool:
-    """Whether zero lies inside the interval of the excess of what exists, rooms being drawn anew, binomially widened."""
+    """Whether the excess of what exists lies in the interval that binomial numbers and rooms drawn anew leave it."""
     excess = np.bincount(room, exists - stated, count)
     drawn = excess[random.integers(count, size=(DRAWS, count))].sum(axis=1)
     binomial = random.random((DRAWS, len(stated))) < stated

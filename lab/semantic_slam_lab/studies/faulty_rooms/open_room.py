@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration, OpenWorldConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.odometry_noise import odometry_covariance
@@ -33,7 +33,7 @@ class _Furniture:
     """M objects."""
 
     poses: Array  # (M, 3)
-    classes: Array  # (M,)
+    classes: Index  # (M,)
 
 
 def open_room(configuration: Configuration, num_keyframes: int, random: np.random.Generator) -> OpenRoom:
@@ -71,7 +71,9 @@ def _look(
     """Detections in any order, and what they are of."""
     settings, perception, names = configuration.open_world, configuration.perception, feature_names(model)
     relative = se2.between(np.broadcast_to(pose, furniture.poses.shape), furniture.poses)[:, :2]
-    seen = np.flatnonzero(_in_sight(relative, settings) & (random.random(len(relative)) < settings.detection_probability))
+    seen = np.flatnonzero(
+        _in_sight(relative, settings) & (random.random(len(relative)) < settings.detection_probability)
+    )
     false = _anywhere(settings, int(random.poisson(settings.clutter_per_frame)), random)
     places = np.concatenate([relative[seen], false])
     labels = np.concatenate([seen, np.full(len(false), FALSE_ALARM)]).astype(int)
@@ -117,4 +119,4 @@ def _scores(
         number, azimuth = int(furniture.classes[label]), float(np.arctan2(camera[1], camera[0]))
         distance = float(np.hypot(*camera[:2]))
     expected = model.predict(np.array([number]), Viewpoints(np.array([azimuth]), np.zeros(1), np.array([distance])))
-    return random.multivariate_normal(expected.mean[0], expected.covariance[0]).tolist()
+    return [float(score) for score in random.multivariate_normal(expected.mean[0], expected.covariance[0])]

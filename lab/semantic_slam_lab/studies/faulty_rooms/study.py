@@ -1,4 +1,4 @@
-"""Rooms whose data, or whose map, are not what the models say; and rooms without a map: what exists of what is stated."""
+"""Rooms whose data or whose map are wrong; and rooms without a map: how much exists of what is stated."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -105,6 +105,4 @@ def _existence(judged: Sequence[Judged], seed: int) -> dict[str, Any]:
 def _at(room: Judged, is_first: bool) -> Judged:
     """What was said on one of the occasions."""
     rows = [row for row, own in enumerate(room.is_first) if own == is_first]
-    return replace(
-        room, stated=tuple(room.stated[row] for row in rows), exists=tuple(room.exists[row] for row in rows)
-    )
+    return replace(room, stated=tuple(room.stated[row] for row in rows), exists=tuple(room.exists[row] for row in rows))
