@@ -87,7 +87,7 @@ class ClosedKeyframe:
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Factors of the scores of clutter, and updates: a closed world misses no object; detections introduce them.
 
-        What is detected exists: its first detection counts the probability that it does.
+        What the map may lack exists once it is detected, and its first detection counts the probability that it does.
         """
         factors = np.zeros(len(candidates.assignments))
         if self.log_clutter is not None and self.problem.clutter is not None:
@@ -98,12 +98,14 @@ class ClosedKeyframe:
             for component, new in zip(self.parents.components, self._new, strict=True)
         ]
         updates = [unchanged[parent] for parent in candidates.assignments.parents.tolist()]
+        if not len(self._unmapped):
+            return factors, updates
         detected = candidates.assignments.object_ids(candidates.object_ids)
         for row, (parent, update) in enumerate(zip(candidates.assignments.parents.tolist(), updates, strict=True)):
             objects = self.parents.components[parent].objects
-            if objects.are_certain:
+            seen = np.isin(objects.ids, self._unmapped) & np.isin(objects.ids, detected[row])
+            if not seen.any():
                 continue
-            seen = np.isin(objects.ids, detected[row])
             factors[row] += float(np.log(objects.existence[seen]).sum())
             updates[row] = update.detecting(seen)
         return factors, updates
@@ -141,6 +143,11 @@ class ClosedKeyframe:
             smoothed=mode.smoothed if mode is not None else {},
             corrections=mode.corrections if mode is not None else {},
         )
+
+    @cached_property
+    def _unmapped(self) -> Index:
+        """Ids of what the map may lack."""
+        return np.array(sorted(self.problem.unmapped_ids), dtype=int)
 
     @property
     def _new(self) -> Sequence[dict[int, GaussianPrior]]:

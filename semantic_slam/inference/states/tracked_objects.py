@@ -22,11 +22,6 @@ class HypothesisObjects:
         """Ids, to ask whether one is among them."""
         return frozenset(self.ids.tolist())
 
-    @cached_property
-    def are_certain(self) -> bool:
-        """Whether all of them surely exist."""
-        return bool((self.existence >= 1.0).all())
-
     def rows(self, object_ids: Index) -> Index:
         """Where (n,) objects stand; all of them must be there."""
         return np.asarray(np.searchsorted(self.ids, object_ids))

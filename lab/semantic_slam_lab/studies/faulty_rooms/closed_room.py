@@ -43,6 +43,7 @@ def make_room(seed: int, num_keyframes: int = 40) -> ClosedRoom:
     objects = _furniture(random)
     truth, controls = _drive(random, num_keyframes)
     model = load_model(SemanticModelConfiguration())
+    assert model is not None
     keyframes, associations = [], []
     for k, (pose, control) in enumerate(zip(truth, controls, strict=True)):
         seen = _visible(pose, objects)
