@@ -17,6 +17,7 @@ from semantic_slam.inference.component_marginals import (
     motion_marginals,
 )
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
+from semantic_slam.inference.displaced_marginals import displaced_marginals
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.step import Step
@@ -241,6 +242,7 @@ class Backend:
             object_covariances=covariances[:, 1:],
             existence=existence,
             **motion_marginals(components, reported),
+            **displaced_marginals(self.problem, components, reported),
             descriptors=_stacked([known.mean for known in descriptors], len(reported.ids)),
             descriptor_covariances=_stacked([known.variance for known in descriptors], len(reported.ids)),
         )

@@ -31,6 +31,7 @@ from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingBuilder, SensingSettings
 from semantic_slam.inference.world.starts import Starts
+from semantic_slam.inference.world.unmapped import unmapped_objects
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.registry import OBSERVATIONS, SEMANTICS
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
@@ -190,6 +191,9 @@ def problem_of(run: RunConfiguration) -> Problem:
     outliers = _outliers(model, settings)
     sensing = _sensing(configuration, model, descriptors, outliers)
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
+    clutter = _clutter(configuration, model)
+    unmapped = _unmapped(configuration, association, prior) if clutter is not None else ()
+    prior = replace(prior, objects=(*prior.objects, *unmapped))
     objects = tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects)
     latent = _latent(descriptors, tempering, prior, objects) if descriptors is not None else None
     semantics: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
@@ -221,7 +225,8 @@ def problem_of(run: RunConfiguration) -> Problem:
         detection_errors=configuration.detection_errors,
         revision=configuration.revision,
         moving=_moving(configuration, association),
-        clutter=_clutter(configuration, model),
+        clutter=clutter,
+        unmapped_ids=frozenset(item.object_id for item in unmapped),
         closed_world=configuration.closed_world,
     )
 
@@ -259,6 +264,17 @@ def _clutter(configuration: Configuration, model: ViewpointModel | None) -> Even
         return broad.log_density(seen.feature, seen.feature_covariance) / tempering
 
     return EvenClutter.of(configuration.open_world, log_scores)
+
+
+def _unmapped(
+    configuration: Configuration, association: type[AssociationStrategy], prior: MapPrior
+) -> tuple[ObjectPrior, ...]:
+    """What the map may lack, where detections are associated with a map, some of them with none of its objects."""
+    settings = configuration.closed_world
+    if not association.needs_map or association.tracks_objects or settings.clutter_per_frame <= 0.0:
+        return ()
+    reach, heading = configuration.open_world.max_range_m, configuration.new_objects.sigma_heading_rad
+    return unmapped_objects(prior, settings.unmapped_objects, settings.unmapped_probability, reach, heading)
 
 
 def _outliers(model: ViewpointModel | None, settings: SemanticModelConfiguration) -> OutlierScores | None:

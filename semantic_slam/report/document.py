@@ -114,6 +114,7 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
             "class_probabilities": dict(zip(last.class_names, last.class_probabilities[row].tolist(), strict=True)),
             "existence": last.existence[row],
             "moving": last.moving[row],
+            "moved": last.moved[row],
             "velocity": last.object_velocities[row, :3],
             "pose": last.object_poses[row],
             "covariance": last.object_covariances[row],

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.closed_room import (
+from semantic_slam_lab.studies.faulty_rooms.closed_room import (
     ClosedRoom,
     driven,
+    first_view,
     make_room,
     position_error_m,
     right_share,
@@ -17,11 +18,6 @@ from worlds.closed_room import (
 
 NOTHING_WRONG = {"semantic_model": {"outlier_share": 0.0}, "closed_world": {"clutter_per_frame": 0.0}}
 """As if every detection were of an object of the map, and every view as its class has it."""
-
-
-def first_view(room: ClosedRoom) -> tuple[int, int]:
-    """The first detection of the drive."""
-    return next((k, 0) for k, seen in enumerate(room.associations) if seen)
 
 
 def is_lost(room: ClosedRoom, **configuration: object) -> bool:

@@ -23,6 +23,7 @@ STUDIES = {
     "ch5_localization": "semantic_slam_lab.studies.ch5.localization",
     "ch5_sensitivity": "semantic_slam_lab.studies.ch5.sensitivity",
     "drawn_worlds": "semantic_slam_lab.studies.drawn_worlds.study",
+    "faulty_rooms": "semantic_slam_lab.studies.faulty_rooms.study",
     "latent_slam": "semantic_slam_lab.studies.latent_slam.study",
     "lost_robot": "semantic_slam_lab.studies.lost_robot.study",
     "real_drives": "semantic_slam_lab.studies.real_drives.study",

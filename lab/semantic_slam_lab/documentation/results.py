@@ -9,6 +9,7 @@ from semantic_slam_lab.documentation import (
     chapter_4,
     chapter_5,
     drawn_worlds,
+    faulty_rooms,
     real_drives,
     rooms,
 )
@@ -31,7 +32,7 @@ python -m semantic_slam_lab.documentation.build --keep out/*/result.json out/ben
 
 SECTIONS = tuple(
     section
-    for part in (rooms, real_drives, drawn_worlds, chapter_4, chapter_3, chapter_5, benchmarks)
+    for part in (rooms, real_drives, faulty_rooms, drawn_worlds, chapter_4, chapter_3, chapter_5, benchmarks)
     for section in part.SECTIONS
 )
 

@@ -90,17 +90,30 @@ class ClosedKeyframe:
         )
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Factors of the scores of clutter, and updates: a closed world misses no object; detections introduce them."""
+        """Factors of the scores of clutter, and updates: a closed world misses no object; detections introduce them.
+
+        What the map may lack exists once it is detected, and its first detection counts the probability that it does.
+        """
         factors = np.zeros(len(candidates.assignments))
         if self.log_clutter is not None and self.problem.clutter is not None:
             scores = self.problem.clutter.log_scores([self.step.detections[i] for i in self.used])
             factors = np.where(candidates.assignments.objects < 0, scores, 0.0).sum(axis=1)
-        updates = [
+        unchanged = [
             ExistenceUpdate.starting(component.objects, list(new))
             for component, new in zip(self.parents.components, self._new, strict=True)
         ]
-        parents = candidates.assignments.parents
-        return factors, [updates[parent] for parent in parents.tolist()]
+        updates = [unchanged[parent] for parent in candidates.assignments.parents.tolist()]
+        if not len(self._unmapped):
+            return factors, updates
+        detected = candidates.assignments.object_ids(candidates.object_ids)
+        for row, (parent, update) in enumerate(zip(candidates.assignments.parents.tolist(), updates, strict=True)):
+            objects = self.parents.components[parent].objects
+            seen = np.isin(objects.ids, self._unmapped) & np.isin(objects.ids, detected[row])
+            if not seen.any():
+                continue
+            factors[row] += float(np.log(objects.existence[seen]).sum())
+            updates[row] = update.detecting(seen)
+        return factors, updates
 
     def updates(
         self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
@@ -135,6 +148,11 @@ class ClosedKeyframe:
             smoothed=mode.smoothed if mode is not None else {},
             corrections=mode.corrections if mode is not None else {},
         )
+
+    @cached_property
+    def _unmapped(self) -> Index:
+        """Ids of what the map may lack."""
+        return np.array(sorted(self.problem.unmapped_ids), dtype=int)
 
     @property
     def _new(self) -> Sequence[dict[int, GaussianPrior]]:

@@ -6,12 +6,15 @@ from typing import NamedTuple
 import numpy as np
 
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 MOST_LOOKS = 50
 """Newest looks at one place that count: by then next to nothing is left to be found there."""
+
+NOTHING = np.zeros((0, 2))
+"""Places of no object."""
 
 
 class Occluders(NamedTuple):
@@ -88,14 +91,16 @@ def _relative_covariance(relative: Array, prediction: PredictedObjects, covarian
     return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + by_remainder)
 
 
-def undetected_share(region: SensorRegion, rates: DetectionRates, trail: Array, points: Array) -> Array:
+def undetected_share(
+    region: SensorRegion, rates: DetectionRates, trail: Array, points: Array, hiding: Array = NOTHING
+) -> Array:
     """(D, G) how much less likely first detections at ``points`` (D, 2) in map are than without ``trail`` (T, 3).
 
     Those are the robot's poses so far, from which nothing was detected there. Positions count as known: what is looked
-    for lies where a detection is.
+    for lies where a detection is. What is behind the objects ``hiding`` (N, 2) was not looked at.
     """
     sensors, which = rates.sensors
-    numbers, times, ranges = _looks(region, trail, points)
+    numbers, times, ranges = _looks(region, trail, points, hiding)
     ends = np.cumsum(np.bincount(numbers, minlength=len(points)))
     columns = np.arange(len(numbers)) - ends[numbers]  # -1: the newest look of its point
     newest = columns >= -MOST_LOOKS
@@ -110,10 +115,10 @@ def undetected_share(region: SensorRegion, rates: DetectionRates, trail: Array, 
     return sensors.runs.still_undetected(chances, gaps)[:, which]
 
 
-def _looks(region: SensorRegion, trail: Array, points: Array) -> tuple[Index, Index, Array]:
+def _looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:
     """(L,) which of (D, 2) points the robot's poses ``trail`` (T, 3) have in the region, from where, at what range [m].
 
-    By points, and then by poses.
+    By points, and then by poses; without those that something stands before.
     """
     x, y = (points[:, None, axis] - trail[:, axis] for axis in (0, 1))
     squared = x * x + y * y
@@ -121,4 +126,17 @@ def _looks(region: SensorRegion, trail: Array, points: Array) -> tuple[Index, In
     bearing = region.off_centre(np.arctan2(y[numbers, times], x[numbers, times]) - trail[times, 2])
     inside = np.abs(bearing) <= 0.5 * region.field_of_view_rad
     numbers, times = numbers[inside], times[inside]
+    if region.occluder_radius_m > 0.0 and len(hiding) and len(numbers):
+        near = np.hypot(*(hiding[:, None] - points).T).min(axis=0) < region.max_range_m
+        free = ~_hidden(region, points[numbers] - trail[times, :2], hiding[near] - trail[times, None, :2])
+        numbers, times = numbers[free], times[free]
     return numbers, times, np.sqrt(squared[numbers, times])
+
+
+def _hidden(region: SensorRegion, point: Array, hiding: Array) -> Flags:
+    """(Q,) whether one of N objects (Q, N, 2) stands before a point (Q, 2), all as seen from where the robot is."""
+    x, y = point[:, None, 0], point[:, None, 1]
+    distance, reach = np.hypot(x, y), np.hypot(hiding[..., 0], hiding[..., 1])
+    aside = np.abs(x * hiding[..., 1] - y * hiding[..., 0]) < region.occluder_radius_m * distance
+    behind = (x * hiding[..., 0] + y * hiding[..., 1] > 0.0) & (distance > reach + 2.0 * region.occluder_radius_m)
+    return np.asarray((aside & behind).any(axis=1))

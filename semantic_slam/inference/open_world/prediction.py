@@ -47,6 +47,10 @@ MOST_AHEAD = 80
 """Objects where the sensor looks that it holds besides: any of them may be detected before it is read again."""
 AHEAD_RAD = 0.2
 """Beyond the region's bearings, where a turn of the robot brings them into it."""
+LEAST_IN_SIGHT = 0.02
+"""Share of first detections left where something stands before them: what stands there may be a false alarm."""
+HIDES = 0.5
+"""Existence above which an object counts as hiding what is behind it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -307,6 +311,17 @@ class Predictor:
         beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
         return np.sort(order[:limit]), np.asarray(beyond)
 
+    def _born_at(self, component: Component, births: list[Birth]) -> tuple[Array, Array]:
+        """(D S, 2) points in map that stand for where the objects of detections may be, and their (D, S) weights.
+
+        A region that is learned ends where detections end, whose errors are in it: there the places count as known.
+        """
+        known = self.settings.learn_region or self.settings.least_undetected_share >= 1.0
+        if known or not len(_tracked(component).trail) or not births:
+            return np.array([born.prior.mean[:2] for born in births]).reshape(-1, 2), np.ones((len(births), 1))
+        places = [_places(born) for born in births]
+        return np.concatenate([points for points, _ in places]), np.array([weights for _, weights in places])
+
     def _births(
         self,
         component: Component,
@@ -317,14 +332,40 @@ class Predictor:
     ) -> tuple[Array, Array, Array]:
         """(G,) first detections expected from ``robot`` (3,), most of them where it has not looked before.
 
-        (D, G) log intensities of those that the detections may be, and existence of what they are detections of.
+        (D, G) log intensities of those that the detections may be, and existence of what they are detections of. Behind
+        what another detection of the frame shows there is hardly anything but false alarms.
         """
         rates, trail = component.objects.rates, _tracked(component).trail
-        points = np.array([born.prior.mean[:2] for born in births]).reshape(-1, 2)
-        expected, found = first_detections(region, rates, trail, robot, points, self.settings.least_undetected_share)
+        points, weights = self._born_at(component, births)
+        least, hiding = self.settings.least_undetected_share, _hiding(component)
+        expected, at_points = first_detections(region, rates, trail, robot, points, least, hiding)
+        found = (at_points.reshape(*weights.shape, -1) * weights[..., None]).sum(axis=1)
+        found *= _in_sight(region, detections)[:, None]
         intensity, existence = birth(found, self.settings.clutter_per_frame / region.area_m2)
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
         return expected, np.log(np.where(ranged[:, None], intensity, intensity * region.area_m2)), existence
+
+
+def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
+    """(D,) 1 for detections that none of the others stands before, else little."""
+    ranges = np.array([detection.range_m for detection in detections], dtype=np.float64)
+    bearings = np.array([detection.bearing_rad for detection in detections], dtype=np.float64)
+    relative = np.nan_to_num(ranges)[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    return np.maximum(region.not_occluded(relative, ranges, bearings), LEAST_IN_SIGHT)
+
+
+def _hiding(component: Component) -> Array:
+    """(N, 2) places of the objects that rather exist than not, which hide what is behind them."""
+    places: Array = _tracked(component).states[component.objects.existence > HIDES, :2]
+    return places
+
+
+def _places(born: Birth) -> tuple[Array, Array]:
+    """(S, 2) points in map and their (S,) weights that stand for where a detection's object may be, given the robot."""
+    cos, sin = np.cos(born.prior.mean[2]), np.sin(born.prior.mean[2])
+    root = np.array([[cos, -sin], [sin, cos]]) @ np.linalg.cholesky(born.noise[:2, :2])
+    offsets = np.sqrt(3.0) * np.concatenate([np.zeros((1, 2)), root.T, -root.T])
+    return born.prior.mean[:2] + offsets, np.array([1.0 / 3.0, *(1.0 / 6.0,) * 4])
 
 
 def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.open_world.detection_probability import undetected_share
+from semantic_slam.inference.open_world.detection_probability import NOTHING, undetected_share
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
@@ -12,19 +12,25 @@ NUM_RINGS, NUM_BEARINGS = 4, 8
 
 
 def first_detections(
-    region: SensorRegion, rates: DetectionRates, trail: Array, robot: Array, points: Array, least: float
+    region: SensorRegion,
+    rates: DetectionRates,
+    trail: Array,
+    robot: Array,
+    points: Array,
+    least: float,
+    hiding: Array = NOTHING,
 ) -> tuple[Array, Array]:
     """(G,) how many are expected from ``robot`` (3,) in the region, and (D, G) intensities [1/m^2] at ``points``.
 
     Fewer where the sensor has looked before: ``trail`` (T, 3) are the robot's poses at the keyframes before, and
-    (D, 2) points are in map. A share of at least ``least`` is left.
+    (D, 2) points are in map. A share of at least ``least`` is left. Objects ``hiding`` (N, 2) hide what is behind them.
     """
     ranges, everywhere = _all_over(region, robot)
     places = np.concatenate([everywhere, points])
     distances = np.concatenate([ranges, np.hypot(*(points - robot[:2]).T)])
     found = rates.birth_density * rates.probability * rates.fall_off(distances)
     if least < 1.0 and len(trail):
-        found = found * np.maximum(undetected_share(region, rates, trail, places), least)
+        found = found * np.maximum(undetected_share(region, rates, trail, places, hiding), least)
     return region.area_m2 * found[: len(ranges)].mean(axis=0), found[len(ranges) :]
 
 

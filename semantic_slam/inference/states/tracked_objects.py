@@ -1,6 +1,6 @@
 """The objects of one hypothesis: how surely each exists and, where objects come and go, where each is by now."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -100,6 +100,12 @@ class ExistenceUpdate:
     detectable: Array | None = None  # of those kept, and then of the new ones, where misses come in runs
     moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing does
     changes_nothing: bool = False
+
+    def detecting(self, seen: Flags) -> "ExistenceUpdate":
+        """The update where (O,) some objects are detected, which then surely exist."""
+        after = np.where(seen, 1.0, self.existence)
+        same = self.changes_nothing and bool((after == self.existence).all())
+        return replace(self, existence=after, changes_nothing=same)
 
     @classmethod
     def starting(cls, objects: HypothesisObjects, new_ids: list[int]) -> "ExistenceUpdate":

@@ -41,6 +41,7 @@ class ObjectPrior:
         sigma_rad: float,
         name: str = "",
         class_probabilities: dict[str, float] | None = None,
+        existence: float = 1.0,
     ) -> "ObjectPrior":
         """From standard deviations of the place and of the heading, alike in all directions."""
         covariance = covariance_from_planar(np.diag([sigma_m**2, sigma_m**2, sigma_rad**2]))
@@ -51,6 +52,7 @@ class ObjectPrior:
             pose=pose,
             covariance=covariance,
             class_probabilities=class_probabilities or {},
+            existence=existence,
         )
 
 

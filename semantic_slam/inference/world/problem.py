@@ -66,6 +66,7 @@ class Problem:
     moving: Moving = field(default_factory=Moving)
     clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
+    unmapped_ids: frozenset[int] = frozenset()  # among ``objects``, of those that the map may lack
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
     starts: Starts | None = None  # of a robot that is lost on a map, in an open world; None: it begins at its prior

@@ -104,3 +104,16 @@ def test_the_area_is_that_of_the_sector() -> None:
     points = random.uniform(-5.0, 5.0, size=(200_000, 2))
     share = REGION.contains(points, np.zeros((len(points), 2, 2))).mean()
     assert share * 100.0 == pytest.approx(REGION.area_m2, rel=0.03)
+
+
+def test_what_stood_behind_a_known_object_was_not_looked_at() -> None:
+    region, trail = replace(REGION, occluder_radius_m=0.25), np.zeros((3, 3))
+    rates = DetectionRates.of(OpenWorldConfiguration(detection_probability=0.9))
+    points, before = np.array([[4.0, 0.0], [4.0, 1.0]]), np.array([[2.0, 0.1]])
+
+    def left(*hiding: np.ndarray) -> np.ndarray:
+        return undetected_share(region, rates, trail, points, *hiding)[:, 0]
+
+    np.testing.assert_allclose(left(before), [1.0, 0.1**3])
+    np.testing.assert_allclose(left(2.5 * before), [0.1**3, 0.1**3])
+    np.testing.assert_allclose(left(), [0.1**3, 0.1**3])

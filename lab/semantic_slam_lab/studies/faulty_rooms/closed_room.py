@@ -14,7 +14,7 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
 CLASSES = (2, 4, 2, 1, 0, 4, 3, 2)
 """Of the eight pieces: three crates, two lockers, one of each other kind."""
@@ -34,6 +34,7 @@ class ClosedRoom:
     keyframes: tuple[Keyframe, ...]  # K
     truth: np.ndarray  # (K, 3)
     associations: tuple[tuple[int, ...], ...]  # K: object of each detection
+    objects: np.ndarray  # (O, 3)
 
 
 def make_room(seed: int, num_keyframes: int = 40) -> ClosedRoom:
@@ -42,13 +43,14 @@ def make_room(seed: int, num_keyframes: int = 40) -> ClosedRoom:
     objects = _furniture(random)
     truth, controls = _drive(random, num_keyframes)
     model = load_model(SemanticModelConfiguration())
+    assert model is not None
     keyframes, associations = [], []
     for k, (pose, control) in enumerate(zip(truth, controls, strict=True)):
         seen = _visible(pose, objects)
         keyframes.append(_keyframe(k, control, _measured(random, model, k, pose, objects, seen)))
         associations.append(tuple(seen.tolist()))
     start = truth[0] + random.normal(size=3) * [LOST_M, LOST_M, HEADING_RAD]
-    return ClosedRoom(_map(random, objects), start, tuple(keyframes), truth, tuple(associations))
+    return ClosedRoom(_map(random, objects), start, tuple(keyframes), truth, tuple(associations), objects)
 
 
 def without_object(room: ClosedRoom, number: int) -> ClosedRoom:
@@ -77,10 +79,20 @@ def some_views(room: ClosedRoom, share: float, seed: int = 0) -> list[tuple[int,
     return [view for view in every if random.random() < share]
 
 
+def first_view(room: ClosedRoom) -> tuple[int, int]:
+    """Keyframe and detection of the first view of the drive."""
+    return next((k, 0) for k, own in enumerate(room.associations) if own)
+
+
 def driven(room: ClosedRoom, **configuration: object) -> list[HybridBelief]:
+    """The beliefs after every keyframe, under the default configuration but for some values."""
+    return run(room, Configuration.of(**configuration))
+
+
+def run(room: ClosedRoom, configuration: Configuration) -> list[HybridBelief]:
     """The beliefs after every keyframe."""
     engine = Engine(
-        Configuration.of(**configuration),
+        configuration,
         room.prior,
         initial_pose=room.start,
         initial_covariance=np.diag([LOST_M**2, LOST_M**2, HEADING_RAD**2]),
@@ -133,7 +145,14 @@ def _visible(pose: np.ndarray, objects: np.ndarray) -> np.ndarray:
     return np.flatnonzero((distance < REACH_M) & (np.abs(bearing) < HALF_VIEW_RAD))
 
 
-def _measured(random, model, k: int, pose: np.ndarray, objects: np.ndarray, seen: np.ndarray) -> SemanticMeasurements:
+def _measured(
+    random: np.random.Generator,
+    model: ViewpointModel,
+    k: int,
+    pose: np.ndarray,
+    objects: np.ndarray,
+    seen: np.ndarray,
+) -> SemanticMeasurements:
     count, size = len(seen), model.num_features
     robot = np.broadcast_to(pose, (count, 3))
     relative, camera = se2.between(robot, objects[seen]), se2.between(objects[seen], robot)
