@@ -339,7 +339,7 @@ class Predictor:
         points, weights = self._born_at(component, births)
         least, hiding = self.settings.least_undetected_share, _hiding(component)
         expected, at_points = first_detections(region, rates, trail, robot, points, least, hiding)
-        found = (at_points.reshape(*weights.shape, -1) * weights[..., None]).sum(axis=1)
+        found = (at_points.reshape(*weights.shape, len(rates)) * weights[..., None]).sum(axis=1)
         found *= _in_sight(region, detections)[:, None]
         intensity, existence = birth(found, self.settings.clutter_per_frame / region.area_m2)
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)

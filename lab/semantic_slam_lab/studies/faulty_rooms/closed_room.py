@@ -17,7 +17,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
 CLASSES = (2, 4, 2, 1, 0, 4, 3, 2)
-"""Of the eight pieces: three crates, two lockers, one of each other kind."""
+"""Classes of the eight pieces: three crates, two lockers, one of each other kind."""
 SIGMA_RANGE_M, SIGMA_BEARING_RAD = 0.1, 0.03
 SIGMA_STEP = np.array([0.03, 0.03, 0.015])
 SIGMA_MAP = np.array([0.22, 0.22, 0.022])

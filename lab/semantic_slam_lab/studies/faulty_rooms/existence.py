@@ -15,9 +15,9 @@ from semantic_slam_lab.studies.faulty_rooms.open_room import FALSE_ALARM, OpenRo
 
 BINS = 10
 DRAWS, LEVEL = 2000, 0.01
-"""Of the bootstrap over rooms, and of its intervals."""
+"""Settings of the bootstrap over rooms, and of its intervals."""
 LEAST_ENTRIES = 20
-"""Of a bin that is judged."""
+"""Entries of a bin that is judged."""
 STATED, NEAR_M = 0.5, 1.0
 """An object is a ghost if it is stated with more than the first, and no true one is nearer than the second."""
 AGAIN = 2

@@ -14,7 +14,7 @@ from semantic_slam.inference.models.odometry_noise import odometry_covariance
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, feature_names
 
 SIDE_M, LOOP_RADIUS_M, LOOP_KEYFRAMES = 16.0, 2.5, 40
-"""Of the square with objects, of the drive's circle about its middle, and of one lap of it."""
+"""Sizes of the square with objects, of the drive's circle about its middle, and of one lap of it."""
 FALSE_ALARM = -1
 
 
