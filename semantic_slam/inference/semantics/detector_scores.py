@@ -82,9 +82,11 @@ class ScoreKinds:
     def genuine(self, moments: Array) -> Array:
         """(...,) probabilities that objects are what the detector looks for, from the ``moments`` (..., 3) of scores.
 
-        Moments are weighted sums of :func:`moments_of`; an object without any scores is genuine.
+        Moments are sums of :func:`moments_of`. All scores of an object tell as much as one, their mean log ratio: they
+        repeat, and what kinds there are is known from few objects. An object without any scores is genuine.
         """
-        against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(moments)
+        mean = moments / np.maximum(moments[..., :1], 1.0)
+        against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(mean)
         genuine = 1.0 / (1.0 + np.exp(np.clip(against, -700.0, 700.0)))
         return np.asarray(np.where(moments[..., 0] > 0.0, 1.0 - self.probability * (1.0 - genuine), 1.0))
 
