@@ -1,7 +1,7 @@
 """Which objects are what the detector looks for, and not what it takes for that again and again at one place.
 
-The scores of an object's detections tell, see ``detector_scores``. Those of one object repeat as its places do: a view
-counts as much as it is new. Scores weigh no association here, which leaves some of what they tell unused.
+The scores of an object's detections tell, see ``detector_scores``. Where kinds are looked for, scores repeat from one
+keyframe to the next as places do. Scores weigh no association here, which leaves some of what they tell unused.
 """
 
 from collections.abc import Mapping, Sequence
@@ -79,10 +79,7 @@ class GenuineObjects:
         )
         sums = np.zeros((max(size, 1), 3))
         sums[: len(earlier)] = earlier
-        steps = zip(own.lineage[since:], self._moments[since:], self._news[since:], strict=True)
-        for taken, moments, news in steps:
+        for taken, moments in zip(own.lineage[since:], self._moments[since:], strict=True):
             ids = np.array(taken.association, dtype=int)
-            known = ids >= 0
-            share = np.where(sums[ids[known], 0] > 0.0, news, 1.0)  # a first view is new
-            np.add.at(sums, ids[known], share[:, None] * moments[known])
+            np.add.at(sums, ids[ids >= 0], moments[ids >= 0])
         return sums

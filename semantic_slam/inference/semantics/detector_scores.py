@@ -3,7 +3,8 @@
 The log odds of scores are of two kinds, a Gaussian each, found by expectation-maximisation in the scores so far
 (Dempster, Laird, Rubin 1977); how far there are two kinds at all is decided by evidence, that of one Gaussian against
 that of two (approximated by Schwarz). The kind with the larger scores is what the detector looks for: it is seen from
-near and far, so that its scores spread no less than those of mistakes.
+near and far, so that its scores spread no less than those of mistakes. What a detector is wrong in, it is in doubt
+about: on average it takes mistakes to be right with three to one at most.
 """
 
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ LEAST_SCORES = 100.0
 """Scores, of those that do not repeat, below which nothing is told: those of a few objects look like kinds, too."""
 PARAMETERS_APART = 3.0
 """Parameters of two Gaussians and a share, less those of one Gaussian."""
+LARGEST_DOUBT = float(np.log(3.0))
+"""Largest mean log odds of mistakes."""
 
 
 def log_odds(scores: Array) -> Array:
@@ -59,12 +62,13 @@ class ScoreKinds:
         if variance <= LEAST_SIGMA**2:
             return None
         shares, sigmas = np.array([0.5, 0.5]), np.full(2, np.sqrt(variance))
-        means = mean + np.array([-1.0, 1.0]) * sigmas
+        means = np.array([min(mean - sigmas[0], LARGEST_DOUBT), mean + sigmas[1]])
         for _ in range(NUM_STEPS):
             joint = _log_joint(odds, shares, means, sigmas)
             counts = weights * np.exp(joint - np.logaddexp.reduce(joint, axis=0))
             sums = np.maximum(counts.sum(axis=1), 1e-9)
             shares, means = sums / sums.sum(), counts @ odds / sums
+            means[0] = min(means[0], LARGEST_DOUBT)
             spread = (counts * (odds - means[:, None]) ** 2).sum(axis=1) / sums
             if spread[0] > spread[1]:
                 spread = np.full(2, shares @ spread)
@@ -82,9 +86,11 @@ class ScoreKinds:
     def genuine(self, moments: Array) -> Array:
         """(...,) probabilities that objects are what the detector looks for, from the ``moments`` (..., 3) of scores.
 
-        Moments are weighted sums of :func:`moments_of`; an object without any scores is genuine.
+        Moments are sums of :func:`moments_of`. All scores of an object tell as much as one, their mean log ratio: they
+        repeat, and what kinds there are is known from few objects. An object without any scores is genuine.
         """
-        against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(moments)
+        mean = moments / np.maximum(moments[..., :1], 1.0)
+        against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(mean)
         genuine = 1.0 / (1.0 + np.exp(np.clip(against, -700.0, 700.0)))
         return np.asarray(np.where(moments[..., 0] > 0.0, 1.0 - self.probability * (1.0 - genuine), 1.0))
 
