@@ -5,12 +5,16 @@ geometry_msgs/PoseWithCovariance: rotations act on the left of the mean.
 """
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from semantic_slam.geometry.arrays import Array
+
+NUM_CIRCLES, NUM_ANGLES = 200, 16
+"""Points that stand for a Gaussian in the plane."""
 
 
 def pose_error(pose: Array, reference: Array) -> Array:
@@ -42,14 +46,44 @@ def log_density(log_weights: Array, means: Array, covariances: Array, pose: Arra
     return float(np.logaddexp.reduce(log_weights - 0.5 * (log_determinant + squared)))
 
 
-def position_region(error: Array, covariance: Array, probability: float = 0.95) -> tuple[bool, float]:
-    """Whether a Gaussian's elliptic region in the plane holds the truth, and the radius [m] of a circle of its area.
+def position_region(
+    weights: Array, positions: Array, covariances: Array, truth: Array, probability: float = 0.95
+) -> tuple[bool, float]:
+    """Whether a mixture's region in the plane holds the truth (2,), and the radius [m] of a circle of its area.
 
-    ``error`` (2,) and ``covariance`` (2, 2) of x and y.
+    The region is an ellipse that has the mixture's mean and the shape of its covariance, and holds ``probability`` of the mixture itself:
+    one of a Gaussian with these moments holds less of what has heavy tails. ``weights`` (H,) that sum to one,
+    ``positions`` (H, 2), ``covariances`` (H, 2, 2).
     """
-    limit = float(chi2.ppf(probability, 2))
-    inside = normalised_error_squared(error, covariance) <= limit
+    mean, covariance = _moments(weights, positions, covariances)
+    points = positions[:, None] + _normals() @ np.swapaxes(np.linalg.cholesky(covariances), 1, 2)
+    inverse = np.linalg.inv(covariance)
+    squared = np.einsum("hni,ij,hnj->hn", points - mean, inverse, points - mean)
+    limit = _quantile(squared, weights / squared.shape[1], probability)
+    inside = float((truth - mean) @ inverse @ (truth - mean)) <= limit
     return inside, float(np.sqrt(limit * np.sqrt(np.linalg.det(covariance))))
+
+
+def _moments(weights: Array, positions: Array, covariances: Array) -> tuple[Array, Array]:
+    mean = weights @ positions
+    offsets = positions - mean
+    return mean, np.einsum("h,hij->ij", weights, covariances + offsets[:, :, None] * offsets[:, None, :])
+
+
+@cache
+def _normals() -> Array:
+    """(N, 2) points that stand for equal parts of a standard normal: on circles of equal steps of probability."""
+    radii = np.sqrt(chi2.ppf((np.arange(NUM_CIRCLES) + 0.5) / NUM_CIRCLES, 2))
+    angles = 2.0 * np.pi * np.arange(NUM_ANGLES) / NUM_ANGLES
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.asarray((radii[:, None, None] * circle).reshape(-1, 2))
+
+
+def _quantile(values: Array, weights: Array, probability: float) -> float:
+    """Weighted quantile of (H, N) values, of which those of a row weigh (H,) each."""
+    order = np.argsort(values, axis=None)
+    each = np.broadcast_to(weights[:, None], values.shape).ravel()[order]
+    return float(np.interp(probability, np.cumsum(each) - 0.5 * each, values.ravel()[order]))
 
 
 def position_determinant(weights: Array, covariances: Array) -> float:

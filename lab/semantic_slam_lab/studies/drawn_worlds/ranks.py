@@ -10,7 +10,6 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.evaluation.history import associated_objects, best_history, histories
 from semantic_slam.evaluation.mixture import pose_error, position_region
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
@@ -130,5 +129,5 @@ def _pair(beliefs: Sequence[HybridBelief], world: DrawnWorld, random: np.random.
 
 
 def _held(belief: HybridBelief, pose: Array) -> bool:
-    mean, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
-    return position_region(pose[:2] - mean[:2], covariance[:2, :2])[0]
+    weights, covariances = np.exp(belief.log_weights), belief.pose_covariances[:, :2, :2]
+    return position_region(weights, belief.poses[:, :2], covariances, pose[:2])[0]

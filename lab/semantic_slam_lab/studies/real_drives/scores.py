@@ -11,7 +11,6 @@ from semantic_slam.evaluation.association import CLUTTER, pair_score
 from semantic_slam.evaluation.clusters import cluster_score, clusters_of, majority, num_duplicates
 from semantic_slam.evaluation.pairs import pair_calibration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import PLANAR_AXES, planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.ground_truth import MOVING
@@ -88,8 +87,9 @@ def pose_metrics(run: Judged) -> dict[str, float | None]:
 
 def _pose_row(belief: HybridBelief, true_pose: Array) -> tuple[float, float, float]:
     """Whether the region of 95 % holds the true position, its radius [m], log density of the true pose."""
-    mean, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
-    held, radius = mixture.position_region(true_pose[:2] - mean[:2], covariance[:2, :2])
+    held, radius = mixture.position_region(
+        np.exp(belief.log_weights), belief.poses[:, :2], belief.pose_covariances[:, :2, :2], true_pose[:2]
+    )
     density = mixture.log_density(belief.log_weights, belief.poses, belief.pose_covariances, true_pose, PLANAR_AXES)
     return float(held), radius, density
 
