@@ -51,9 +51,9 @@ def position_region(
 ) -> tuple[bool, float]:
     """Whether a mixture's region in the plane holds the truth (2,), and the radius [m] of a circle of its area.
 
-    The region is an ellipse that has the mixture's mean and the shape of its covariance, and holds ``probability`` of the mixture itself:
-    one of a Gaussian with these moments holds less of what has heavy tails. ``weights`` (H,) that sum to one,
-    ``positions`` (H, 2), ``covariances`` (H, 2, 2).
+    The region is an ellipse that has the mixture's mean and the shape of its covariance, and holds ``probability`` of
+    the mixture itself: that of a Gaussian with these moments holds less of what has heavy tails. ``weights`` (H,) that
+    sum to one, ``positions`` (H, 2), ``covariances`` (H, 2, 2).
     """
     mean, covariance = _moments(weights, positions, covariances)
     points = positions[:, None] + _normals() @ np.swapaxes(np.linalg.cholesky(covariances), 1, 2)
