@@ -60,7 +60,7 @@ ASSOCIATIONS = Registry(
     "semantic_slam.associations",
     _table(
         enumerated="semantic_slam.inference.association.enumerated:EnumeratedAssociation",
-        given="semantic_slam.inference.open_world.named_association:NamedAssociation",
+        given="semantic_slam.inference.open_world.named.association:NamedAssociation",
         open="semantic_slam.inference.open_world.open_association:OpenAssociation",
     ),
 )

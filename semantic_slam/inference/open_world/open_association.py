@@ -25,7 +25,8 @@ from semantic_slam.inference.open_world.joint_costs import JointCosts
 from semantic_slam.inference.open_world.joint_ranking import JointRanking
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
-from semantic_slam.inference.open_world.prediction import Prediction, Predictor
+from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.predictor import Predictor
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import MOVES, LineageStep

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from scipy.special import ndtr
 
+from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.sensed_region import SensedRegion
@@ -101,3 +102,14 @@ class SensorRegion:
         apart = float(np.median(np.abs(np.diff(np.sort(free_range_scan[:, 0])))))
         behind = distance > free_range_scan[nearest, 1] + 2.0 * self.occluder_radius_m
         return np.asarray(1.0 - (behind & (aside.min(axis=-1) < apart)))
+
+
+def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
+    """The region in which a miss counts."""
+    return SensorRegion(
+        min_range_m=settings.min_range_m,
+        max_range_m=settings.max_range_m,
+        field_of_view_rad=settings.field_of_view_rad,
+        direction_rad=settings.direction_rad,
+        occluder_radius_m=settings.occluder_radius_m,
+    )

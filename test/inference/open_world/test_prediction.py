@@ -11,8 +11,9 @@ from semantic_slam.inference.association.gating import best_assignments, pair_de
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.open_world import prediction as predicting
-from semantic_slam.inference.open_world.prediction import Prediction, Predictor
+from semantic_slam.inference.open_world import nearby
+from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.predictor import Predictor
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 AROUND = 24
@@ -107,7 +108,7 @@ def test_an_uncertain_object_may_be_within_reach() -> None:
 
 def test_a_local_map_holds_what_the_sensor_may_see_next(monkeypatch: pytest.MonkeyPatch) -> None:
     """Within 45 degrees of straight ahead, and what a small turn brings there: three at 15 degrees on either side."""
-    monkeypatch.setattr(predicting, "LOCAL_OBJECTS", 0)
+    monkeypatch.setattr(nearby, "LOCAL_OBJECTS", 0)
     world = {"iterate_updates": False, "field_of_view_rad": 0.5 * np.pi}
     found = prediction(detection(3.0), 1, **world)
     assert found.near_ids.tolist() == [12]

@@ -19,7 +19,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, missed
 from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE
-from semantic_slam.inference.open_world.prediction import sensor_region
+from semantic_slam.inference.open_world.sensor_region import sensor_region
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam_lab.studies.aliased_room.data import Rates, Recording

@@ -19,8 +19,8 @@ from semantic_slam.inference.association.given import GivenAssociation
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.open_world.linear_evidence import JointInnovation
-from semantic_slam.inference.open_world.named_association import NamedAssociation
-from semantic_slam.inference.open_world.wrong_names import right_names
+from semantic_slam.inference.open_world.named.association import NamedAssociation
+from semantic_slam.inference.open_world.named.wrong_names import right_names
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.shipped import configuration_file
 

@@ -1,0 +1,78 @@
+"""First detections that a hypothesis expects, all in all and where the detections of a keyframe lie."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.existence import birth
+from semantic_slam.inference.open_world.nearby import tracked_states
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.smoothing.component import Component
+
+LEAST_IN_SIGHT = 0.02
+"""Share of first detections left where something stands before them: what stands there may be a false alarm."""
+HIDES = 0.5
+"""Existence above which an object counts as hiding what is behind it."""
+
+
+def expected_births(
+    settings: OpenWorldConfiguration,
+    component: Component,
+    region: SensorRegion,
+    robot: Array,
+    births: list[Birth],
+    detections: Sequence[Any],
+) -> tuple[Array, Array, Array]:
+    """(G,) first detections expected from ``robot`` (3,), most of them where it has not looked before.
+
+    (D, G) log intensities of those that the detections may be, and existence of what they are detections of. Behind
+    what another detection of the frame shows there is hardly anything but false alarms.
+    """
+    rates, trail = component.objects.rates, tracked_states(component).trail
+    points, weights = _born_at(settings, component, births)
+    least, hiding = settings.least_undetected_share, _hiding(component)
+    expected, at_points = first_detections(region, rates, trail, robot, points, least, hiding)
+    found = (at_points.reshape(*weights.shape, len(rates)) * weights[..., None]).sum(axis=1)
+    found *= _in_sight(region, detections)[:, None]
+    intensity, existence = birth(found, settings.clutter_per_frame / region.area_m2)
+    ranged = np.array([detection.has_range for detection in detections], dtype=bool)
+    return expected, np.log(np.where(ranged[:, None], intensity, intensity * region.area_m2)), existence
+
+
+def _born_at(settings: OpenWorldConfiguration, component: Component, births: list[Birth]) -> tuple[Array, Array]:
+    """(D S, 2) points in map that stand for where the objects of detections may be, and their (D, S) weights.
+
+    A region that is learned ends where detections end, whose errors are in it: there the places count as known.
+    """
+    known = settings.learn_region or settings.least_undetected_share >= 1.0
+    if known or not len(tracked_states(component).trail) or not births:
+        return np.array([born.prior.mean[:2] for born in births]).reshape(-1, 2), np.ones((len(births), 1))
+    places = [_places(born) for born in births]
+    return np.concatenate([points for points, _ in places]), np.array([weights for _, weights in places])
+
+
+def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
+    """(D,) 1 for detections that none of the others stands before, else little."""
+    ranges = np.array([detection.range_m for detection in detections], dtype=np.float64)
+    bearings = np.array([detection.bearing_rad for detection in detections], dtype=np.float64)
+    relative = np.nan_to_num(ranges)[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    return np.maximum(region.not_occluded(relative, ranges, bearings), LEAST_IN_SIGHT)
+
+
+def _hiding(component: Component) -> Array:
+    """(N, 2) places of the objects that rather exist than not, which hide what is behind them."""
+    places: Array = tracked_states(component).states[component.objects.existence > HIDES, :2]
+    return places
+
+
+def _places(born: Birth) -> tuple[Array, Array]:
+    """(S, 2) points in map and their (S,) weights that stand for where a detection's object may be, given the robot."""
+    cos, sin = np.cos(born.prior.mean[2]), np.sin(born.prior.mean[2])
+    root = np.array([[cos, -sin], [sin, cos]]) @ np.linalg.cholesky(born.noise[:2, :2])
+    offsets = np.sqrt(3.0) * np.concatenate([np.zeros((1, 2)), root.T, -root.T])
+    return born.prior.mean[:2] + offsets, np.array([1.0 / 3.0, *(1.0 / 6.0,) * 4])

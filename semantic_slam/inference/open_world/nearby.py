@@ -1,0 +1,147 @@
+"""Which objects a keyframe is about, and what is known of robot and objects together."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
+from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.planar_observation import object_in_body
+from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.detection_probability import (
+    PredictedObjects,
+)
+from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalMap
+from semantic_slam.inference.smoothing.tracking import carried_keys
+from semantic_slam.inference.states.keys import object_key
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
+from semantic_slam.inference.states.tracked_objects import TrackedStates
+
+LOCAL_OBJECTS = 40
+"""Objects that a local map holds from the start besides those near the detections: amid these and the robot."""
+MOST_AHEAD = 80
+"""Objects where the sensor looks that it holds besides: any of them may be detected before it is read again."""
+AHEAD_RAD = 0.2
+"""Beyond the region's bearings, where a turn of the robot brings them into it."""
+
+
+def near_objects(
+    settings: OpenWorldConfiguration,
+    component: Component,
+    robot: Array,
+    spread: Array,
+    births: list[Birth],
+    detections: Sequence[Any],
+    reach: Index,
+) -> tuple[Index, Array]:
+    """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
+
+    Those that fit best where they are too many, and (D,) a bound on what the others would weigh. Errors of robot
+    and object are taken as independent: what they share brings them closer.
+    """
+    limit, gate = settings.max_joint_objects, settings.gate_sigma
+    objects, tracked = component.objects, tracked_states(component)
+    if len(objects.ids) <= limit:
+        return reach, np.full(len(births), -np.inf)
+    away = np.full((len(births), len(objects.ids)), np.inf)
+    for own, born, detection in zip(away, births, detections, strict=True):
+        own[reach] = _sigmas_away(tracked, robot, spread, born, detection)[reach]
+    excess = away.min(axis=0, initial=np.inf)
+    order = np.argsort(excess, kind="stable")
+    order = order[excess[order] < gate]
+    peaks = np.array([detection.log_normaliser for detection in detections])
+    detected = objects.existence[order[limit:]] * objects.rates.average(objects.rates.probability)
+    weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
+    beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
+    return np.sort(order[:limit]), np.asarray(beyond)
+
+
+def ahead(region: SensorRegion, states: Array, robot: Array, reach: Index) -> Index:
+    """(n,) rows of the objects of those within ``reach`` (N,) towards which the sensor looks, the nearest ones."""
+    apart = states[reach, :2] - robot[:2]
+    off = region.off_centre(np.arctan2(apart[:, 1], apart[:, 0]) - robot[2])
+    seen = reach[np.abs(off) <= 0.5 * region.field_of_view_rad + AHEAD_RAD]
+    return seen[np.argsort(distances(states[seen], robot), kind="stable")[:MOST_AHEAD]]
+
+
+def local_around(component: Component, robot: Array, near: Index, ahead: Index) -> LocalMap:
+    """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be.
+
+    Reading it costs as much as eliminating the whole drive anew: it holds what may be near next, too, ``ahead`` (n,).
+    """
+    tracked, known = tracked_states(component), component.local
+    ids = component.objects.ids[near]
+    if known is not None and known.age < LARGEST_AGE and known.holds(ids):
+        return known
+    if component.single_steps:
+        amid = robot[:2] if not len(near) else 0.5 * (robot[:2] + tracked.states[near, :2].mean(axis=0))
+        around = np.argsort(distances(tracked.states, amid), kind="stable")[:LOCAL_OBJECTS]
+        ids = component.objects.ids[np.union1d(np.union1d(near, ahead), around)]
+    keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
+    together = tracked.motion_covariance.copy()
+    if len(ids):
+        together = component.joint_covariance([*keys, *(object_key(int(n)) for n in ids)])
+    return LocalMap(
+        layout=component.spaces.layout,
+        ids=ids,
+        robot=tracked.robot,
+        objects=tracked.states[component.objects.rows(ids)],
+        covariance=together,
+        num_biases=len(tracked.bias),
+        num_errors=tracked.num_errors,
+    )
+
+
+def objects_in_reach(
+    tracked: TrackedStates, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
+) -> PredictedObjects:
+    """Objects within range given the robot; without a covariance with it at hand they count as moving along."""
+    r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
+    spread = predicted.covariance[0, r, r]
+    states = tracked.states[reach]
+    gain = se2.adjoint(se2.between(states, broadcast_copy(robot, states.shape)))
+    remainder = np.zeros((len(reach), landmark.stop, landmark.stop))
+    known = np.searchsorted(reach, near)
+    inside = known < len(reach)
+    inside[inside] = reach[known[inside]] == near[inside]
+    if inside.any():
+        blocks = predicted.blocks[0]
+        numbers = 1 + np.flatnonzero(inside)
+        cross = blocks[numbers, landmark, 0, r]  # (m, l, r) of object with robot
+        own = cross @ np.linalg.inv(spread)
+        gain[known[inside]] = own
+        remainder[known[inside]] = blocks[numbers, landmark, numbers, landmark] - own @ np.swapaxes(cross, 1, 2)
+    return PredictedObjects(robot=robot, robot_covariance=spread, objects=states, gain=gain, remainder=remainder)
+
+
+def _sigmas_away(tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
+    """(O,) standard deviations between a detection and where each object is predicted; of direction without a range."""
+    sigma = float(position_sigmas(spread[None])[0])
+    if detection.has_range:
+        swing, noise = spread[2, 2] * detection.range_m**2, float(position_sigmas(born.noise[None])[0])
+        errors = np.sqrt(sigma**2 + swing + tracked.sigmas**2 + noise**2)
+        return np.asarray(distances(tracked.states, born.prior.mean) / errors)
+    body = object_in_body(broadcast_copy(robot, tracked.states.shape), tracked.states) - detection.origin
+    distance, bearing = np.hypot(*body.T), np.arctan2(body[:, 1], body[:, 0])
+    across = (sigma**2 + tracked.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
+    turn = np.abs(wrap_angle(bearing - detection.bearing_rad))
+    return np.asarray(turn / np.sqrt(detection.covariance[1, 1] + spread[2, 2] + across))
+
+
+def tracked_states(component: Component) -> TrackedStates:
+    """The states that an open world's components track."""
+    assert component.tracked is not None
+    return component.tracked
+
+
+def distances(states: Array, point: Array) -> Array:
+    """(O,) distances [m] of objects from a point."""
+    return np.asarray(np.hypot(states[:, 0] - point[0], states[:, 1] - point[1]))

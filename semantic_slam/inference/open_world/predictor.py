@@ -1,0 +1,196 @@
+"""Predicts what one hypothesis expects of a keyframe."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
+from semantic_slam.inference.models.moving import Moving
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.models.odometry_bias import with_changed_bias
+from semantic_slam.inference.models.sensed_region import SensedRegion
+from semantic_slam.inference.models.step import Motion
+from semantic_slam.inference.open_world.births import birth_of
+from semantic_slam.inference.open_world.detection_probability import (
+    PredictedObjects,
+    predicted_detection_probabilities,
+)
+from semantic_slam.inference.open_world.expected_births import expected_births
+from semantic_slam.inference.open_world.moving_objects import PredictedMovers, RobotMotion, predicted_movers
+from semantic_slam.inference.open_world.nearby import (
+    ahead,
+    distances,
+    local_around,
+    near_objects,
+    objects_in_reach,
+    tracked_states,
+)
+from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.local_map import LocalMap
+from semantic_slam.inference.states.carried_errors import CarriedErrors
+
+
+class Predictor:
+    """Predicts; a pure function of the component and the keyframe."""
+
+    def __init__(
+        self,
+        model: ObservationModel,
+        settings: OpenWorldConfiguration,
+        errors: DetectionErrorsConfiguration,
+        moving: Moving | None = None,
+    ):
+        self.model, self.settings, self.errors = model, settings, errors
+        self._moving = moving or Moving()
+        self._region = sensor_region(settings)
+
+    def predict(
+        self,
+        component: Component,
+        motion: Motion,
+        detections: Sequence[Any],
+        sensed: SensedRegion | None = None,
+        named: Index | None = None,
+        *,
+        stamp_ns: int = 0,
+        labels: Sequence[str] = (),
+    ) -> Prediction:
+        """Under the noises that the component takes robot and sensor to have. Raises LostComponentError.
+
+        ``sensed``: the sensor's region where it is learned. ``named``: (M,) rows of the objects that the detections may
+        be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter where objects move.
+        """
+        motion, space, tracked = component.moved_by(motion), component.spaces.robot, tracked_states(component)
+        region, rates = self._region.reaching(sensed), component.objects.rates
+        control = _control(component, motion)
+        robot = space.compose(tracked.robot, control)
+        transition = space.propagation(control)
+        if motion.by_bias is not None:
+            transition = np.concatenate([transition, motion.by_bias], axis=1)
+        before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
+        before = before[: transition.shape[1], : transition.shape[1]]
+        spread = transition @ before @ transition.T + motion.covariance
+        births = [birth_of(self.model, detection, robot, region.field_of_view_rad) for detection in detections]
+        reach = self._in_reach(component, region, robot, spread)
+        if named is None:
+            near, beyond = near_objects(self.settings, component, robot, spread, births, detections, reach)
+        else:
+            near, beyond = named, np.full(len(births), -np.inf)
+        local = local_around(component, robot, near, ahead(region, tracked.states, robot, reach))
+        wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
+        local = local.moved(robot, wider, transition, motion.covariance)
+        carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
+        local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
+        predicted = _predicted(component, robot, near, local)
+        objects = objects_in_reach(tracked, robot, reach, near, predicted)
+        expected, intensity, existence = expected_births(self.settings, component, region, robot, births, detections)
+        robot_motion = RobotMotion(
+            before=tracked.robot,
+            after=robot,
+            covariance_before=tracked.robot_covariance,
+            cross=before[: len(spread)] @ transition.T,
+            covariance=spread,
+            control=control,
+        )
+        return Prediction(
+            movers=self._movers(component, robot_motion, region, stamp_ns, detections, labels),
+            component=component,
+            near=near,
+            predicted=predicted,
+            local=local,
+            errors=errors,
+            carried_errors=carried,
+            births=births,
+            rates=rates,
+            log_intensity=intensity,
+            birth_existence=existence,
+            expected_births=expected,
+            log_beyond=beyond,
+            in_reach=reach,
+            objects=objects,
+            detected=_detected(component, region, reach, objects),
+            detectable=component.objects.detectable,
+            detections=detections,
+            region=region,
+        )
+
+    def _in_reach(self, component: Component, region: SensorRegion, robot: Array, spread: Array) -> Index:
+        """(N,) rows of objects that may be in the region of a robot with a covariance ``spread``."""
+        tracked = tracked_states(component)
+        sigma = float(position_sigmas(spread[None])[0])
+        margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
+        reach = np.flatnonzero(distances(tracked.states, robot) < region.max_range_m + margin)
+        if component.elsewhere:
+            reach = reach[~np.isin(component.objects.ids[reach], list(component.elsewhere))]
+        return reach
+
+    def _movers(
+        self,
+        component: Component,
+        robot_motion: RobotMotion,
+        region: SensorRegion,
+        stamp_ns: int,
+        detections: Sequence[Any],
+        labels: Sequence[str],
+    ) -> PredictedMovers | None:
+        """What moves, or may; None where nothing does, and none of the detections may be of what does."""
+        if component.movers is None or not (len(component.movers) or self._moving.shares(labels).any()):
+            return None
+        return predicted_movers(
+            self._moving,
+            component.movers,
+            robot_motion,
+            stamp_ns,
+            region=region,
+            rates=component.objects.rates,
+            detections=detections,
+            labels=labels,
+        )
+
+    def _with_errors(
+        self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]
+    ) -> tuple[LocalMap, PredictedErrors | None]:
+        """The local map with the errors of these detections in place of earlier ones; as it is without detections."""
+        if self.errors.correlated_share <= 0.0 or not detections:
+            return local, None
+        places = np.array([detection.place for detection in detections])
+        ranged = np.array([detection.has_range for detection in detections], dtype=bool)
+        transition = ErrorTransition.of(self.errors, carried, places)
+        local = local.with_errors(transition.matrix, transition.noise)
+        return local, PredictedErrors(
+            transition=transition,
+            slopes=transition.white.slopes(ranged),
+            covariance=local.covariance[local.errors, local.errors],
+            cross=local.covariance[local.rows(near_ids), local.errors],
+        )
+
+
+def _predicted(component: Component, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
+    """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects."""
+    spaces = component.spaces
+    mean = spaces.storage.stacked(robot[None], tracked_states(component).states[near])
+    return PredictedBelief(spaces.layout, mean[None], local.of(component.objects.ids[near])[None])
+
+
+def _control(component: Component, motion: Motion) -> Array:
+    """(s,) odometry without what it always gets wrong, as far as that is known."""
+    if motion.by_bias is None:
+        return motion.control
+    return component.spaces.robot.retract(motion.control, motion.by_bias @ tracked_states(component).bias)
+
+
+def _detected(component: Component, region: SensorRegion, reach: Index, objects: PredictedObjects) -> Array:
+    """(O, G) detection probabilities at the prediction; ``objects`` are those within ``reach`` (N,)."""
+    rates, detectable = component.objects.rates, component.objects.detectable
+    detected = np.zeros((len(component.objects.ids), len(rates)))
+    detected[reach] = predicted_detection_probabilities(region, rates, objects)
+    if detectable is not None:
+        detected *= detectable / rates.runs.share
+    return detected
