@@ -136,6 +136,9 @@ class OpenWorldConfiguration:
         maximum=0.999,
     )
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
+    clutters_per_frame: tuple[float, ...] = parameter(
+        (), "in place of clutter_per_frame; how far each is right is inferred; empty: that alone"
+    )
     birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
     birth_densities: tuple[float, ...] = parameter(
         (), "in place of birth_density; how far each is right is inferred; empty: that alone"

@@ -12,6 +12,7 @@ from semantic_slam.inference.models.odometry_bias import CLOCK, NAMES
 WIDENED = 0.5
 """Share of the prior's standard deviation that is left to a bias at least: another drive is another day."""
 PROBABILITY, HALF_RANGE = "open_world.detection_probability", "open_world.detection_half_range_m"
+CLUTTER = "open_world.clutter_per_frame"
 REGION = ("min_range_m", "max_range_m", "field_of_view_rad", "direction_rad")
 
 Noise = Mapping[str, tuple[float, float]]
@@ -24,6 +25,7 @@ def refinements(configuration: Configuration, noise: Noise) -> dict[str, dict[st
         "clock of odometry": _biases(configuration, noise, NAMES[CLOCK:]),
         "detection probability": _detection_probability(noise),
         "fall-off with range": _half_range(noise),
+        "clutter": _clutter(noise),
         "region of the sensor": _region(noise),
     }
     return {name: changes for name, changes in found.items() if changes}
@@ -55,6 +57,13 @@ def _half_range(noise: Noise) -> dict[str, Any]:
         return {}
     values = noise[HALF_RANGE][0] * np.sqrt([0.5, 1.0, 2.0])
     return {"open_world.detection_half_ranges_m": [rounded(float(value)) for value in values]}
+
+
+def _clutter(noise: Noise) -> dict[str, Any]:
+    """Three about the mean, a factor of three apart."""
+    if CLUTTER not in noise:
+        return {}
+    return {"open_world.clutters_per_frame": [rounded(noise[CLUTTER][0] * factor) for factor in (1.0 / 3.0, 1.0, 3.0)]}
 
 
 def _region(noise: Noise) -> dict[str, Any]:

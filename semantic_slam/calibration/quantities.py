@@ -53,7 +53,7 @@ def quantities(configuration: Configuration, *, places_are_told: bool) -> tuple[
         found.append(Quantity("noise of detections", tuple(f"perception.{name}" for name in DETECTIONS)))
     if configuration.detection_errors.correlated_share > 0.0:
         found.append(Quantity("what does not repeat", ("detection_errors.correlated_share",), of_the_rest=True))
-    if configuration.association in CLUTTER:
+    if configuration.association in CLUTTER and not configuration.open_world.clutters_per_frame:
         found.append(Quantity("clutter", (CLUTTER[configuration.association],)))
     return tuple(item for item in found if item.stepped(configuration, 1))
 

@@ -123,6 +123,8 @@ def _check_detections(configuration: Configuration, association: type[Associatio
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
     if min(configuration.open_world.detection_half_ranges_m, default=1.0) <= 0.0:
         raise InputError("open_world.detection_half_ranges_m must be above 0; correct them")
+    if min(configuration.open_world.clutters_per_frame, default=0.0) < 0.0:
+        raise InputError("open_world.clutters_per_frame must not be below 0; correct them")
     if min(configuration.open_world.birth_densities, default=1.0) <= 0.0:
         raise InputError("open_world.birth_densities must be above 0; correct them")
 
@@ -167,7 +169,12 @@ def _as_used(configuration: Configuration, association: type[AssociationStrategy
         revision = replace(revision, every_keyframes=0, lost_every_keyframes=0)
     if not association.counts_misses:
         world = replace(
-            world, detection_probabilities=(), detection_half_ranges_m=(), birth_densities=(), miss_persistence=0.0
+            world,
+            detection_probabilities=(),
+            detection_half_ranges_m=(),
+            birth_densities=(),
+            clutters_per_frame=(),
+            miss_persistence=0.0,
         )
     return replace(configuration, revision=revision, open_world=world)
 

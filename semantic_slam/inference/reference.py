@@ -162,7 +162,7 @@ class Reference:
         """
         nothing = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 2))
         births, _ = first_detections(region, self._rates, *nothing, 1.0)
-        mean = self._configuration.open_world.clutter_per_frame + births
+        mean = self._rates.clutter_per_frame + births
         log_counts = count * np.log(mean) - (count + 1.0) * np.log1p(mean)
         return float(gammaln(count + 1.0) + np.logaddexp.reduce(log_counts) - np.log(len(mean)))
 

@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array
 LEAST_PROBABILITY = 1e-300
 
 
-def birth(born: Array, clutter: float) -> tuple[Array, Array]:
+def birth(born: Array, clutter: Array | float) -> tuple[Array, Array]:
     """Intensity of a first detection [1/m^2], and existence of what it is a detection of.
 
     ``born`` intensities [1/m^2] of first detections of objects where the detection lies, ``clutter`` intensity of false

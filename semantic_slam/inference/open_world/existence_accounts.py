@@ -84,7 +84,8 @@ class _IfMissed:
     @cached_property
     def log_total(self) -> Array:
         """(G,) of a keyframe without detections."""
-        total = self.log_missed.sum(axis=0) - (self.settings.clutter_per_frame + self.prediction.expected_births)
+        expected = self.prediction.rates.clutter_per_frame + self.prediction.expected_births
+        total = self.log_missed.sum(axis=0) - expected
         if self.prediction.movers is not None:
             total = total + self.prediction.movers.log_missed.sum(axis=0)
         return np.asarray(total)

@@ -39,7 +39,7 @@ def expected_births(
     expected, at_points = first_detections(region, rates, trail, robot, points, least, hiding)
     found = (at_points.reshape(*weights.shape, len(rates)) * weights[..., None]).sum(axis=1)
     found *= _in_sight(region, detections)[:, None]
-    intensity, existence = birth(found, settings.clutter_per_frame / region.area_m2)
+    intensity, existence = birth(found, rates.clutter_per_frame / region.area_m2)
     ranged = np.array([detection.has_range for detection in detections], dtype=bool)
     return expected, np.log(np.where(ranged[:, None], intensity, intensity * region.area_m2)), existence
 

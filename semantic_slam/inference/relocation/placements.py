@@ -103,7 +103,7 @@ class Placements:
     @cached_property
     def _log_intensities(self) -> Array:
         """(G,) of first detections [1/m^2] under all that the sensor and the world may be."""
-        clutter = self.problem.open_world.clutter_per_frame / self._regions[-1].area_m2
+        clutter = self._rates.clutter_per_frame / self._regions[-1].area_m2
         return np.asarray(np.log(self._rates.probability * self._rates.birth_density + clutter))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""How often a sensor detects what is there, and how much there is: settings among which a history itself decides.
+"""How often a sensor detects what is there, and what is not, and how much there is: settings that a history decides.
 
 Given one setting the existences of the objects of a history are independent. A hypothesis is the mixture over all
 settings, each with the weight that its detections, misses and births so far have left it: the sum over settings is
@@ -21,6 +21,7 @@ LEAST_LOG_WEIGHT = float(np.log(1e-6))
 NAMES = {
     "open_world.detection_probability": "probability",
     "open_world.detection_half_range_m": "half_range_m",
+    "open_world.clutter_per_frame": "clutter_per_frame",
     "open_world.birth_density": "birth_density",
 }
 """Name in the configuration -> field of :class:`DetectionRates`."""
@@ -33,6 +34,7 @@ class DetectionRates:
     probability: Array  # (G,) that an object inside the region, right at the sensor and not hidden, is detected
     half_range_m: Array  # (G,) where that is half as likely; inf: it is the same everywhere in the region
     birth_density: Array  # (G,) objects per square metre
+    clutter_per_frame: Array  # (G,) false alarms expected in a frame
     persistence: float = 0.0  # of whether an object can be detected, from one keyframe to the next
     log_weights: Array = field(default_factory=lambda: np.zeros(1))  # (G,) normalised
 
@@ -43,12 +45,14 @@ class DetectionRates:
             settings.detection_probabilities or (settings.detection_probability,),
             settings.detection_half_ranges_m or (np.inf,),
             settings.birth_densities or (settings.birth_density,),
+            settings.clutters_per_frame or (settings.clutter_per_frame,),
         )
-        probability, half_range, density = np.array(list(grid)).T
+        probability, half_range, density, clutter = np.array(list(grid)).T
         return cls(
             probability=probability,
             half_range_m=half_range,
             birth_density=density,
+            clutter_per_frame=clutter,
             persistence=settings.miss_persistence,
             log_weights=np.full(len(density), -np.log(len(density))),
         )
@@ -75,7 +79,7 @@ class DetectionRates:
 
     @cached_property
     def sensors(self) -> "tuple[DetectionRates, Index]":
-        """Settings that differ in more than the density of objects, and (G,) which of them each is."""
+        """Settings that differ in what is detected of what is there, and (G,) which of them each is."""
         if len(self) == 1:
             return self, np.zeros(1, dtype=int)
         _, first, which = np.unique(
@@ -112,5 +116,7 @@ class DetectionRates:
         return replace(self, **some)
 
 
-CERTAIN = DetectionRates(probability=np.ones(1), half_range_m=np.full(1, np.inf), birth_density=np.zeros(1))
+CERTAIN = DetectionRates(
+    probability=np.ones(1), half_range_m=np.full(1, np.inf), birth_density=np.zeros(1), clutter_per_frame=np.zeros(1)
+)
 """One setting, for worlds in which misses do not count."""

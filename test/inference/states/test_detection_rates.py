@@ -23,6 +23,7 @@ GRID: dict[str, Any] = {
     "detection_probabilities": list(PROBABILITIES),
     "detection_half_ranges_m": list(HALF_RANGES),
     "birth_densities": [0.02, 0.3],
+    "clutters_per_frame": [0.03, 0.6],
     "iterate_updates": False,
     "miss_persistence": PERSISTENCE,
 }
@@ -60,7 +61,7 @@ def test_the_belief_is_the_sum_over_settings_and_hidden_states(seed: int) -> Non
     """Of two objects of a map, near and far, one of which may never be seen."""
     outcomes = np.random.default_rng(seed).random((5, 2)) < (0.6, 0.3)
     region = {"field_of_view_rad": 2.0, "max_range_m": 6.0, "occluder_radius_m": 0.0}
-    rates = {"clutter_per_frame": 1e-9, "birth_densities": [1e-9], "least_existence": 0.0}
+    rates = {"clutters_per_frame": [1e-9], "birth_densities": [1e-9], "least_existence": 0.0}
     settings = Configuration.of(
         association="open", semantic_model={"kind": "none"}, open_world={**GRID, **region, **rates}
     )
@@ -119,8 +120,10 @@ def test_evidence_is_the_average_over_the_settings(share: float) -> None:
         return engine.log_evidence
 
     alone = [
-        evidence_of(detection_probabilities=[p], detection_half_ranges_m=[h], birth_densities=[b])
-        for p, h, b in product(PROBABILITIES, HALF_RANGES, GRID["birth_densities"])
+        evidence_of(
+            detection_probabilities=[p], detection_half_ranges_m=[h], birth_densities=[b], clutters_per_frame=[c]
+        )
+        for p, h, b, c in product(PROBABILITIES, HALF_RANGES, GRID["birth_densities"], GRID["clutters_per_frame"])
     ]
     expected = np.logaddexp.reduce(alone) - np.log(len(alone))
     assert evidence_of() == pytest.approx(expected, abs=1e-6)

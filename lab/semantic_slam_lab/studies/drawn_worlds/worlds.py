@@ -57,7 +57,8 @@ class _Sensor:
         self._noise = float(drawn) if truth.noise is None else truth.noise
         self._runs = MissRuns(self.probability, configuration.open_world.miss_persistence)
         self._detectable: Flags = random.random(len(objects)) < self._runs.share
-        self._clutter, self._perception = configuration.open_world.clutter_per_frame, configuration.perception
+        clutters = configuration.open_world.clutters_per_frame or (configuration.open_world.clutter_per_frame,)
+        self._clutter, self._perception = float(random.choice(clutters)), configuration.perception
         share = configuration.detection_errors.correlated_share
         self._share = share if truth.correlated_share is None else truth.correlated_share
         self._errors = RepeatedErrors(configuration.detection_errors)

@@ -24,7 +24,8 @@ def _with_independent_errors(base: Configuration) -> Configuration:
 
 def _with_noise_as_stated(base: Configuration) -> Configuration:
     told = replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
-    world = replace(told.open_world, detection_probabilities=(), detection_half_ranges_m=(), birth_densities=())
+    sensor = replace(told.open_world, detection_probabilities=(), detection_half_ranges_m=())
+    world = replace(sensor, birth_densities=(), clutters_per_frame=())
     return replace(told, open_world=world, perception=replace(told.perception, noise_factors=(1.0,)))
 
 
@@ -109,9 +110,6 @@ def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Config
     if method == GIVEN:
         return replace(base if chosen == AS_CONFIGURED else told, association=GIVEN)
     association = "open" if method == "one_hypothesis" else method
-    told = replace(
-        told, perception=replace(told.perception, noise_factors=(1.0,))
-    )  # one hypothesis has nothing to choose
     return replace(told, association=association, pruning=replace(told.pruning, max_hypotheses=1))
 
 
