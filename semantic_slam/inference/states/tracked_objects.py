@@ -103,7 +103,7 @@ class ExistenceUpdate:
 
     def detecting(self, seen: Flags) -> "ExistenceUpdate":
         """The update where (O,) some objects are detected, which then surely exist."""
-        after = np.where(seen, 1.0, self.existence)
+        after = np.where(seen[:, None], 1.0, self.existence)
         same = self.changes_nothing and bool((after == self.existence).all())
         return replace(self, existence=after, changes_nothing=same)
 
