@@ -84,7 +84,7 @@ def test_a_drawn_world_has_what_its_configuration_says() -> None:
     worlds = [drawn_world(always, 20, np.random.default_rng(seed)) for seed in range(40)]
     labels = [label for world in worlds for seen in world.detected for label in seen]
     false = sum(label < 0 for label in labels) / (40 * 20)
-    assert false == pytest.approx(base.open_world.clutter_per_frame, abs=0.03)
+    assert false == pytest.approx(np.mean(base.open_world.clutters_per_frame), abs=0.15)  # two sigma of what is drawn
     clocks = np.array([world.biases for world in worlds])
     np.testing.assert_allclose(clocks.std(axis=0), [0.05, 0.05, 0.05, 0.2], rtol=0.35)
     assert all(keyframe.odometry_shifts is not None for keyframe in worlds[0].keyframes)
