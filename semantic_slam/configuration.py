@@ -143,6 +143,12 @@ class OpenWorldConfiguration:
     birth_densities: tuple[float, ...] = parameter(
         (), "in place of birth_density; how far each is right is inferred; empty: that alone"
     )
+    departures_per_hour: float = parameter(
+        0.0, "rate at which an object that stands leaves for good: what was there is then `missing`", minimum=0.0
+    )
+    departed_share: float = parameter(
+        0.0, "share of the objects of a map that have left since it was made", minimum=0.0, maximum=0.999
+    )
     field_of_view_rad: float = parameter(
         1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587
     )

@@ -14,6 +14,7 @@ from semantic_slam.inference.component_marginals import (
     ComponentMarginals,
     aligned_marginals,
     component_marginals,
+    departure_marginals,
     motion_marginals,
 )
 from semantic_slam.inference.descriptor_marginals import descriptor_marginals
@@ -242,6 +243,7 @@ class Backend:
             object_covariances=covariances[:, 1:],
             existence=existence,
             **motion_marginals(components, reported),
+            **departure_marginals(components, reported),
             **displaced_marginals(self.problem, components, reported),
             descriptors=_stacked([known.mean for known in descriptors], len(reported.ids)),
             descriptor_covariances=_stacked([known.variance for known in descriptors], len(reported.ids)),

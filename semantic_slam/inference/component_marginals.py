@@ -75,6 +75,18 @@ def motion_marginals(components: Sequence[Component], reported: ReportedObjects)
     return {"moving": moving, "object_velocities": velocities}
 
 
+def departure_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
+    """(H, O) ``missing``: that objects have left, NaN for what is absent; nothing where nothing leaves."""
+    if not components or components[0].objects.gone is None:
+        return {}
+    missing = np.full((len(components), len(reported.ids)), np.nan)
+    for row, component in enumerate(components):
+        objects = component.objects
+        assert objects.gone is not None
+        missing[row, [reported.row_of[n] for n in objects.ids.tolist()]] = objects.rates.average(objects.gone)
+    return {"missing": missing}
+
+
 def _moving(movers: Movers, rates: DetectionRates) -> Array:
     """(T,) probability that what may move does, if it exists."""
     exists = np.maximum(rates.average(movers.existence), LEAST_PROBABILITY)

@@ -115,6 +115,7 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
             "existence": last.existence[row],
             "moving": last.moving[row],
             "moved": last.moved[row],
+            "missing": last.missing[row],
             "velocity": last.object_velocities[row, :3],
             "pose": last.object_poses[row],
             "covariance": last.object_covariances[row],

@@ -32,6 +32,7 @@ class ObjectView:
     true_class: str  # "" unknown
     existence: float
     moving: float  # probability that it moves; NaN where nothing may
+    missing: float  # probability that it was there and has left; NaN where nothing leaves
     position: tuple[float, float]
     sigma_m: float  # root of the larger eigenvalue of the x-y covariance
     error_m: float  # from the true position of what stands still, NaN unknown
@@ -81,6 +82,7 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
         true_class=evaluation.true_classes.get(number, "") if evaluation else "",
         existence=float(last.existence[row]),
         moving=float(last.moving[row]),
+        missing=float(last.missing[row]),
         position=(float(last.object_poses[row, 0]), float(last.object_poses[row, 1])),
         sigma_m=float(ellipses(last.object_covariances[row : row + 1])[0, 0]),
         error_m=_error_m(analysis, last, row),

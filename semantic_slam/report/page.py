@@ -49,6 +49,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
             classes=classes,
             objects=objects,
             may_move=bool(np.isfinite(record.beliefs[-1].moving).any()),
+            may_leave=bool(np.isfinite(record.beliefs[-1].missing).any()),
             descriptors=descriptor_figures(analysis),
             comparison=comparison_view(runs, classes),
             charts=[*time_charts(analysis), *explanation_charts(record)],

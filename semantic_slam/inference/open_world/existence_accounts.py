@@ -150,10 +150,13 @@ class _Account:
         rates, left = prediction.rates.reweighed(self.log_weights)
         existence, stands = if_missed.existence[:, left].copy(), if_missed.stands[:, left]
         existence[self.observed] = 1.0
+        gone = self._gone(left)
         probable = rates.average(existence)
         if prediction.movers is not None:
             probable = rates.average(existence * stands)
             probable[self.observed] = 1.0
+        if gone is not None:
+            probable = probable + rates.average(gone)
         kept = (probable >= if_missed.settings.least_existence) & ~np.isin(
             prediction.component.objects.ids, self.moving_ids
         )
@@ -165,8 +168,19 @@ class _Account:
             rates=rates,
             rates_kept=None if left.all() else left,
             detectable=self._detectable(left, kept),
+            gone=gone,
+            stamp_ns=prediction.population.stamp_ns,
             moving=None if prediction.movers is None else 1.0 - stands,
         )
+
+    def _gone(self, left: Flags) -> Array | None:
+        """(O, G) probability that the parent's objects have left, which a miss makes likelier; None: nothing leaves."""
+        before = self.if_missed.prediction.population.gone
+        if before is None:
+            return None
+        gone = before[:, left] * np.exp(-self.if_missed.log_missed[:, left])
+        gone[self.observed] = 0.0
+        return np.asarray(gone)
 
     def _detectable(self, left: Flags, kept: Flags) -> Array | None:
         """Whether objects kept and new ones can be detected in the next keyframe, where misses come in runs."""

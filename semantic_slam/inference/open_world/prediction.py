@@ -22,6 +22,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
 """Standard deviations of the predicted robot from which on it counts as lost."""
@@ -32,6 +33,7 @@ class Prediction:
     """One parent before the detections: M objects near them, N within reach of the sensor."""
 
     component: Component
+    population: HypothesisObjects  # its objects, as time has left them
     near: Index  # (M,) rows of the population whose covariance with the robot is known
     predicted: PredictedBelief  # of one parent: robot and near objects
     local: LocalMap  # predicted, holds all near objects
@@ -78,7 +80,7 @@ class Prediction:
     @property
     def existence(self) -> Array:
         """(O, G) of the parent's objects before the keyframe."""
-        return self.component.objects.existence_given
+        return self.population.existence_given
 
     @property
     def near_ids(self) -> Index:

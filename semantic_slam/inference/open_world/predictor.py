@@ -102,6 +102,7 @@ class Predictor:
         return Prediction(
             movers=self._movers(component, robot_motion, region, stamp_ns, detections, labels),
             component=component,
+            population=component.objects.left_until(stamp_ns, self.settings.departures_per_hour),
             near=near,
             predicted=predicted,
             local=local,

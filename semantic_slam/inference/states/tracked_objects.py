@@ -20,6 +20,8 @@ class HypothesisObjects:
     ids: Index  # (O,)
     existence_given: Array  # (O, G)
     detectable: Array | None = None  # (O, G) probability that it can be detected next, if it exists; None: always
+    gone: Array | None = None  # (O, G) probability that it was there and has left since; None: nothing leaves
+    stamp_ns: int | None = None  # time of which that is said; None: before the first keyframe
     rates: DetectionRates = CERTAIN
 
     @cached_property
@@ -36,6 +38,15 @@ class HypothesisObjects:
         """Where (n,) objects stand; all of them must be there."""
         return np.asarray(np.searchsorted(self.ids, object_ids))
 
+    def left_until(self, stamp_ns: int, departures_per_hour: float) -> "HypothesisObjects":
+        """The objects as time leaves them: each that is there departs for good at a constant rate."""
+        if self.gone is None:
+            return self
+        elapsed_s = 0.0 if self.stamp_ns is None else max(stamp_ns - self.stamp_ns, 0) / 1e9
+        stays = float(np.exp(-departures_per_hour * elapsed_s / 3600.0))
+        leaving = (1.0 - stays) * self.existence_given
+        return replace(self, existence_given=stays * self.existence_given, gone=self.gone + leaving, stamp_ns=stamp_ns)
+
     def updated(self, update: "ExistenceUpdate") -> "HypothesisObjects":
         """The objects after one keyframe; the table itself where nothing comes, goes or changes."""
         if update.changes_nothing:
@@ -44,6 +55,10 @@ class HypothesisObjects:
             ids=np.concatenate([self.ids[update.kept], update.new_ids]),
             existence_given=np.concatenate([update.existence[update.kept], update.new_existence]),
             detectable=update.detectable,
+            gone=None
+            if update.gone is None
+            else np.concatenate([update.gone[update.kept], 0.0 * update.new_existence]),
+            stamp_ns=update.stamp_ns,
             rates=update.rates,
         )
 
@@ -98,6 +113,8 @@ class ExistenceUpdate:
     rates: DetectionRates = CERTAIN  # those settings
     rates_kept: Flags | None = None  # which of the parent's they are; None: all
     detectable: Array | None = None  # of those kept, and then of the new ones, where misses come in runs
+    gone: Array | None = None  # (O, G) probability that it has left, where objects do
+    stamp_ns: int | None = None  # of this keyframe, where objects leave
     moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing does
     changes_nothing: bool = False
 

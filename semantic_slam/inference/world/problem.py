@@ -133,10 +133,13 @@ class Problem:
         is_elsewhere = self.starts is not None and start == ANYWHERE
         rates, in_runs = DetectionRates.of(self.open_world), self.open_world.miss_persistence > 0.0
         shape = len(entries), len(rates)
+        stated = np.broadcast_to(plain.objects.existence_given, shape)
+        share, leave = self.open_world.departed_share, self.open_world.departures_per_hour
         objects = replace(
             plain.objects,
-            existence_given=np.broadcast_to(plain.objects.existence_given, shape),
+            existence_given=(1.0 - share) * stated,
             detectable=np.broadcast_to(rates.runs.share, shape) if in_runs else None,
+            gone=share * stated if share > 0.0 or leave > 0.0 else None,
             rates=rates,
         )
         return replace(
