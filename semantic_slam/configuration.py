@@ -162,8 +162,8 @@ class OpenWorldConfiguration:
     max_range_m: float = parameter(5.0, "largest range of the region", minimum=1e-3)
     learn_region: bool = parameter(
         False,
-        "the region reaches as far as the detections so far, in place of field_of_view_rad, direction_rad, min_range_m"
-        " and max_range_m, which then bound nothing",
+        "the region reaches as far as the detections so far let expect, in place of field_of_view_rad, direction_rad,"
+        " min_range_m and max_range_m, which then bound nothing",
     )
     learn_scores: bool = parameter(
         False,

@@ -1,4 +1,8 @@
-"""The region in which a sensor detects, as far as its detections so far have shown it."""
+"""The region in which a sensor detects, as far as its detections so far have shown it.
+
+Detections bound it from inside alone, and few of them not by much: a false alarm in a region that is taken to be as
+small as what one detection has shown would be as likely as an object that was seen before.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,24 +13,29 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 
 MARGIN_RAD = 0.1
-"""Beyond the outermost bearings."""
+"""Beyond the outermost bearings at least, however many were detected: they err."""
 RANGE_MARGIN = 1.1
-"""Factor beyond the largest range, and below the least."""
-LEAST_WIDTH_RAD = 0.5
-"""Full angle at least, however little was detected."""
+"""Factor beyond the largest range, and below the least, at least."""
+LEAST_WIDTH_RAD, MOST_WIDTH_RAD = 0.5, 2.0 * np.pi
+"""Full angle, which is of any size between before anything was detected: even in its logarithm."""
 LEAST_DEPTH_M = 1.0
 """From the least to the largest range at least."""
 
 
 @dataclass(frozen=True)
 class SensedRegion:
-    """Bounds of the detections so far: ranges, and bearings in the body frame from a first one on."""
+    """Bounds of the detections so far: ranges, and bearings in the body frame from a first one on.
+
+    The region is as wide as these bounds and their number let expect: n detections that lie evenly in it.
+    """
 
     nearest_m: float
     farthest_m: float
     origin_rad: float  # the first bearing; the extremes are relative to it
     rightmost_rad: float
     leftmost_rad: float
+    num_ranges: int  # detections with a range
+    num_bearings: int  # detections
 
     @classmethod
     def of(cls, ranges_m: Array, bearings_rad: Array, before: Self | None = None) -> Self | None:
@@ -36,7 +45,7 @@ class SensedRegion:
             if not len(known):
                 return None
             first = float(bearings_rad[0])
-            before = cls(float(known[0]), float(known[0]), first, 0.0, 0.0)
+            before = cls(float(known[0]), float(known[0]), first, 0.0, 0.0, 0, 0)
         turns = wrap_angle(bearings_rad - before.origin_rad)
         return replace(
             before,
@@ -44,6 +53,8 @@ class SensedRegion:
             farthest_m=float(max(before.farthest_m, known.max(initial=0.0))),
             rightmost_rad=float(min(before.rightmost_rad, turns.min(initial=0.0))),
             leftmost_rad=float(max(before.leftmost_rad, turns.max(initial=0.0))),
+            num_ranges=before.num_ranges + len(known),
+            num_bearings=before.num_bearings + len(turns),
         )
 
     def named(self) -> dict[str, float]:
@@ -53,9 +64,9 @@ class SensedRegion:
 
     @property
     def field_of_view_rad(self) -> float:
-        """Full angle, with its margins."""
-        width = self.leftmost_rad - self.rightmost_rad + 2.0 * MARGIN_RAD
-        return min(max(width, LEAST_WIDTH_RAD), 2.0 * np.pi)
+        """Full angle W: 1 / E[1 / W], which is what an even density in it is expected to be; with its margins."""
+        spread = self.leftmost_rad - self.rightmost_rad
+        return min(max(_width(spread, self.num_bearings), spread + 2.0 * MARGIN_RAD), MOST_WIDTH_RAD)
 
     @property
     def direction_rad(self) -> float:
@@ -64,10 +75,36 @@ class SensedRegion:
 
     @property
     def min_range_m(self) -> float:
-        """Least range, with its margin."""
-        return self.nearest_m / RANGE_MARGIN
+        """Least range: the nearest of n is as far from it, in area, as an even spread lets expect; with its margin."""
+        expected = ((self.num_ranges + 1) * self.nearest_m**2 - self._largest_squared) / self.num_ranges
+        return min(self.nearest_m / RANGE_MARGIN, float(np.sqrt(max(expected, 0.0))))
 
     @property
     def max_range_m(self) -> float:
         """Largest range, with its margin."""
-        return max(self.farthest_m * RANGE_MARGIN, self.min_range_m + LEAST_DEPTH_M)
+        return max(float(np.sqrt(self._largest_squared)), self.min_range_m + LEAST_DEPTH_M)
+
+    @property
+    def _largest_squared(self) -> float:
+        """[m^2] R^2 = 1 / E[1 / R^2] = r^2 (n + 1) / n, r being the farthest of n: R is of any size before, like W."""
+        return self.farthest_m**2 * max(1.0 + 1.0 / self.num_ranges, RANGE_MARGIN**2)
+
+
+def _width(spread: float, count: int) -> float:
+    """[rad] 1 / E[1 / W] of an interval that lies anywhere, and in which ``count`` even draws ``spread`` so far.
+
+    The density of these is (W - spread) / W^count, up to a constant.
+    """
+    least = max(spread, LEAST_WIDTH_RAD)
+    if least >= MOST_WIDTH_RAD:
+        return MOST_WIDTH_RAD
+    share, most = spread / least, MOST_WIDTH_RAD / least
+    one, two, three = (_integral(power, most) for power in (count, count + 1, count + 2))
+    return least * (one - share * two) / (two - share * three)
+
+
+def _integral(power: int, most: float) -> float:
+    """Of x^-power from 1 to ``most``."""
+    if power == 1:
+        return float(np.log(most))
+    return float((1.0 - most ** (1.0 - power)) / (power - 1.0))
