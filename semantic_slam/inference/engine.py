@@ -29,7 +29,7 @@ from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
-from semantic_slam.inference.pruning import Pruned, prune
+from semantic_slam.inference.pruning import Pruned, prune, widened
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.replay import Lineage, Replay
@@ -134,8 +134,9 @@ class Engine:
         return self.copies.merged(self.rounds.expand(keyframe, step.index))
 
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
-        """PruneAndNormalize, over all parents at once; the mass that goes is counted."""
-        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, self.budget.limits())
+        """PruneAndNormalize, over all parents at once; less while data are not explained. The mass that goes is counted."""
+        limits = widened(self.budget.limits(), self.explanation.unexplained)
+        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits)
         self.log_evidence += kept.log_mass
         return kept
 

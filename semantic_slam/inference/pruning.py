@@ -1,6 +1,6 @@
 """Normalising and pruning over all candidates, with an account of what is discarded."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
+
+
+LEAST_TRUSTED = 1e-3
+LARGEST_LOG_RATIO = 500.0
+"""Nats between hypotheses that are kept, at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,6 +23,16 @@ class Pruned:
     log_weights: Array  # (S,) normalised over the survivors
     log_mass: float  # log of the survivors' mass before normalising
     discarded: float  # d_k: share of the mass that was pruned or never enumerated
+
+
+def widened(limits: PruningConfiguration, unexplained: float) -> PruningConfiguration:
+    """The limits where data that nothing explains have decided between hypotheses with a certainty that they lack.
+
+    ``unexplained`` 0..1 is the probability that they say nothing; weights count by their powers 1 - ``unexplained``
+    then: the fractional posterior of a model that is wrong (Bissiri, Holmes and Walker 2016). NaN: as they are.
+    """
+    trusted = 1.0 if np.isnan(unexplained) else max(1.0 - unexplained, LEAST_TRUSTED)
+    return replace(limits, ratio=float(np.exp(min(np.log(limits.ratio) / trusted, LARGEST_LOG_RATIO))))
 
 
 def prune(log_weights: Array, ids: NDArray[np.uint64], log_missing: Array, limits: PruningConfiguration) -> Pruned:

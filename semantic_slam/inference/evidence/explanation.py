@@ -43,6 +43,7 @@ class Explanation:
     """Holds the log ratios of the newest keyframes of a run."""
 
     lately: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW_KEYFRAMES))
+    unexplained: float = 0.0  # probability after the newest keyframe
 
     def add(self, log_evidence: float, log_reference: float) -> float:
         """Probability that the belief does not explain its data, with one more keyframe.
@@ -50,7 +51,8 @@ class Explanation:
         ``log_evidence`` and ``log_reference`` are log densities of its detections in the same units, in nats.
         """
         self.lately.append(log_reference - log_evidence)
-        return probability_unexplained(np.array(self.lately))
+        self.unexplained = probability_unexplained(np.array(self.lately))
+        return self.unexplained
 
 
 def mean_of_known(values: Array, weights: Array) -> float:

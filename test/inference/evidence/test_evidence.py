@@ -19,7 +19,7 @@ from semantic_slam.inference.evidence.prior_samples import sample_evidence
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
-from semantic_slam.inference.pruning import prune
+from semantic_slam.inference.pruning import prune, widened
 from semantic_slam.inference.states.identity import generator, hypothesis_id
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
@@ -146,6 +146,23 @@ def test_pruning_accounts_for_mass_that_was_never_enumerated() -> None:
     assert list(pruned.kept) == [0, 1]
     np.testing.assert_allclose(np.exp(pruned.log_weights), [2 / 3, 1 / 3])
     assert pruned.discarded == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("unexplained", "power"), [(0.0, 1.0), (0.5, 2.0), (0.9, 10.0), (np.nan, 1.0)])
+def test_data_that_nothing_explains_prune_less(unexplained: float, power: float) -> None:
+    """What is kept is what tempered weights w^(1 - u) keep at the ratio as it is configured."""
+    limits = PruningConfiguration(4.0, 10)
+    assert widened(limits, unexplained).ratio == pytest.approx(4.0**power)
+    weights = np.linspace(0.0, -20.0, 30)
+    kept = prune(weights, np.arange(30, dtype=np.uint64), np.zeros(0), widened(limits, unexplained)).kept
+    tempered = prune(weights / power, np.arange(30, dtype=np.uint64), np.zeros(0), limits).kept
+    assert kept.tolist() == tempered.tolist()
+
+
+def test_data_that_say_nothing_at_all_prune_by_number_alone() -> None:
+    weights = -30.0 * np.arange(20.0)
+    limits = widened(PruningConfiguration(4.0, 10), 1.0)
+    assert len(prune(weights, np.arange(20, dtype=np.uint64), np.zeros(0), limits).kept) == 10
 
 
 def test_nothing_to_keep_is_an_error() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.stats import qmc
 from worlds.drives.open_room import make_room
 from worlds.planar_world import World, make_world
@@ -120,18 +121,25 @@ def carried(world: World) -> tuple[RunConfiguration, list[Keyframe]]:
 
 def noisier(world: World) -> tuple[RunConfiguration, list[Keyframe]]:
     """Errors of range and bearing of four times the stated size."""
+    return with_errors(world.keyframes, np.array([0.1, 0.05]) * np.sqrt(15.0), world.run)
+
+
+def with_errors(
+    keyframes: list[Keyframe], sigmas: ArrayLike, run: RunConfiguration
+) -> tuple[RunConfiguration, list[Keyframe]]:
+    """Detections with errors of range and bearing besides, by their standard deviations."""
     random = np.random.default_rng(7)
     found = []
-    for keyframe in world.keyframes:
+    for keyframe in keyframes:
         seen = keyframe.measurements
-        errors = random.normal(size=(len(seen), 2)) * [0.1, 0.05] * np.sqrt(15.0)
+        errors = random.normal(size=(len(seen), 2)) * sigmas
         noisy = replace(
             seen,
             ranges_m=np.maximum(seen.ranges_m + errors[:, 0], 0.1),
             bearings_rad=seen.bearings_rad + errors[:, 1],
         )
         found.append(replace(keyframe, measurements=noisy))
-    return world.run, found
+    return run, found
 
 
 @pytest.mark.slow
@@ -146,6 +154,18 @@ def test_a_wrong_model_is_found_out(
         found = unexplained(*misspecified(make_world(KEYFRAMES + 2, seed, **NOTHING_WRONG)))
         alarms = np.flatnonzero(found > 0.5)
         assert len(alarms) and begins <= alarms[0] <= begins + delay
+
+
+@pytest.mark.slow
+def test_a_belief_that_does_not_explain_its_data_keeps_what_it_would_have_pruned() -> None:
+    room = make_room(10, 3)
+    run, keyframes = with_errors(room.keyframes, [0.4, 0.12], room.run)
+    found = [(belief.unexplained, float(np.ptp(belief.log_weights))) for belief in beliefs_of(run, keyframes)]
+    doubt, spread = np.array(found).T
+    limit = np.log(Engine.of_run(run, InProcessPool(1)).problem.pruning.ratio)
+    doubted = doubt[:-1] > 0.5
+    assert spread[1:][doubted].max() > limit
+    assert spread[1:][~doubted].max() <= limit / (1.0 - doubt[:-1][~doubted].max())
 
 
 @pytest.mark.slow
