@@ -134,7 +134,7 @@ class Engine:
         return self.copies.merged(self.rounds.expand(keyframe, step.index))
 
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
-        """PruneAndNormalize, over all parents at once; less while data are not explained. The mass that goes is counted."""
+        """PruneAndNormalize, over all parents at once, less while data are not explained; what goes is counted."""
         limits = widened(self.budget.limits(), self.explanation.unexplained)
         kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits)
         self.log_evidence += kept.log_mass

@@ -9,8 +9,8 @@ from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
 
-
 LEAST_TRUSTED = 1e-3
+"""Power that weights count by at least, before the next limit."""
 LARGEST_LOG_RATIO = 500.0
 """Nats between hypotheses that are kept, at most."""
 
