@@ -1,7 +1,8 @@
 """Outputs: nothing of the user's is replaced or removed unasked, and what is there goes only when the new one is whole.
 
 A command claims its output before it works. What exists already needs leave (``--overwrite``), unless it lies below
-``out/``, where this project keeps its own; an input of the same command is never an output.
+``out/``, where this project keeps its own; an input of the same command is never an output. With leave, too, a bag is
+replaced only where its ``metadata.yaml`` says that this software wrote it.
 """
 
 import argparse
@@ -13,6 +14,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
 
+import yaml
+
 from semantic_slam.errors import InputError
 
 LEAVE = "--overwrite"
@@ -22,6 +25,9 @@ CHECKOUT = Path(__file__).parents[1]
 OLD = ".old"
 BAG_SUFFIXES = frozenset({".mcap", ".db3", ".db3-shm", ".db3-wal"})
 BAG_FILES = frozenset({"metadata.yaml", "objects.json"})
+WRITER_KEY, WRITER = "written_by", "semantic_slam"
+"""What ``custom_data`` of our bags says, so that they are told from a user's recordings."""
+REPORT_FILES = ("report.json", "report.html")
 
 
 def add_overwrite(parser: argparse.ArgumentParser) -> None:
@@ -59,11 +65,42 @@ def claimed(
 def claimed_bag(
     out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
 ) -> Iterator[Path]:
-    """:func:`claimed` for a bag folder: an old one that holds anything else than a bag is refused even with leave."""
-    _check_inputs(out, inputs)
-    check_is_bag(out)
+    """:func:`claimed` for a bag folder: what is no bag, or another's recording, is refused even with leave."""
+    check_bag_output(out, inputs, overwrite, leave)
     with claimed(out, inputs, overwrite, leave) as staged:
         yield staged
+
+
+def check_bag_output(out: Path, inputs: Iterable[Path | None], overwrite: bool, leave: str = LEAVE) -> None:
+    """:func:`check_output` for a bag folder. Raises InputError."""
+    _check_inputs(out, inputs)
+    check_is_bag(out)
+    check_output(out, (), overwrite, leave)
+    if _has_content(out) and not is_ours(out):
+        _check_written_here(out)
+
+
+@contextmanager
+def claimed_report(out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False) -> Iterator[Path]:
+    """:func:`claimed_folder` for a report: the map and the bag of no report are refused even with leave."""
+    _check_inputs(out, given := list(inputs))
+    if overwrite and out.is_dir() and not is_ours(out):
+        _check_report_folder(out)
+    with claimed_folder(out, given, overwrite) as staged:
+        yield staged
+
+
+def _check_report_folder(out: Path) -> None:
+    """Raises InputError where a report would replace what no report wrote: a bag's map, or another's recording."""
+    names = {item.name for item in out.iterdir()}
+    bags = sorted(name for name in names if name == "metadata.yaml" or Path(name).suffix in BAG_SUFFIXES)
+    if bags:
+        raise InputError(f"{out}: holds a bag ({bags[0]}); name another folder for the report")
+    if "objects.json" in names and not names.intersection(REPORT_FILES):
+        raise InputError(f"{out}: holds an objects.json that is of no report; name another folder for the report")
+    for belief in sorted(out.glob("belief*")):
+        if belief.is_dir() and any(belief.iterdir()):
+            _check_written_here(belief)
 
 
 @contextmanager
@@ -117,6 +154,20 @@ def check_is_bag(path: Path) -> None:
     foreign = [name for name in names if name not in BAG_FILES and Path(name).suffix not in BAG_SUFFIXES]
     if foreign:
         raise InputError(f"{path}: holds {foreign[0]}, which is no part of a bag; name another output folder")
+
+
+def _check_written_here(bag: Path) -> None:
+    """Raises InputError where a bag folder's metadata do not say that this software wrote it."""
+    try:
+        metadata = yaml.safe_load((bag / "metadata.yaml").read_text(encoding="utf-8"))
+        writer = metadata["rosbag2_bagfile_information"]["custom_data"][WRITER_KEY]
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
+        writer = None
+    if writer != WRITER:
+        raise InputError(
+            f"{bag}: its metadata do not say that {WRITER} wrote it, so it is not replaced; move it away, or name"
+            " another output"
+        )
 
 
 def _check_inputs(out: Path, inputs: Iterable[Path | None]) -> None:

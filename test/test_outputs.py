@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from worlds.node_runs import processes
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
-from semantic_slam.outputs import claimed, claimed_bag, claimed_folder, is_ours
+from semantic_slam.outputs import claimed, claimed_bag, claimed_folder, claimed_report, is_ours
 from semantic_slam.ros.node_set import NodeSpec
 
 ROOT = Path(__file__).parents[1]
@@ -224,6 +225,55 @@ def test_what_is_no_bag_is_not_replaced_by_one_even_with_leave(tmp_path: Path) -
         pass
     with pytest.raises(InputError, match="is a file"), claimed_folder(tmp_path / "thesis.tex", (), overwrite=True):
         pass
+
+
+def foreign(bag: Path) -> Path:
+    """The bag as another software would have written it."""
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("written_by: semantic_slam", "robot: mine"))
+    return bag
+
+
+def test_a_recording_of_another_software_is_not_replaced_even_with_leave(recording: Path, tmp_path: Path) -> None:
+    mine = foreign(write_bag(tmp_path / "mine", input_entries(1)))
+    before = digest(mine)
+    result = call(tmp_path, "import_dataset", "bag", recording, "--out", mine, "--overwrite")
+    assert result.returncode == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"{mine}: its metadata do not say that semantic_slam wrote it, so it is not replaced")
+    assert digest(mine) == before
+    (mine / "metadata.yaml").unlink()
+    with pytest.raises(InputError, match="it is not replaced"), claimed_bag(mine, (), overwrite=True):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda folder: write_bag(folder, input_entries(1)), "holds a bag"),
+        (lambda folder: foreign(write_bag(folder / "belief", input_entries(1))), "it is not replaced"),
+        (lambda folder: (folder.mkdir(), (folder / "objects.json").write_text("map")), "that is of no report"),
+    ],
+)
+def test_a_report_does_not_replace_what_no_report_wrote_even_with_leave(
+    tmp_path: Path, make: Callable[[Path], object], reason: str
+) -> None:
+    out = tmp_path / "mine"
+    make(out)
+    before = digest(out)
+    with pytest.raises(InputError, match=reason), claimed_report(out, (), overwrite=True):
+        pass
+    assert digest(out) == before
+
+
+def test_a_report_may_replace_an_older_report_with_leave(tmp_path: Path) -> None:
+    out = tmp_path / "mine"
+    write_bag(out / "belief", input_entries(1))
+    (out / "report.json").write_text("old")
+    (out / "objects.json").write_text("old")
+    with claimed_report(out, (), overwrite=True) as staged:
+        (staged / "objects.json").write_text("new")
+    assert (out / "objects.json").read_text() == "new"
 
 
 @pytest.mark.ros

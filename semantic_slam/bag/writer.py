@@ -25,7 +25,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import CODECS, to_message
 from semantic_slam.messages.topics import LATCHED
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.outputs import check_is_bag
+from semantic_slam.outputs import WRITER, WRITER_KEY, check_is_bag
 
 UNLIMITED = QosTime(9223372036, 854775807)
 """What ROS 2 writes for a deadline, lifespan or lease that does not exist."""
@@ -59,6 +59,7 @@ class BagWriter:
             _make_room(self.path)
         self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._writer.set_custom_data(WRITER_KEY, WRITER)
         self._store = extended_typestore({})
         self._connections: dict[str, Connection] = {}
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
-from semantic_slam.outputs import add_overwrite, claimed_folder
+from semantic_slam.outputs import add_overwrite, claimed_report
 from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def command() -> None:
     """Parse, run, report; raises InputError, after the report where the bag is only damaged."""
     arguments = parse()
     inputs = [arguments.bag, arguments.config, arguments.map_prior, *(arguments.compare or [])]
-    with claimed_folder(arguments.out, inputs, arguments.overwrite) as out:
+    with claimed_report(arguments.out, inputs, arguments.overwrite) as out:
         files, fault = report(arguments, out)
     print_files([arguments.out / path.name for path in files])
     if fault is not None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from semantic_slam.cli.exit_codes import FAULT, CommandParser, program, run_main
 from semantic_slam.cli.needs import need_ros
 from semantic_slam.errors import InputError, SemanticSlamError
-from semantic_slam.outputs import add_overwrite, claimed_folder
+from semantic_slam.outputs import add_overwrite, claimed_report
 from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 DOMAINS = 50
@@ -40,7 +40,7 @@ def command() -> None:
     """Replay, record, report; raises SemanticSlamError with the last lines of a node that died."""
     arguments = parse()
     need_ros()
-    with claimed_folder(arguments.out, [arguments.bag, arguments.config], arguments.overwrite) as out:
+    with claimed_report(arguments.out, [arguments.bag, arguments.config], arguments.overwrite) as out:
         replay(arguments, out / "belief")
         from semantic_slam.report.make import make_report
 

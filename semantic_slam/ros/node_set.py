@@ -10,7 +10,7 @@ from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import sensor_pose
-from semantic_slam.outputs import LEAVE_OF_NODES, check_output
+from semantic_slam.outputs import LEAVE_OF_NODES, check_bag_output
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
 from semantic_slam.pipeline.preamble import map_prior_path, read_preamble
 from semantic_slam.ros.parameters import changed_parameters
@@ -47,7 +47,7 @@ def node_set(
     if backends < 1 or rate < LOSSLESS:
         raise InputError(f"backends {backends}, rate {rate:g}: give at least one backend and a rate of 0 or more")
     if record:
-        check_output(Path(record), [bag, configuration_file], overwrite, LEAVE_OF_NODES)
+        check_bag_output(Path(record), [bag, configuration_file, map_prior_path(bag)], overwrite, LEAVE_OF_NODES)
     configuration = load_configuration(configuration_file)
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)

@@ -133,6 +133,16 @@ def test_the_launch_replaces_an_old_recording_only_when_told_to(
     assert recorder.parameters[0]["overwrite"] is True
 
 
+def test_the_launch_never_replaces_a_recording_of_another_software(
+    launch_file: dict[str, Any], bag: Path, configuration: Path, tmp_path: Path
+) -> None:
+    mine = write_bag(tmp_path / "mine", input_entries(1))
+    metadata = mine / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("written_by: semantic_slam", "robot: mine"))
+    with pytest.raises(InputError, match="it is not replaced"):
+        launch_file["start_nodes"](context_of(bag, configuration, record=str(mine), overwrite="true"))
+
+
 def test_launch_file_starts_the_node_set(launch_file: dict[str, Any], bag: Path, configuration: Path) -> None:
     context = context_of(bag, configuration, backends="3")
     nodes = launch_file["start_nodes"](context)
