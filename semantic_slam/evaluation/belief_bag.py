@@ -121,8 +121,8 @@ def _believed(poses: dict[int, Any]) -> dict[int, Any]:
     believed: dict[int, Any] = {}
     for stamp, pose in poses.items():
         taken = clock.take(stamp, pose)
-        if clock.withdraws_first:
-            believed.clear()
+        if clock.withdrawn_from_ns is not None:
+            believed = {time: kept for time, kept in believed.items() if time < clock.withdrawn_from_ns}
         believed.update(taken)
     return {**believed, **dict(clock.release())}
 

@@ -36,6 +36,7 @@ from semantic_slam.pipeline.motion import (
     point_between,
     start,
 )
+from semantic_slam.pipeline.odometry_rate import RateMeter
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
@@ -56,6 +57,7 @@ class KeyframeAssembler:
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
         self._newest: OdometryPoint | None = None
+        self._rates = RateMeter()
         self._last_keyframe: OdometryPoint | None = None  # before the first keyframe: the first odometry sample
         self._last_poses: Array | None = None  # (G, 7) odometry there at all offsets of its clock, where estimated
         self._last_chosen: OdometryPoint | None = None  # there, by the stamps of the odometry as they came
@@ -80,7 +82,9 @@ class KeyframeAssembler:
             biases = self._configuration.odometry.estimate_bias
             self._newest = self._last_keyframe = start(sample, with_slopes=biases)
         else:
-            self._newest = self._newest.advance(sample)
+            last, new = self._newest, self._newest.advance(sample)
+            steps = (new.stamp_ns - last.stamp_ns, new.travelled_m - last.travelled_m, new.turned_rad - last.turned_rad)
+            self._newest = replace(new, rate=self._rates.step(*steps))
         return self._newest
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
@@ -178,7 +182,7 @@ class KeyframeAssembler:
         if later is not None:
             return point_between(earlier, later, stamp_ns)
         is_fresh = stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
-        return replace(earlier, stamp_ns=stamp_ns) if is_fresh else None
+        return earlier.standing_until(stamp_ns) if is_fresh else None
 
     def _around(self, stamp_ns: int) -> tuple[OdometryPoint | None, OdometryPoint | None]:
         """The odometry before an instant, and at it or after it."""

@@ -1,6 +1,6 @@
 """The robot's motion between two instants, from its odometry."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.models.clock_offset import shifts_of
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.odometry_noise import odometry_covariance
+from semantic_slam.messages.standard import NANOSECONDS
+from semantic_slam.pipeline.odometry_rate import NOT_KNOWN, Rate
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,9 @@ class OdometryPoint:
     travelled_m: float  # length of the path since the first sample
     turned_rad: float  # sum of all turns since the first sample
     slopes: Array | None = None  # (3, 3) sum of those of all steps, in the tangent space of odom; None: not asked for
+    rate: Rate = NOT_KNOWN  # of the samples up to this one
+    sigma_m: float = 0.0  # standard deviation of x and of y beyond the odometry's own: it was missing then
+    sigma_rad: float = 0.0  # of yaw, likewise
 
     def advance(self, sample: OdometrySample) -> "OdometryPoint":
         """The point at the next sample."""
@@ -31,6 +36,12 @@ class OdometryPoint:
         travelled = self.travelled_m + float(np.linalg.norm(step[:3]))
         turned = self.turned_rad + rotation_angle(step)
         return OdometryPoint(sample.stamp_ns, sample.pose, travelled, turned, self.slopes_at(sample.pose))
+
+    def standing_until(self, stamp_ns: int) -> "OdometryPoint":
+        """The point at a later instant of which there is no odometry any more: the robot may have moved on."""
+        late_s = (stamp_ns - self.stamp_ns) / NANOSECONDS
+        sigma_m, sigma_rad = self.rate.pace_m_s * late_s, self.rate.pace_rad_s * late_s
+        return replace(self, stamp_ns=stamp_ns, sigma_m=sigma_m, sigma_rad=sigma_rad)
 
     def slopes_at(self, pose: Array) -> Array | None:
         """``slopes`` after one more step, an arc to ``pose``."""
@@ -46,16 +57,31 @@ def start(sample: OdometrySample, *, with_slopes: bool = False) -> OdometryPoint
 
 
 def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) -> OdometryPoint:
-    """The point at an instant between two neighbours: steady motion."""
+    """The point at an instant between two neighbours: steady motion, which within a gap is but the best guess."""
     share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
     pose = interpolate(first.pose, second.pose, share)
+    sigma_m, sigma_rad = _gap_sigmas(first, second, share)
     return OdometryPoint(
         stamp_ns,
         pose,
         (1.0 - share) * first.travelled_m + share * second.travelled_m,
         (1.0 - share) * first.turned_rad + share * second.turned_rad,
         first.slopes_at(pose),
+        first.rate,
+        sigma_m,
+        sigma_rad,
     )
+
+
+def _gap_sigmas(first: OdometryPoint, second: OdometryPoint, share: float) -> tuple[float, float]:
+    """Standard deviations [m], [rad] at a share of the way between two samples; 0 where they are as close as usual."""
+    step_s = (second.stamp_ns - first.stamp_ns) / NANOSECONDS
+    if not first.rate.is_gap(step_s):
+        return 0.0, 0.0
+    from_end_s = min(share, 1.0 - share) * step_s
+    pace_m_s = max(first.rate.pace_m_s, (second.travelled_m - first.travelled_m) / step_s)
+    pace_rad_s = max(first.rate.pace_rad_s, (second.turned_rad - first.turned_rad) / step_s)
+    return pace_m_s * from_end_s, pace_rad_s * from_end_s
 
 
 def motion_slopes(first: OdometryPoint, second: OdometryPoint) -> Array | None:
@@ -79,6 +105,12 @@ def motion_shifts(first: Array, second: Array) -> Array:
 
 
 def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
-    """(6, 6) covariance of the motion between two points, over x y z rx ry rz at the second; planar."""
+    """(6, 6) covariance of the motion between two points, over x y z rx ry rz at the second; planar.
+
+    What is not known of either point, where odometry was missing, adds to it as if the two were independent.
+    """
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
-    return covariance_from_planar(odometry_covariance(travelled, turned, noise))
+    length_m = float(np.linalg.norm(second.pose[:3] - first.pose[:3]))
+    place = first.sigma_m**2 + second.sigma_m**2 + (first.sigma_rad * length_m) ** 2
+    missing = np.diag([place, place, first.sigma_rad**2 + second.sigma_rad**2])
+    return covariance_from_planar(odometry_covariance(travelled, turned, noise) + missing)

@@ -41,15 +41,15 @@ class StampedBuffer(Generic[T]):
 
     @property
     def is_holding(self) -> bool:
-        """Whether an item is held aside until the next one tells whether its stamp is right."""
+        """Whether an item is held aside until the next ones tell whether its stamp is right."""
         return self._clock.is_holding
 
     def add(self, stamp_ns: int, item: Any) -> None:
         """Append an item that is newer than all before it, once its stamp is believed."""
         taken = self._clock.take(stamp_ns, item)
-        if self._clock.withdraws_first:
-            self._stamps.clear()
-            self._items.clear()
+        if self._clock.withdrawn_from_ns is not None:
+            position = bisect_left(self._stamps, self._clock.withdrawn_from_ns)
+            del self._stamps[position:], self._items[position:]
         for believed in taken:
             self._append(*believed)
 

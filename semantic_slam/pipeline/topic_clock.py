@@ -1,4 +1,4 @@
-"""Which stamps of one topic are believed: its clock runs forward, and a leap ahead needs a second witness."""
+"""Which stamps of one topic are believed: its clock runs forward, and a leap ahead needs two more witnesses."""
 
 from collections import Counter, deque
 from typing import Generic, TypeVar
@@ -10,94 +10,105 @@ T = TypeVar("T")
 LEAP_STEPS = 4
 """A step of more than so many of the topic's usual ones is a leap."""
 USUAL_STEPS = 3
-"""The shortest of so many last steps is usual: to suspect too much costs nothing but one message's patience."""
+"""The shortest of so many last steps is usual: to suspect too much costs nothing but two messages' patience."""
+WITNESSES = 2
+"""So many messages that go on from a stamp confirm it."""
 FIRST_STEP_NS = NANOSECONDS
 """How long the first step may be, before which there is none to compare it with."""
 BACKWARDS = "time goes backwards"
 AHEAD = "stamp leaps ahead of those around it"
+SET_BACK = "its clock was set back; what follows is another session, to be run by itself"
 
 
 class TopicClock(Generic[T]):
     """Gives out the items of one topic in the order of their stamps, and counts those that it refuses.
 
-    An item whose stamp leaps ahead is held aside. The next one tells: when it goes on from the old time, the leap was
-    one wrong stamp and is dropped; when it goes on from the new time, there was a gap and both are given out. So a
-    clock that ran wrong once costs one message, and a topic without wrong stamps loses none. The very first item has
-    none before it: it is given out at once, and withdrawn when the two after it agree on an earlier time. What is
-    believed depends on the stamps alone, never on when they came.
+    Items whose stamps leap ahead are held aside until ``WITNESSES`` more go on from there: then there was a gap, and
+    all are given out. When one goes on from the old time before that, those that are ahead of it were wrong stamps,
+    and are dropped. So a clock that ran wrong once or twice costs those messages, and a topic without wrong stamps
+    loses none. The first one or two have none before them: they are given out at once, and withdrawn when more than so
+    many after them agree on an earlier time. Where several agree on an earlier time later on, that is named: a clock
+    was set back. What is believed depends on the stamps alone, never on when they came.
     """
 
     def __init__(self, topic: str, dropped: Counter[str]) -> None:
         self.topic = topic
         self._dropped = dropped
+        self._first_ns: list[int] | None = []  # what is believed without witnesses; None: there are enough by now
         self._last_ns: int | None = None  # the newest stamp that is believed
         self._steps_ns: deque[int] = deque(maxlen=USUAL_STEPS)  # between the newest that are believed
-        self._held: tuple[int, T] | None = None
-        self._earlier: tuple[int, T] | None = None  # than the first one, of which nothing is known yet
-        self.withdraws_first = False  # what the last call gave out stands instead of the very first item
+        self._held: list[tuple[int, T]] = []  # ahead of the newest, growing
+        self._earlier: list[tuple[int, T]] = []  # the last ones, one after the other, that agree on an earlier time
+        self.withdrawn_from_ns: int | None = None  # the last call withdraws what was given out from this stamp on
 
     @property
     def is_holding(self) -> bool:
-        """Whether an item waits for the next one."""
-        return self._held is not None
+        """Whether an item waits for the next ones."""
+        return bool(self._held)
 
     def take(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
         """What is believed now that this item has come: nothing, it, or what was held and it."""
-        self.withdraws_first = self._first_is_wrong(stamp_ns)
-        if self.withdraws_first:
-            return self._begin_anew(stamp_ns, item)
-        if self._is_old(stamp_ns):
-            self._earlier = (stamp_ns, item)
+        self.withdrawn_from_ns = None
+        if stamp_ns == self._last_ns or any(stamp_ns == held for held, _ in self._held):
+            self._count("stamp repeats", 1)
             return []
-        believed = self._judge_held(stamp_ns)
-        if self._is_leap(stamp_ns):
-            self._held = (stamp_ns, item)
-            return believed
+        if self._last_ns is not None and stamp_ns < self._last_ns:
+            return self._refuse(stamp_ns, item)
+        self._earlier.clear()
+        self._drop_held_after(stamp_ns)
+        if self._held or self._is_leap(stamp_ns):
+            self._held.append((stamp_ns, item))
+            return self.release() if len(self._held) > WITNESSES else []
         self._advance(stamp_ns)
-        return [*believed, (stamp_ns, item)]
+        return [(stamp_ns, item)]
 
     def release(self) -> list[tuple[int, T]]:
         """What is still held once no more will come: nothing has spoken against it, so it is believed."""
-        return [] if self._held is None else self._believe_held()
+        held, self._held = self._held, []
+        for stamp_ns, _ in held:
+            self._advance(stamp_ns)
+        return held
 
-    def _first_is_wrong(self, stamp_ns: int) -> bool:
-        is_first = self._last_ns is not None and not self._steps_ns and self._held is None
-        return is_first and self._earlier is not None and self._earlier[0] < stamp_ns < (self._last_ns or 0)
-
-    def _begin_anew(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
-        """What is believed now, with the item that was refused as too early, and this one."""
-        assert self._earlier is not None
-        self._dropped[f"{self.topic}: {BACKWARDS}"] -= 1
-        self._dropped += Counter()  # without a reason that counts none
-        self._dropped[f"{self.topic}: {AHEAD}"] += 1
-        self._last_ns = None
-        self._advance(self._earlier[0])
-        self._advance(stamp_ns)
-        return [self._earlier, (stamp_ns, item)]
-
-    def _is_old(self, stamp_ns: int) -> bool:
-        """Whether a stamp does not grow, which is counted."""
-        known = [self._last_ns, self._held[0] if self._held else None]
-        repeats = stamp_ns in known
-        backwards = self._last_ns is not None and stamp_ns < self._last_ns
-        if repeats or backwards:
-            self._dropped[f"{self.topic}: {'stamp repeats' if repeats else BACKWARDS}"] += 1
-        return repeats or backwards
-
-    def _judge_held(self, stamp_ns: int) -> list[tuple[int, T]]:
-        if self._held is None:
+    def _refuse(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
+        """Count an item that is too early; what is believed when those before it were the wrong ones."""
+        if self._earlier and stamp_ns <= self._earlier[-1][0]:
+            self._earlier.clear()
+        self._earlier.append((stamp_ns, item))
+        agreeing = len(self._earlier)
+        if self._first_ns and agreeing > len(self._first_ns):
+            return self._begin_anew(self._first_ns)
+        if agreeing <= WITNESSES:
+            self._count(BACKWARDS, 1)
             return []
-        if stamp_ns > self._held[0]:
-            return self._believe_held()
-        self._dropped[f"{self.topic}: {AHEAD}"] += 1
-        self._held = None
+        if agreeing == WITNESSES + 1:  # those before were counted as stragglers
+            self._count(BACKWARDS, -WITNESSES)
+            self._count(SET_BACK, WITNESSES)
+        self._count(SET_BACK, 1)
         return []
 
-    def _believe_held(self) -> list[tuple[int, T]]:
-        assert self._held is not None
-        held, self._held = self._held, None
-        self._advance(held[0])
-        return [held]
+    def _begin_anew(self, first_ns: list[int]) -> list[tuple[int, T]]:
+        """What is believed instead of the first items, which had wrong stamps."""
+        taken, self._earlier = self._earlier, []
+        self.withdrawn_from_ns = taken[0][0]
+        right = [stamp_ns for stamp_ns in first_ns if stamp_ns < taken[0][0]]
+        self._count(BACKWARDS, 1 - len(taken))
+        self._count(AHEAD, len(first_ns) - len(right) + len(self._held))
+        self._first_ns, self._last_ns, self._held = [], None, []
+        self._steps_ns.clear()
+        for stamp_ns in [*right, *(stamp for stamp, _ in taken)]:
+            self._advance(stamp_ns)
+        return taken
+
+    def _drop_held_after(self, stamp_ns: int) -> None:
+        wrong = [held for held in self._held if held[0] > stamp_ns]
+        self._count(AHEAD, len(wrong))
+        self._held = [held for held in self._held if held[0] <= stamp_ns]
+
+    def _count(self, reason: str, number: int) -> None:
+        name = f"{self.topic}: {reason}"
+        self._dropped[name] += number
+        if not self._dropped[name]:  # no reason that counts none
+            del self._dropped[name]
 
     def _is_leap(self, stamp_ns: int) -> bool:
         if self._last_ns is None:
@@ -109,3 +120,7 @@ class TopicClock(Generic[T]):
         if self._last_ns is not None:
             self._steps_ns.append(stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
+        if self._first_ns is not None:
+            self._first_ns.append(stamp_ns)
+            if len(self._first_ns) > WITNESSES:
+                self._first_ns = None

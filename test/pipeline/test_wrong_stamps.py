@@ -1,4 +1,4 @@
-"""One stamp far ahead costs one message: a topic believes a leap only when its next message confirms it."""
+"""A stamp far ahead costs its message: a topic believes a leap only when the two messages after it confirm it."""
 
 import json
 import random
@@ -34,12 +34,32 @@ def believed(*stamps: int) -> tuple[list[int], dict[str, int]]:
     taken: list[int] = []
     for new in stamps:
         now = [stamp for stamp, _ in clock.take(new, None)]
-        taken = now if clock.withdraws_first else [*taken, *now]
+        if clock.withdrawn_from_ns is not None:
+            taken = [stamp for stamp in taken if stamp < clock.withdrawn_from_ns]
+        taken += now
     return [*taken, *(stamp for stamp, _ in clock.release())], dict(dropped)
 
 
 def test_a_lone_stamp_ahead_is_dropped_and_counted() -> None:
     assert believed(0, 10, 20, 9000, 40, 50) == ([0, 10, 20, 40, 50], {f"odom: {LEAPS}": 1})
+
+
+@pytest.mark.parametrize("second", [9010, 900_000])
+def test_two_wrong_stamps_in_a_row_cost_those_two(second: int) -> None:
+    assert believed(0, 10, 20, 9000, second, 50, 60) == ([0, 10, 20, 50, 60], {f"odom: {LEAPS}": 2})
+
+
+def test_two_wrong_stamps_at_the_very_beginning_cost_those_two() -> None:
+    assert believed(9000, 9010, 20, 30, 40, 50) == ([20, 30, 40, 50], {f"odom: {LEAPS}": 2})
+    assert believed(10, 500, 30, 40, 50) == ([10, 30, 40, 50], {f"odom: {LEAPS}": 1})
+
+
+def test_a_clock_that_is_set_back_is_named_and_one_straggler_is_not() -> None:
+    assert believed(1000, 1010, 1020, 1030, 0, 10, 20, 30) == (
+        [1000, 1010, 1020, 1030],
+        {"odom: its clock was set back; what follows is another session, to be run by itself": 4},
+    )
+    assert believed(1000, 1010, 1020, 7, 1030, 8, 1040)[1] == {"odom: time goes backwards": 2}
 
 
 def test_the_first_stamp_is_withdrawn_when_the_two_after_it_agree_on_an_earlier_time() -> None:
