@@ -5,15 +5,18 @@ field ``pruning.ratio`` is the ROS parameter ``pruning.ratio`` and the YAML key 
 """
 
 import dataclasses
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from semantic_slam.errors import InputError
 from semantic_slam.registry import ASSOCIATIONS, CLASS_MODELS, OBSERVATIONS, Registry
+from semantic_slam.text_files import parse_yaml, read_text
+
+REMEDY = "see config/default.yaml"
+OUR_NODE = re.compile(r"(^|/)(hypothesis_manager|classifier|bag_player|bag_recorder|backend_\d+)$")
 
 
 def parameter(default: Any, text: str, **limits: Any) -> Any:
@@ -473,19 +476,35 @@ def from_dict(values: dict[str, Any], origin: str = "configuration") -> Configur
 
 def load_configuration(path: Path) -> Configuration:
     """Configuration from a YAML file, plain or in the form of a ROS 2 parameter file. Raises InputError."""
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    except (OSError, yaml.YAMLError) as fault:
-        reason = " ".join(str(fault).split())
-        raise InputError(f"{path}: not a readable YAML file ({reason}); see config/default.yaml") from None
+    values = parse_yaml(read_text(path, REMEDY), str(path), REMEDY) or {}
     if not isinstance(values, dict):
-        raise InputError(f"{path}: a mapping is expected; see config/default.yaml")
+        raise InputError(f"{path}: a mapping is expected; {REMEDY}")
     if "/**" in values:
         for key in ("/**", "ros__parameters"):
+            _check_alone(values, key, path)
             values = values.get(key) or {}
             if not isinstance(values, dict):
-                raise InputError(f"{path}: '{key}' must be a mapping; see config/default.yaml")
+                raise InputError(f"{path}: '{key}' must be a mapping; {REMEDY}")
     return from_dict(values, str(path))
+
+
+def _check_alone(values: dict[Any, Any], key: str, path: Path) -> None:
+    """Raises InputError where something stands beside a level of a parameter file that nobody would read.
+
+    Parameters of nodes that are not ours may stand beside ``/**``.
+    """
+    others = {str(other): value for other, value in values.items() if other != key}
+    if key == "/**":
+        others = {
+            name: value
+            for name, value in others.items()
+            if OUR_NODE.search(name) or not (isinstance(value, dict) and set(value) == {"ros__parameters"})
+        }
+    beside = list(others)
+    if beside:
+        raise InputError(
+            f"{path}: '{beside[0][:80]}' stands beside '{key}', where it has no effect; move it below that"
+        )
 
 
 def _build(cls: Any, values: Any, origin: str, prefix: str) -> Any:
@@ -526,9 +545,10 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
     """``value`` in the type of the field ``item`` and inside its limits; raises InputError."""
     try:
         result = _convert(default, value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
+        given = repr(value)[:80]
         raise InputError(
-            f"{origin}: parameter '{name}' has a wrong type ({value!r}); an example is {default!r}"
+            f"{origin}: parameter '{name}' has a wrong type ({given}); an example is {default!r}"
         ) from None
     limits = item.metadata
     choices = choices_of(item)

@@ -7,3 +7,11 @@ class SemanticSlamError(Exception):
 
 class InputError(SemanticSlamError):
     """Bad input or usage; a command line ends with exit code 2 and this text."""
+
+
+class MessageError(InputError):
+    """A message that cannot be used. A node counts it by ``kind`` and goes on, whoever sent it."""
+
+    def __init__(self, text: str, kind: str = "message cannot be used") -> None:
+        super().__init__(text)
+        self.kind = kind

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from semantic_slam.errors import InputError
 from semantic_slam.perception.frame import Detections
+from semantic_slam.text_files import parse_yaml, read_text
 
 EXAMPLE = "see config/labels_example.yaml"
 
@@ -42,10 +42,7 @@ class LabelMap:
 
 def read_label_map(path: Path) -> LabelMap:
     """Label map from a YAML file; raises InputError that names the entry at fault."""
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as fault:
-        raise InputError(f"{path}: not a readable YAML file ({' '.join(str(fault).split())}); {EXAMPLE}") from None
+    values = parse_yaml(read_text(path, EXAMPLE), str(path), EXAMPLE)
     if not isinstance(values, dict) or not values:
         raise InputError(f"{path}: a mapping 'detector label: our label' is expected; {EXAMPLE}")
     return LabelMap(

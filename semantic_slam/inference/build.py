@@ -77,9 +77,8 @@ def make_run_configuration(
     covariance = np.asarray(initial_covariance, dtype=np.float64)
     model = load_model(configuration.semantic_model) or latent
     names = model.class_names if model is not None else ()
-    run_id = digest(settings, prior, json.dumps(pose), json.dumps(covariance.tolist()), *names)
     return RunConfiguration(
-        run_id=run_id,
+        run_id=run_id_of(settings, prior, np.array(pose), covariance, names),
         stamp_ns=stamp_ns,
         configuration=settings,
         map_prior=prior,
@@ -89,6 +88,11 @@ def make_run_configuration(
         source=source,
         revision=revision,
     )
+
+
+def run_id_of(settings: str, prior: str, pose: Array, covariance: Array, class_names: Sequence[str]) -> str:
+    """Digest of all that determines a run besides its keyframes."""
+    return digest(settings, prior, json.dumps(pose.tolist()), json.dumps(covariance.tolist()), *class_names)
 
 
 def _check_odometry(configuration: Configuration, association: type[AssociationStrategy]) -> None:

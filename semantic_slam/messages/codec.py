@@ -1,7 +1,7 @@
 """The one place where our dataclasses and ROS messages turn into each other, and into bytes.
 
 A new message is one entry of ``CODECS``. Shapes are checked in both directions: a wrong one from outside is an
-InputError that names the field, a wrong one of ours a ValueError.
+MessageError that names the field, a wrong one of ours a ValueError.
 """
 
 from collections.abc import Callable
@@ -87,7 +87,7 @@ def to_message(value: Any, **context: Any) -> Any:
 
 
 def from_message(message: Any) -> Any:
-    """Our dataclass of a message; raises InputError when its arrays contradict each other."""
+    """Our dataclass of a message; raises MessageError when its arrays contradict each other."""
     return _codec(message.__msgtype__).from_message(message)
 
 
@@ -98,14 +98,7 @@ def encode(value: Any, **context: Any) -> bytes:
 
 def decode(data: bytes, type_name: str) -> Any:
     """Our dataclass from the CDR bytes of a message of that type; raises InputError."""
-    codec = _codec(type_name)
-    try:
-        message = deserialize(data, type_name)
-    except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
-        raise InputError(
-            f"{type_name}: {len(data)} bytes do not decode ({fault!r}); was another definition used?"
-        ) from None
-    return codec.from_message(message)
+    return _codec(type_name).from_message(deserialize(data, type_name))
 
 
 def _codec(type_name: str) -> Codec:

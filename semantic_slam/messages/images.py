@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import MessageError
+from semantic_slam.messages.image_size import claimed_size
 
 COLOUR_CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1}
 """Raw colour encodings and their channels; 8UC3 is taken for BGR, as OpenCV stores it."""
@@ -22,16 +23,18 @@ TO_RGB = {
 DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Raw depth encodings: millimetres as 16-bit integers, metres as 32-bit floats."""
 METRES_PER_UNIT = 0.001
+MOST_PIXELS = 100_000_000
+"""Of a picture, whoever sends it: more are refused before they are decoded."""
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 """What image_transport's compressedDepth puts before the png: format, and two numbers of its inverse depth."""
 
 
 def decode_image(message: Any, topic: str) -> NDArray[np.uint8]:
-    """(height, width, 3) RGB pixels; raises InputError that names the topic and what is accepted."""
+    """(height, width, 3) RGB pixels; raises MessageError that names the topic and what is accepted."""
     if hasattr(message, "format"):
-        pixels = _imdecode(message.data, cv2.IMREAD_COLOR)
+        pixels = _imdecode(message.data, cv2.IMREAD_COLOR, topic)
         if pixels is None:
-            raise InputError(f"{topic}: an image of format '{message.format}' does not decode; send jpeg or png")
+            raise MessageError(f"{topic}: an image of format '{message.format}' does not decode; send jpeg or png")
         return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8)
     channels = _known(message.encoding, COLOUR_CHANNELS, topic)
     pixels = _rows(message, np.dtype(np.uint8), channels, topic)
@@ -39,8 +42,16 @@ def decode_image(message: Any, topic: str) -> NDArray[np.uint8]:
     return np.asarray(pixels if conversion is None else cv2.cvtColor(pixels, conversion), dtype=np.uint8)
 
 
+def size_of(message: Any) -> tuple[int, int] | None:
+    """(width, height) that an Image or CompressedImage claims; None where a compressed one does not tell."""
+    if not hasattr(message, "format"):
+        return int(message.width), int(message.height)
+    data = np.asarray(message.data, dtype=np.uint8).tobytes()
+    return claimed_size(data[_header_size(message) :])
+
+
 def decode_depth(message: Any, topic: str) -> NDArray[np.float32]:
-    """(height, width) metres along the optical axis, NaN where invalid; raises InputError that names the topic."""
+    """(height, width) metres along the optical axis, NaN where invalid; raises MessageError that names the topic."""
     if hasattr(message, "format"):
         return _compressed_depth(message, topic)
     kind = np.dtype(_known(message.encoding, DEPTH_TYPES, topic))
@@ -50,10 +61,10 @@ def decode_depth(message: Any, topic: str) -> NDArray[np.float32]:
 
 def _compressed_depth(message: Any, topic: str) -> NDArray[np.float32]:
     data = np.asarray(message.data)
-    has_header = "compressedDepth" in message.format
-    values = _imdecode(data[COMPRESSED_DEPTH_HEADER.size :] if has_header else data, cv2.IMREAD_UNCHANGED)
+    has_header = _header_size(message) > 0
+    values = _imdecode(data[_header_size(message) :], cv2.IMREAD_UNCHANGED, topic)
     if values is None or values.dtype != np.uint16 or values.ndim != 2:
-        raise InputError(
+        raise MessageError(
             f"{topic}: a depth image of format '{message.format}' does not decode; send a 16UC1 png in millimetres"
         )
     if not (has_header and message.format.startswith("32FC1")):
@@ -63,22 +74,32 @@ def _compressed_depth(message: Any, topic: str) -> NDArray[np.float32]:
         return _metres(np.where(values > 0, scale / (values.astype(np.float32) - offset), np.nan))
 
 
+def _header_size(message: Any) -> int:
+    """Bytes before the picture."""
+    return COMPRESSED_DEPTH_HEADER.size if "compressedDepth" in message.format else 0
+
+
 def _metres(depth: NDArray[Any]) -> NDArray[np.float32]:
     return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.nan).astype(np.float32)
 
 
-def _imdecode(data: Any, flags: int) -> NDArray[Any] | None:
-    """OpenCV's array, or None where the bytes are no image."""
+def _imdecode(data: Any, flags: int, topic: str) -> NDArray[Any] | None:
+    """OpenCV's array, or None where the bytes are no image. Raises MessageError for one of more than MOST_PIXELS."""
     buffer = np.asarray(data, dtype=np.uint8)
+    size = claimed_size(buffer.tobytes())
+    if size is None:
+        return None
+    if size[0] * size[1] > MOST_PIXELS:
+        raise MessageError(f"{topic}: an image that claims more than {MOST_PIXELS} pixels; send a smaller one")
     try:
-        return cv2.imdecode(buffer, flags) if len(buffer) else None
+        return cv2.imdecode(buffer, flags)
     except cv2.error:
         return None
 
 
 def _known(encoding: str, accepted: dict[str, Any], topic: str) -> Any:
     if encoding not in accepted:
-        raise InputError(f"{topic}: encoding '{encoding}' is not read; send one of {', '.join(accepted)}")
+        raise MessageError(f"{topic}: encoding '{encoding}' is not read; send one of {', '.join(accepted)}")
     return accepted[encoding]
 
 
@@ -87,7 +108,7 @@ def _rows(message: Any, kind: np.dtype[Any], channels: int, topic: str) -> NDArr
     height, width, data = message.height, message.width, np.asarray(message.data)
     used = width * channels * kind.itemsize
     if not used or message.step < used or len(data) != height * message.step or not height:
-        raise InputError(
+        raise MessageError(
             f"{topic}: {len(data)} bytes are no {width} x {height} image of {message.encoding} with rows of"
             f" {message.step} bytes; correct its width, height and step"
         )

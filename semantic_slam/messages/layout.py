@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import MessageError
 from semantic_slam.messages.typestore import message_class, typestore
 
 Shape = tuple[str | int, ...]
@@ -48,7 +48,7 @@ def pack(type_name: str, layout: Layout, values: Mapping[str, Any]) -> dict[str,
 
 
 def unpack(type_name: str, layout: Layout, message: Any, sizes: Mapping[str, int] | None = None) -> dict[str, Any]:
-    """Shaped arrays (or tuples of strings) from message fields; raises InputError where the number of rows is wrong.
+    """Shaped arrays (or tuples of strings) from message fields; raises MessageError where the number of rows is wrong.
 
     ``sizes`` are dimensions that the message tells in fields of their own.
     """
@@ -88,7 +88,7 @@ def _unpacked(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[s
         _learn(sizes, unknown[0], len(value) // rest if rest else 0)
     expected = tuple(sizes[key] if isinstance(key, str) else key for key in shape)
     if math.prod(expected) != len(value):
-        raise InputError(
+        raise MessageError(
             f"{type_name}.{name}: {len(value)} values, expected shape {_text(shape, sizes)};"
             " send every array with as many rows as the message's definition says"
         )

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose, inverse
 from semantic_slam.inference.inputs.keyframe import OdometrySample
-from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, pose_vector
+from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose, pose_vector
 from semantic_slam.perception.frame import CameraModel
 
 DISTORTION_MODELS = ("plumb_bob", "rational_polynomial", "")
@@ -16,13 +16,13 @@ IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 def camera_model(message: Any, topic: str) -> CameraModel:
-    """Intrinsics of a sensor_msgs/CameraInfo; raises InputError when it is not calibrated or of another lens model."""
+    """Intrinsics of a sensor_msgs/CameraInfo; raises MessageError when it is not calibrated or of another lens."""
     k = np.asarray(message.k, dtype=np.float64)
     if not np.isfinite(k).all() or k[0] <= 0.0 or k[4] <= 0.0:
-        raise InputError(f"{topic}: the camera is not calibrated (fx {k[0]:g}, fy {k[4]:g}); calibrate it")
+        raise MessageError(f"{topic}: the camera is not calibrated (fx {k[0]:g}, fy {k[4]:g}); calibrate it")
     distortion = tuple(float(value) for value in message.d)
     if message.distortion_model not in DISTORTION_MODELS and any(distortion):
-        raise InputError(f"{topic}: distortion model '{message.distortion_model}' is not known; rectify the images")
+        raise MessageError(f"{topic}: distortion model '{message.distortion_model}' is not known; rectify the images")
     return CameraModel(
         width=int(message.width),
         height=int(message.height),
@@ -36,10 +36,10 @@ def camera_model(message: Any, topic: str) -> CameraModel:
 
 
 def odometry_sample(message: Any, topic: str) -> OdometrySample:
-    """Pose of a nav_msgs/Odometry; raises InputError that names the stamp when it is not finite."""
+    """Pose of a nav_msgs/Odometry; raises MessageError that names the stamp when it is not finite."""
     stamp, pose = header_stamp_ns(message), pose_vector(message.pose.pose)
-    if not np.isfinite(pose).all() or not np.linalg.norm(pose[3:]) > 0.0:
-        raise InputError(f"{topic}: the pose at {stamp / NANOSECONDS:.3f} s is not a pose; correct the odometry")
+    if not is_pose(pose):
+        raise MessageError(f"{topic}: the pose at {stamp / NANOSECONDS:.3f} s is not a pose; correct the odometry")
     return OdometrySample(stamp, pose)
 
 

@@ -9,6 +9,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.typestore import message_class
 
 NANOSECONDS = 1_000_000_000
+FARTHEST_M = 1e9
+"""No robot is farther from any origin; numbers beyond are faults."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,11 @@ def pose_message(pose: Array) -> Any:
     point = message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z)
     quaternion = message_class("geometry_msgs/msg/Quaternion")(x=qx, y=qy, z=qz, w=qw)
     return message_class("geometry_msgs/msg/Pose")(position=point, orientation=quaternion)
+
+
+def is_pose(pose: Array) -> bool:
+    """Whether a (7,) pose vector has a place and a rotation."""
+    return bool((np.abs(pose[:3]) <= FARTHEST_M).all() and 0.0 < np.linalg.norm(pose[3:]) <= FARTHEST_M)
 
 
 def pose_vector(pose: Any) -> Array:

@@ -11,6 +11,8 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from semantic_slam.errors import MessageError
+
 PACKAGE = "semantic_slam_msgs"
 DEFINITIONS = Path(__file__).parent / "definitions"
 """Folder of our ``*.msg`` files; in a checkout this is msg_defs/msg/, which colcon builds."""
@@ -38,5 +40,12 @@ def serialize(message: Any) -> bytes:
 
 
 def deserialize(data: bytes, type_name: str) -> Any:
-    """Message from its CDR bytes."""
-    return typestore().deserialize_cdr(data, type_name)
+    """Message from its CDR bytes; raises MessageError."""
+    try:
+        return typestore().deserialize_cdr(data, type_name)
+    except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
+        reason = " ".join(f"{type(fault).__name__} {fault}".split())[:100]
+        raise MessageError(
+            f"{type_name}: {len(data)} bytes do not decode ({reason}); was another definition used?",
+            "message does not decode",
+        ) from None

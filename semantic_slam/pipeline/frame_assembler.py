@@ -15,7 +15,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
-from semantic_slam.messages.images import decode_depth, decode_image
+from semantic_slam.messages.images import decode_depth, decode_image, size_of
 from semantic_slam.messages.sensor import camera_model, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
@@ -123,16 +123,19 @@ class FrameAssembler:
     ) -> NDArray[Any] | None:
         """Decoded image of the camera's size; None, counted, when it does not decode or has another size."""
         try:
+            self._check_size(size_of(message), topic, camera)
             pixels = decode(message, topic)
+            self._check_size((pixels.shape[1], pixels.shape[0]), topic, camera)
         except InputError as error:
             self.dropped[str(error)] += 1
             return None
-        height, width = pixels.shape[:2]
-        if (width, height) != (camera.width, camera.height):
-            expected = f"{camera.width} x {camera.height} of {topics.CAMERA_INFO}"
-            self.dropped[f"{topic}: size {width} x {height} is not the {expected}"] += 1
-            return None
         return pixels
+
+    def _check_size(self, size: tuple[int, int] | None, topic: str, camera: CameraModel) -> None:
+        """Raises InputError for a size that is known and is not the camera's."""
+        if size is not None and size != (camera.width, camera.height):
+            expected = f"{camera.width} x {camera.height} of {topics.CAMERA_INFO}"
+            raise InputError(f"{topic}: size {size[0]} x {size[1]} is not the {expected}")
 
 
 def _fault(detections: Detections, camera: CameraModel | None, image: Any) -> str:

@@ -28,6 +28,7 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.usable_measurements import usable
 from semantic_slam.pipeline.motion import (
     OdometryPoint,
     motion_covariance,
@@ -88,8 +89,8 @@ class KeyframeAssembler:
         return self._newest
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
-        """The measurements of one frame."""
-        self._measurements.add(measurements.stamp_ns, measurements)
+        """The measurements of one frame; detections that are no measurements are dropped."""
+        self._measurements.add(measurements.stamp_ns, usable(measurements, topics.MEASUREMENTS, self.dropped))
 
     def add_identities(self, identities: GroundTruthAssociations) -> None:
         """Object ids of the detections of one frame, used with ``association: given``."""

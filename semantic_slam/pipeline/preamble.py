@@ -1,20 +1,22 @@
 """What has to be known before the first keyframe: fixed transforms, the initial pose, the map prior."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
-from semantic_slam.errors import InputError
+from semantic_slam.errors import MessageError
+from semantic_slam.geometry.pose import planar_from_covariance
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import TransformTree, plain_frame
-from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.messages.standard import PoseEstimate, is_pose
 
 MAP_FRAME = "map"
 MAP_PRIOR_FILE = "objects.json"
+ROUNDING = 1e-12
 
 
 @dataclass
@@ -41,13 +43,24 @@ def read_preamble(reader: BagReader) -> Preamble:
 
 
 def checked_initial_pose(estimate: PoseEstimate) -> PoseEstimate:
-    """The initial pose itself; raises InputError when it is in another frame than map or not finite."""
+    """The initial pose, its quaternion of length 1; raises MessageError when it is not in map, or no pose.
+
+    Its covariance over x, y and yaw has to be one: all zeros are what publishers send that do not know it.
+    """
     if plain_frame(estimate.frame_id) != MAP_FRAME:
-        raise InputError(f"{topics.INITIAL_POSE}: it is in '{estimate.frame_id}'; publish it in '{MAP_FRAME}'")
-    is_pose = np.isfinite(estimate.pose).all() and np.linalg.norm(estimate.pose[3:]) > 0.0
-    if not is_pose or not np.isfinite(estimate.covariance).all():
-        raise InputError(f"{topics.INITIAL_POSE}: pose or covariance are not finite; publish numbers")
-    return estimate
+        raise MessageError(f"{topics.INITIAL_POSE}: it is in '{estimate.frame_id}'; publish it in '{MAP_FRAME}'")
+    if not is_pose(estimate.pose) or not np.isfinite(estimate.covariance).all():
+        raise MessageError(f"{topics.INITIAL_POSE}: pose or covariance are not finite; publish numbers")
+    planar = planar_from_covariance(estimate.covariance)
+    if not np.allclose(planar, planar.T) or np.linalg.eigvalsh(planar).min() <= 0.0:
+        raise MessageError(
+            f"{topics.INITIAL_POSE}: its covariance over x, y and yaw is not positive definite; publish how far the"
+            " pose may be off, 0.01 for 0.1 m"
+        )
+    length = float(np.linalg.norm(estimate.pose[3:]))
+    if abs(length - 1.0) <= ROUNDING:  # to the last bit as it is
+        return estimate
+    return replace(estimate, pose=np.append(estimate.pose[:3], estimate.pose[3:] / length))
 
 
 def find_map_prior(bag: Path) -> MapPrior | None:

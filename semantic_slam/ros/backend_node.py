@@ -6,13 +6,15 @@ Parameters:
 
 import re
 
+from rclpy.qos import QoSProfile
+
 from semantic_slam.errors import InputError
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.protocol import Candidates
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import decode, encode, from_message
-from semantic_slam.messages.typestore import deserialize
+from semantic_slam.messages.codec import encode
 from semantic_slam.ros import qos
+from semantic_slam.ros.health import dropped_status
 from semantic_slam.ros.liveliness import Sign
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
@@ -30,26 +32,25 @@ class BackendNode(PipelineNode):
         given = int(self.declare_parameter("backend_id", -1).value)
         refuse_undeclared(self)
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
-        self._rounds = WorkOrder(backend_class(self.backend_id))
+        self._rounds = WorkOrder(lambda: backend_class(self.backend_id))
         self._sign = Sign(self, self.backend_id)
         self._candidates = self._outlet(topics.CANDIDATES)
         self._components = self._outlet(topics.COMPONENTS)
-        self.listen(topics.RUN_CONFIGURATION, self._start, qos.latched())
-        self.listen(topics.KEYFRAMES, self._keyframe, qos.everything_from_the_start())
-        self.listen(topics.COMMITS, self._commit, qos.everything_from_the_start())
+        self._status = dropped_status(self._rounds.dropped)  # replaced by the worker, published by the executor
+        self.health.add_source(lambda: [self._status])
+        self._follow(topics.RUN_CONFIGURATION, qos.latched())
+        self._follow(topics.KEYFRAMES, qos.everything_from_the_start())
+        self._follow(topics.COMMITS, qos.everything_from_the_start())
 
     def _outlet(self, topic: str) -> Outlet:
         return Outlet(self, relative_name(topic), topics.TYPES[topic], qos.everything())
 
-    def _start(self, data: bytes) -> None:
-        self._send(self._rounds.start(decode(data, topics.TYPES[topics.RUN_CONFIGURATION])))
+    def _follow(self, topic: str, profile: QoSProfile) -> None:
+        def handle(data: bytes) -> None:
+            self._send(self._rounds.take(data, topics.TYPES[topic]))
+            self._status = dropped_status(self._rounds.dropped)
 
-    def _keyframe(self, data: bytes) -> None:
-        message = deserialize(data, topics.TYPES[topics.KEYFRAMES])
-        self._send(self._rounds.keyframe(message.run_id, from_message(message)))
-
-    def _commit(self, data: bytes) -> None:
-        self._send(self._rounds.commit(decode(data, topics.TYPES[topics.COMMITS])))
+        self.listen(topic, handle, profile)
 
     def _send(self, answers: list[Answer]) -> None:
         for answer in answers:

@@ -19,7 +19,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from semantic_slam.datasets.detection_formats import READERS, in_body
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, to_message
@@ -119,7 +119,7 @@ class ClassifierNode(PipelineNode):
             if foreign is None:
                 message = deserialize(data, OURS)
             else:
-                detections = READERS[type_name](deserialize_message(data, foreign))
+                detections = READERS[type_name](_received(data, foreign))
                 try:
                     message = to_message(in_body(detections, type_name, self._perception.base_frame, self._sensor_pose))
                 except InputError as fault:  # the transform may still come
@@ -181,7 +181,15 @@ class ClassifierNode(PipelineNode):
 
     def _all_dropped(self) -> Counter[str]:
         classifier = Counter[str]() if self._classifier is None else self._classifier.dropped
-        return self._assembler.dropped + classifier + self._dropped
+        return self._assembler.dropped + classifier + self._dropped + self.refused
+
+
+def _received(data: bytes, kind: Any) -> Any:
+    """A message of another package; raises MessageError."""
+    try:
+        return deserialize_message(data, kind)
+    except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
+        raise MessageError(f"{len(data)} bytes do not decode ({fault})", "message does not decode") from None
 
 
 main = main_of(ClassifierNode, __doc__ or "")

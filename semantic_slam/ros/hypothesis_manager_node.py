@@ -58,9 +58,8 @@ class HypothesisManagerNode(PipelineNode):
         self._assembler = KeyframeAssembler(self._configuration, has_identities=self._wants_identities)
         self._initial_pose: PoseEstimate | None = None
         self._manager: Engine | None = None
-        self._undecodable: Counter[str] = Counter()
         self._frames_measured = self._frames_lost = self._num_keyframes = self._announced = self._stamp_ns = 0
-        self._status = dropped_status(self._undecodable)  # replaced by the worker, published by the executor
+        self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
         self._explanation = explanation_status(None)  # likewise
         self._publisher = BeliefPublisher(self, self.lossless)
         self._lookalikes = LookalikeService(self, self._configuration.semantic_model)
@@ -94,10 +93,7 @@ class HypothesisManagerNode(PipelineNode):
 
     def _decoded(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
         def handle(data: bytes) -> None:
-            try:
-                add(deserialize(data, topics.TYPES[topic]))
-            except InputError as fault:
-                self._undecodable[str(fault)] += 1
+            add(deserialize(data, topics.TYPES[topic]))
             self._infer(self._assembler.take())
 
         return handle
@@ -128,7 +124,7 @@ class HypothesisManagerNode(PipelineNode):
                 self._num_keyframes += 1
         finally:
             lost = self._manager.lost if self._manager is not None else Counter[str]()
-            self._status = dropped_status(self._assembler.dropped + self._undecodable + lost)
+            self._status = dropped_status(self._assembler.dropped + self.refused + self._pool.refused + lost)
         self._announce(finished=False)
 
     def _start(self, stamp_ns: int) -> Engine:

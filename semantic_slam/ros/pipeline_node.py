@@ -3,6 +3,7 @@
 import argparse
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -15,13 +16,15 @@ from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.ros.diagnostics import Diagnostics
 from semantic_slam.ros.transport import receive
 from semantic_slam.ros.worker import Worker
 
 QUIET_TICK_S = 0.1
 QUIET_TICKS = 3
+SAY_AGAIN_S = 10.0
+"""What goes on being wrong is said on the console once in so long."""
 
 
 class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
@@ -33,6 +36,7 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         self.health = Diagnostics(self)
         self.worker = Worker(self._failed)
         self.fault: Exception | None = None
+        self.refused: Counter[str] = Counter()  # messages that could not be used, by topic and kind
         self._arrivals = 0
 
     def listen(
@@ -55,7 +59,14 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
             self._arrivals += ends
             for monitor in monitors:
                 monitor.arrived(time.monotonic())
-            self.worker.submit(handle, data)
+            self.worker.submit(guarded, data)
+
+        def guarded(data: bytes) -> None:
+            try:
+                handle(data)
+            except MessageError as fault:  # what one message holds ends no node
+                self.refused[f"{topic}: {fault.kind}"] += 1
+                self.get_logger().warning(f"{topic}: {fault}", throttle_duration_sec=SAY_AGAIN_S)
 
         name = receive(self, topic, queue_message, qos, type_name, self.health.incompatible)
         if required:

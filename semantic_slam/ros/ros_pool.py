@@ -2,13 +2,14 @@
 
 import queue
 import time
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 import rclpy
 from rclpy.node import Node
 
-from semantic_slam.errors import SemanticSlamError
+from semantic_slam.errors import MessageError, SemanticSlamError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.messages import topics
@@ -34,6 +35,7 @@ class RosPool:
         self.backend_ids = tuple(backend_ids)
         self._timeout_s = timeout_s
         self._run_id = ""
+        self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and kind
         self._given_up: tuple[int, ...] = ()
         self._logger = node.get_logger()
         self._watch = Watch(node, backend_ids)
@@ -91,6 +93,9 @@ class RosPool:
                 answer = decode(answers.get(timeout=CHECK_S), topics.TYPES[topic])
             except queue.Empty:
                 self._check()
+                continue
+            except MessageError as fault:
+                self.refused[f"{topic}: {fault.kind}"] += 1
                 continue
             if (answer.run_id, answer.keyframe) == (self._run_id, index) and answer.backend_id in self._awaited:
                 collected[answer.backend_id] = answer

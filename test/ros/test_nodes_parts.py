@@ -1,10 +1,7 @@
 """The parts of the nodes that need no ROS graph: order of rounds, flow control, play list, plain views."""
 
 import threading
-from dataclasses import dataclass, replace
-from itertools import permutations
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,63 +18,6 @@ from semantic_slam.ros.flow_control import Credit
 from semantic_slam.ros.health import Level, explanation_status
 from semantic_slam.ros.playlist import Playlist, parse_remaps
 from semantic_slam.ros.views import map_to_odom_view, markers_view, pose_view
-from semantic_slam.ros.work_order import WorkOrder
-
-RUN = "run"
-
-
-class Scribe:
-    """Stands where a backend stands, and answers with what it was asked."""
-
-    def start(self, run: Any) -> None:
-        self.run_id = run.run_id
-
-    def expand(self, keyframe: Any) -> str:
-        return f"expand {keyframe.index}"
-
-    def commit(self, commit: Any) -> str:
-        return f"commit {commit.keyframe}"
-
-
-def in_order(number: int) -> list[str]:
-    return [f"{round_} {k}" for k in range(number) for round_ in ("expand", "commit")]
-
-
-@dataclass
-class Feed:
-    """One message to :class:`WorkOrder`."""
-
-    kind: str
-    index: int = 0
-
-    def to(self, rounds: WorkOrder) -> list[Any]:
-        if self.kind == "start":
-            return rounds.start(SimpleNamespace(run_id=RUN))  # type: ignore[arg-type]
-        if self.kind == "keyframe":
-            return rounds.keyframe(RUN, SimpleNamespace(index=self.index))  # type: ignore[arg-type]
-        return rounds.commit(SimpleNamespace(run_id=RUN, keyframe=self.index))  # type: ignore[arg-type]
-
-
-def test_rounds_do_not_depend_on_the_order_between_topics() -> None:
-    """Start, two keyframes, two commits: every order that keeps the order within each topic."""
-    messages = [Feed("start"), Feed("keyframe", 0), Feed("keyframe", 1), Feed("commit", 0), Feed("commit", 1)]
-    tried = 0
-    for order in permutations(range(5)):
-        if order.index(1) < order.index(2) and order.index(3) < order.index(4):
-            rounds = WorkOrder(Scribe())  # type: ignore[arg-type]
-            answers = [answer for n in order for answer in messages[n].to(rounds)]
-            assert answers == in_order(2)
-            tried += 1
-    assert tried == 30  # 5! / (2! 2!)
-
-
-def test_newest_keyframe_is_answered_again_and_a_second_start_begins_anew() -> None:
-    rounds = WorkOrder(Scribe())  # type: ignore[arg-type]
-    for feed in (Feed("start"), Feed("keyframe", 0), Feed("commit", 0), Feed("keyframe", 1)):
-        feed.to(rounds)
-    assert Feed("keyframe", 1).to(rounds) == ["expand 1"]
-    assert Feed("start").to(rounds) == []
-    assert Feed("keyframe", 0).to(rounds) == ["expand 0"]
 
 
 def test_credit_lets_a_window_of_frames_go_and_then_waits() -> None:

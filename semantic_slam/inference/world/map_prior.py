@@ -10,6 +10,7 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.text_files import parse_json, read_text
 
 ID_LIMIT = 2**32
 ROUNDING = 1e-6
@@ -87,13 +88,14 @@ def _row(prior: ObjectPrior) -> dict[str, object]:
 def parse_map_prior(text: str, origin: str) -> MapPrior:
     """Map prior from the text of an ``objects.json``; raises InputError that names ``origin``."""
     try:
-        document = json.loads(text)
+        document = parse_json(text)
         _check_frame(document)
         objects = tuple(_object(row) for row in document["objects"])
         space = str(document.get("descriptor_space", ""))
-    except (ValueError, KeyError, TypeError) as fault:
+    except (ValueError, KeyError, TypeError, OverflowError) as fault:
+        reason = " ".join(repr(fault).split())[:200]
         raise InputError(
-            f"{origin}: not a map prior ({fault!r}); give an objects.json as bag_to_report writes it"
+            f"{origin}: not a map prior ({reason}); give an objects.json as bag_to_report writes it"
         ) from None
     ids = [prior.object_id for prior in objects]
     if len(set(ids)) < len(ids):
@@ -103,10 +105,7 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
 
 def read_map_prior(path: Path) -> MapPrior:
     """Map prior from an ``objects.json``; raises InputError when it cannot be read."""
-    try:
-        return parse_map_prior(path.read_text(encoding="utf-8"), str(path))
-    except OSError as fault:
-        raise InputError(f"{path}: {fault.strerror}; name an existing objects.json") from None
+    return parse_map_prior(read_text(path, "name an existing objects.json"), str(path))
 
 
 def _object(row: dict[str, object]) -> ObjectPrior:
@@ -120,7 +119,7 @@ def _object(row: dict[str, object]) -> ObjectPrior:
         pose=_pose(row["pose"]),
         covariance=_covariance(row["covariance"]),
         class_probabilities=_class_probabilities(row.get("class_probabilities")),
-        existence=float(str(row.get("existence", 1.0))),
+        existence=_existence(row.get("existence", 1.0)),
         **_descriptor(row),
     )
 
@@ -161,6 +160,13 @@ def _covariance(values: object) -> Array:
     if np.abs(covariance - covariance.T).max() > tolerance or np.linalg.eigvalsh(covariance).min() < -tolerance:
         raise ValueError("covariance is not symmetric and positive semi-definite")
     return covariance
+
+
+def _existence(value: object) -> float:
+    probability = float(str(value))
+    if not 0.0 <= probability <= 1.0:
+        raise ValueError(f"existence is {probability}, and must be a probability")
+    return probability
 
 
 def _class_probabilities(values: object) -> dict[str, float]:

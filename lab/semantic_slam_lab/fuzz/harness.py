@@ -1,0 +1,177 @@
+"""Runs cases until the time is over, each in a worker that may die, and tells what was found."""
+
+import argparse
+import multiprocessing
+import os
+import sys
+import time
+import traceback
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from semantic_slam.cli.exit_codes import CommandParser
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam_lab.fuzz.limits import bound_address_space, limited
+
+HANG_S = 90.0
+"""A worker that tells nothing for so long, on a busy machine, is stuck outside Python."""
+Case = Callable[[np.random.Generator], None]
+Target = Callable[[Path], Case]
+"""Makes, once per worker, a function that draws one case and feeds it to a real reader; the folder is for files."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """A case that ended otherwise than well, or with an error of ours."""
+
+    target: str
+    index: int
+    what: str  # one line
+    where: str  # file:line of the deepest frame of this package
+    trace: str = ""
+
+
+def parse(targets: dict[str, Target]) -> argparse.Namespace:
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
+        description="Feed readers and the engine what nobody should send. The last line is 'N cases, M findings'."
+    )
+    parser.add_argument("--seconds", type=float, default=120.0, help="how long (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of every draw (default: %(default)s)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
+    parser.add_argument("--target", choices=sorted(targets), action="append", help="these alone; may be repeated")
+    parser.add_argument("--index", type=int, help="one case of one target again, with its whole traceback")
+    return parser.parse_args()
+
+
+def run(targets: dict[str, Target], arguments: argparse.Namespace) -> int:
+    """All workers until the time is over: the exit code."""
+    chosen = {name: targets[name] for name in arguments.target or targets}
+    if arguments.index is not None:
+        return _again(chosen, arguments)
+    give_up = time.monotonic() + arguments.seconds
+    workers = [Worker(chosen, arguments.seed, number, arguments.jobs) for number in range(arguments.jobs)]
+    findings: dict[tuple[str, str, str], list[Finding]] = {}
+    cases = 0
+    while time.monotonic() < give_up:
+        for worker in workers:
+            for finding in worker.poll(0.2):
+                if finding is None:
+                    cases += 1
+                else:
+                    findings.setdefault((finding.target, finding.what.split(":")[0], finding.where), []).append(finding)
+                    cases += 1
+    for worker in workers:
+        worker.stop()
+    for same in findings.values():
+        first = same[0]
+        print(f"{first.target} --index {first.index} ({len(same)} times): {first.what} at {first.where}")
+    print(f"{cases} cases, {len(findings)} findings")
+    return 1 if findings or not cases else 0
+
+
+class Worker:
+    """A process that runs every ``jobs``-th case; started anew where it dies or hangs."""
+
+    def __init__(self, targets: dict[str, Target], seed: int, number: int, jobs: int) -> None:
+        self._targets, self._seed, self._jobs = targets, seed, jobs
+        self._next = number
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("fork")
+        self._pipe, theirs = context.Pipe(duplex=False)
+        self._last_s = time.monotonic()
+        arguments = (self._targets, self._seed, self._next, self._jobs, theirs)
+        self._process = context.Process(target=_work, args=arguments, daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def poll(self, patience_s: float) -> Iterator[Finding | None]:
+        """What has become of cases since the last call: None, or what was found."""
+        try:
+            while self._pipe.poll(patience_s):
+                number, finding = self._pipe.recv()
+                self._next, self._last_s, patience_s = number + self._jobs, time.monotonic(), 0.0
+                yield finding
+        except EOFError:
+            self._process.join()
+            yield self._died(f"the process died with {self._process.exitcode}")
+            return
+        if time.monotonic() - self._last_s > HANG_S:
+            self._process.kill()
+            self._process.join()
+            yield self._died(f"nothing for {HANG_S:.0f} s")
+
+    def _died(self, what: str) -> Finding:
+        name, index = _place(self._targets, self._next)
+        self._next += self._jobs
+        self._start()
+        return Finding(target=name, index=index, what=what, where="?")
+
+    def stop(self) -> None:
+        self._process.kill()
+        self._process.join()
+
+
+def _place(targets: dict[str, Target], number: int) -> tuple[str, int]:
+    """Target and index of the case with that number: targets take turns."""
+    return list(targets)[number % len(targets)], number // len(targets)
+
+
+def _work(targets: dict[str, Target], seed: int, first: int, jobs: int, pipe: Connection) -> None:
+    with TemporaryDirectory(prefix="fuzz_") as folder, open("/dev/null", "w", encoding="ascii") as nowhere:
+        for stream in (sys.stdout, sys.stderr):  # what libraries in C print, too
+            os.dup2(nowhere.fileno(), stream.fileno())
+        made: dict[str, Case] = {}
+        number = first
+        while True:
+            name, index = _place(targets, number)
+            if name not in made:
+                made[name] = targets[name](Path(folder))
+            bound_address_space()
+            pipe.send((number, outcome(name, made[name], seed, index)))
+            number += jobs
+
+
+def outcome(name: str, case: Case, seed: int, index: int) -> Finding | None:
+    """What became of one case: None where it ended well or with an error of ours."""
+    chance = np.random.default_rng([seed, zlib.crc32(name.encode()), index])
+    try:
+        with limited():
+            case(chance)
+    except SemanticSlamError as fault:
+        return _line_finding(name, index, str(fault))
+    except BaseException as fault:
+        lines = traceback.extract_tb(fault.__traceback__)
+        ours = [frame for frame in lines if "semantic_slam" in frame.filename and "/fuzz/" not in frame.filename]
+        where = f"{Path(ours[-1].filename).name}:{ours[-1].lineno}" if ours else "?"
+        what = " ".join(f"{type(fault).__name__}: {fault}".split())[:200]
+        return Finding(target=name, index=index, what=what, where=where, trace=traceback.format_exc())
+    return None
+
+
+def _line_finding(name: str, index: int, text: str) -> Finding | None:
+    """Errors of ours are one short line."""
+    if "\n" not in text.strip() and len(text) <= LONGEST_LINE:
+        return None
+    return Finding(target=name, index=index, what=f"a message of {len(text)} characters: {text[:80]!r}", where="?")
+
+
+LONGEST_LINE = 2000
+
+
+def _again(chosen: dict[str, Target], arguments: argparse.Namespace) -> int:
+    (name,) = chosen
+    with TemporaryDirectory(prefix="fuzz_") as folder:
+        finding = outcome(name, chosen[name](Path(folder)), arguments.seed, arguments.index)
+    if finding is not None:
+        print(finding.trace or finding.what)
+    print(f"1 cases, {int(finding is not None)} findings")
+    return int(finding is not None)

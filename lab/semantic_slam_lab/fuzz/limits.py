@@ -1,0 +1,53 @@
+"""What a case may cost: seconds of CPU and bytes beyond what the process held before it."""
+
+import resource
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+MEBIBYTE = 1 << 20
+CPU_S = 5.0
+MEMORY_BYTES = 500 * MEBIBYTE
+ADDRESS_SPACE_BYTES = 4096 * MEBIBYTE
+"""Beyond what the process has mapped before: allocations that no machine should be asked for fail at once."""
+
+
+class TooSlowError(BaseException):
+    """A case took more CPU than it may; no reader's ``except Exception`` swallows that."""
+
+
+class TooLargeError(BaseException):
+    """A case took more memory than it may."""
+
+
+def bound_address_space() -> None:
+    """Let larger allocations of this process fail."""
+    most = _status_bytes("VmSize") + ADDRESS_SPACE_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+@contextmanager
+def limited() -> Iterator[None]:
+    """A context that raises TooSlowError or TooLargeError for what its body takes."""
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak begins anew
+    before = _status_bytes("VmRSS")
+    signal.signal(signal.SIGPROF, _too_slow)
+    signal.setitimer(signal.ITIMER_PROF, CPU_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+    grown = _status_bytes("VmHWM") - before
+    if grown > MEMORY_BYTES:
+        raise TooLargeError(f"{grown // MEBIBYTE} MiB more")
+
+
+def _too_slow(number: int, frame: FrameType | None) -> None:
+    raise TooSlowError(f"more than {CPU_S:.0f} s of CPU")
+
+
+def _status_bytes(name: str) -> int:
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) << 10 for line in lines if line.startswith(f"{name}:"))

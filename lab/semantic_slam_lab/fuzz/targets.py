@@ -1,0 +1,276 @@
+"""What is fed, and to which readers: bags, configurations, maps, messages, models and pictures."""
+
+import json
+import struct
+import zlib
+from collections.abc import Callable
+from copy import deepcopy
+from itertools import chain
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.random import Generator
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.configuration import Configuration, from_dict, load_configuration
+from semantic_slam.datasets.label_map import read_label_map
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.build import run_id_of
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.world.map_prior import parse_map_prior, read_map_prior
+from semantic_slam.latent.store import read_latent_model
+from semantic_slam.messages.codec import BY_TYPE_NAME, decode, from_message
+from semantic_slam.messages.images import decode_depth, decode_image
+from semantic_slam.messages.standard import header_message
+from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.ros.work_order import WorkOrder
+from semantic_slam.shipped import CONFIGURATIONS
+from semantic_slam.viewpoint.store import read_model
+from semantic_slam_lab.fuzz import small_drive
+from semantic_slam_lab.fuzz.harness import Case, Target
+from semantic_slam_lab.fuzz.mutation import change_message, damaged, with_strange_values
+from semantic_slam_lab.fuzz.protocol import spoken
+
+OPEN = {**small_drive.PLAIN, "association": "open"}
+WEIGHTS = CONFIGURATIONS.parent / "weights"
+MODELS: dict[str, Callable[[Path], Any]] = {
+    "viewpoint_models.safetensors": read_model,
+    "latent_model.safetensors": read_latent_model,
+}
+
+
+def configurations(folder: Path) -> Case:
+    """Files damaged as texts, or with strange values; what is accepted has to begin a run."""
+    texts = [path.read_bytes() for path in sorted(CONFIGURATIONS.glob("*.yaml")) if "labels" not in path.name]
+    path = folder / "configuration.yaml"
+
+    def case(chance: Generator) -> None:
+        text = texts[chance.integers(len(texts))]
+        path.write_bytes(damaged(text, chance) if chance.random() < 0.5 else _strange_yaml(text, chance))
+        _one_keyframe(load_configuration(path), small_drive.map_prior().to_json())
+
+    return case
+
+
+def labels(folder: Path) -> Case:
+    """Label files."""
+    text, path = b"person: null\nchair: chair\n'56': chair\n", folder / "labels.yaml"
+
+    def case(chance: Generator) -> None:
+        path.write_bytes(damaged(text, chance))
+        read_label_map(path)
+
+    return case
+
+
+def maps(folder: Path) -> Case:
+    """Maps damaged as texts, or with strange values; what is accepted has to begin a run."""
+    text, path = small_drive.map_prior().to_json(), folder / "objects.json"
+    configurations = [from_dict(small_drive.PLAIN), from_dict(OPEN)]
+
+    def case(chance: Generator) -> None:
+        if chance.random() < 0.4:
+            path.write_bytes(damaged(text.encode(), chance))
+        else:
+            path.write_text(json.dumps(with_strange_values(json.loads(text), chance)), encoding="utf-8")
+        read_map_prior(path)
+        _one_keyframe(configurations[chance.integers(2)], path.read_text(encoding="utf-8"))
+
+    return case
+
+
+def bags(folder: Path) -> Case:
+    """Bags with damaged storage or metadata: reader and every message in them."""
+    whole = small_drive.write(folder / "whole", small_drive.items(), small_drive.map_prior())
+    contents = {path.name: path.read_bytes() for path in whole.iterdir()}
+    spoiled = folder / "spoiled"
+
+    def case(chance: Generator) -> None:
+        rmtree(spoiled, ignore_errors=True)
+        spoiled.mkdir()
+        at_fault = sorted(contents)[chance.integers(len(contents))] if chance.random() < 0.4 else "whole.mcap"
+        for name, data in contents.items():
+            (spoiled / name).write_bytes(damaged(data, chance) if name == at_fault else data)
+        with BagReader(spoiled) as reader:
+            for message in reader.messages():
+                try:
+                    reader.decode(message.cdr, message.type_name)
+                except InputError:
+                    continue
+
+    return case
+
+
+def drives(folder: Path) -> Case:
+    """Whole runs on messages that are strange, or damaged as bytes where the bag holds them."""
+    settings = [from_dict(small_drive.PLAIN), from_dict(OPEN), load_configuration(CONFIGURATIONS / "uncalibrated.yaml")]
+
+    def case(chance: Generator) -> None:
+        for name in ("input", "belief"):
+            rmtree(folder / name, ignore_errors=True)
+        messages = deepcopy(small_drive.items())
+        for _ in range(1 + chance.integers(3)):
+            change_message(messages[chance.integers(len(messages))].message, chance)
+        try:
+            bag = small_drive.write(folder / "input", messages, small_drive.map_prior())
+        except Exception:  # no such message can be sent
+            return
+        run_bag(bag, folder / "belief", settings[chance.integers(len(settings))])
+        read_record(folder / "belief")
+
+    return case
+
+
+def messages(folder: Path) -> Case:
+    """CDR of our own types, damaged as bytes or strange in one value."""
+    samples = _samples()
+
+    def case(chance: Generator) -> None:
+        message = deepcopy(samples[chance.integers(len(samples))])
+        type_name = message.__msgtype__
+        if chance.random() < 0.6:
+            decode(damaged(serialize(message), chance), type_name)
+            return
+        change_message(message, chance)
+        try:
+            data = serialize(message)
+        except Exception:  # no such message can be sent
+            return
+        decode(data, type_name)
+
+    return case
+
+
+def rounds(folder: Path) -> Case:
+    """A backend's work with one message of the run strange, repeated, or of another run."""
+    run, *rest = spoken()
+
+    def case(chance: Generator) -> None:
+        order = WorkOrder(lambda: Backend(0))
+        spoiled, at = deepcopy([run, *rest]), int(chance.integers(1 + len(rest)))
+        what = chance.random()
+        if what < 0.6:
+            change_message(spoiled[at], chance)
+        extra = [deepcopy(spoiled[at])] if what > 0.5 else []
+        if extra and chance.random() < 0.5:
+            change_message(extra[0], chance)
+        if chance.random() < 0.5:  # whoever sends it may know how ids are made
+            _name_anew(spoiled[0])
+        for message in chain(spoiled[: at + 1], extra, spoiled[at + 1 :]):
+            try:
+                data = serialize(message)
+            except Exception:  # no such message can be sent
+                return
+            order.take(data, message.__msgtype__)
+
+    return case
+
+
+def models(folder: Path) -> Case:
+    """Model files, their arrays and descriptions damaged."""
+    contents = {name: (WEIGHTS / name).read_bytes() for name in MODELS}
+
+    def case(chance: Generator) -> None:
+        name = sorted(contents)[chance.integers(len(contents))]
+        data = contents[name]
+        head = 8 + int.from_bytes(data[:8], "little")
+        path = folder / name
+        split = head if chance.random() < 0.7 else len(data)
+        path.write_bytes(damaged(data[:split], chance) + data[split:])
+        MODELS[name](path)
+
+    return case
+
+
+def pictures(folder: Path) -> Case:
+    """Pictures of every encoding, damaged, or with sizes that are not theirs."""
+    chance = np.random.default_rng(0)
+    colour = chance.integers(0, 256, (24, 32, 3), dtype=np.uint8)
+    depth = chance.integers(0, 9000, (24, 32), dtype=np.uint16)
+    jpeg, png, deep = (
+        cv2.imencode(*made)[1].tobytes() for made in ((".jpg", colour), (".png", colour), (".png", depth))
+    )
+
+    def case(chance: Generator) -> None:
+        readers: list[tuple[Any, Any]] = [
+            (decode_image, _compressed("jpeg", damaged(jpeg, chance))),
+            (decode_image, _compressed("png", damaged(png, chance))),
+            (decode_image, _compressed("png", _with_size(png, chance))),
+            (decode_depth, _compressed("16UC1; compressedDepth png", bytes(12) + damaged(deep, chance))),
+            (decode_depth, _compressed("32FC1; compressedDepth png", damaged(bytes(12) + deep, chance))),
+            (decode_depth, _compressed("16UC1; png", _with_size(deep, chance))),
+            (decode_image, _raw("rgb8", colour.tobytes(), chance)),
+            (decode_depth, _raw("32FC1", depth.tobytes(), chance)),
+        ]
+        read, message = readers[chance.integers(len(readers))]
+        read(message, "image")
+
+    return case
+
+
+TARGETS: dict[str, Target] = {
+    target.__name__: target
+    for target in (configurations, labels, maps, bags, drives, messages, rounds, models, pictures)
+}
+
+
+def _strange_yaml(text: bytes, chance: Generator) -> bytes:
+    return str(yaml.safe_dump(with_strange_values(yaml.safe_load(text), chance), allow_unicode=True)).encode()
+
+
+def _one_keyframe(configuration: Configuration, prior: str) -> None:
+    """A run's beginning: two detections after a first motion."""
+    engine = Engine(configuration, parse_map_prior(prior, "objects.json"))
+    seen = [Detection.at(float(x), float(y), track_id=str(n)) for n, (x, y) in enumerate(small_drive.OBJECTS)]
+    engine.process(Keyframe.planar(0, detections=seen, motion=(0.1, 0.0, 0.0)))
+
+
+def _samples() -> list[Any]:
+    """A message of each of our types that a small run has."""
+    found = {item.message.__msgtype__: item.message for item in small_drive.items()}
+    for message in spoken():
+        found[message.__msgtype__] = message
+    return [message for name, message in found.items() if name in BY_TYPE_NAME]
+
+
+def _name_anew(run: Any) -> None:
+    """Give an announcement the id of its contents."""
+    value = from_message(run)
+    told = (value.configuration, value.map_prior, value.initial_pose, value.initial_covariance, value.class_names)
+    run.run_id = run_id_of(*told)
+
+
+def _compressed(text: str, data: bytes) -> Any:
+    kind = message_class("sensor_msgs/msg/CompressedImage")
+    return kind(header=header_message(0, "camera"), format=text, data=np.frombuffer(data, np.uint8))
+
+
+def _with_size(png: bytes, chance: Generator) -> bytes:
+    """A png that claims another size, with the checksum of that."""
+    sizes = (0, 1, 25, 40_000, 60_000, 2**31 - 1)
+    width, height = (sizes[n] for n in chance.integers(len(sizes), size=2))
+    header = b"IHDR" + struct.pack(">II", width, height) + png[24:29]
+    return png[:12] + header + struct.pack(">I", zlib.crc32(header)) + png[33:]
+
+
+def _raw(encoding: str, data: bytes, chance: Generator) -> Any:
+    numbers = (0, 1, 24, 32, 64, 96, 128, 2**31, 2**32 - 1)
+    height, width, step = (int(numbers[n]) for n in chance.integers(len(numbers), size=3))
+    return message_class("sensor_msgs/msg/Image")(
+        header=header_message(0, "camera"),
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=step,
+        data=np.frombuffer(data, np.uint8),
+    )

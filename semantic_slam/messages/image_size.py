@@ -1,0 +1,38 @@
+"""Width and height that a compressed picture claims, read from its first bytes: a few of them may claim gigabytes."""
+
+import struct
+
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+PNG_SIZE = struct.Struct(">II")
+PNG_SIZE_AT = 16
+JPEG_MAGIC = b"\xff\xd8"
+JPEG_SEGMENT = struct.Struct(">BBH")
+JPEG_SIZE = struct.Struct(">xHH")
+JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers of the segments that tell the size."""
+JPEG_ALONE = frozenset({0x01, 0xFF, *range(0xD0, 0xD9)})
+"""Markers without a segment."""
+
+
+def claimed_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) in the header of a png or jpeg; None where there is none."""
+    if data.startswith(PNG_MAGIC) and len(data) >= PNG_SIZE_AT + PNG_SIZE.size:
+        width, height = PNG_SIZE.unpack_from(data, PNG_SIZE_AT)
+        return int(width), int(height)
+    return _jpeg_size(data) if data.startswith(JPEG_MAGIC) else None
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    at = len(JPEG_MAGIC)
+    while at + JPEG_SEGMENT.size + JPEG_SIZE.size <= len(data):
+        prefix, marker, length = JPEG_SEGMENT.unpack_from(data, at)
+        if prefix != 0xFF:
+            return None
+        if marker in JPEG_ALONE:
+            at += 1 if marker == 0xFF else 2
+            continue
+        if marker in JPEG_FRAMES:
+            height, width = JPEG_SIZE.unpack_from(data, at + JPEG_SEGMENT.size)
+            return int(width), int(height)
+        at += 2 + length
+    return None

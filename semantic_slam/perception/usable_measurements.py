@@ -1,0 +1,65 @@
+"""Measurements as they arrive, from a bag or over topics, without those that nothing can be inferred from."""
+
+from collections import Counter
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+FARTHEST_M = 1e6
+"""No sensor sees farther; numbers beyond are faults."""
+
+
+def usable(measurements: SemanticMeasurements, topic: str, dropped: Counter[str]) -> SemanticMeasurements:
+    """Without the detections that are no measurements; ``dropped`` counts them, each by its first reason."""
+    kept = np.ones(len(measurements), dtype=np.bool_)
+    for reason, faulty in faults(measurements).items():
+        count = int((kept & faulty).sum())
+        if count:
+            dropped[f"{topic}: {reason}"] += count
+            kept &= ~faulty
+    return measurements if kept.all() else measurements.take(np.flatnonzero(kept))
+
+
+def faults(measurements: SemanticMeasurements) -> dict[str, Flags]:
+    """Reason -> (D,) whether each detection cannot be used for it."""
+    ranges, bearings = measurements.ranges_m, measurements.bearings_rad
+    sensor = not (np.abs(measurements.sensor_position) <= FARTHEST_M).all()
+    return {
+        "sensor position that is not finite": np.full(len(measurements), sensor),
+        "bearing that is not finite": ~(np.abs(bearings) <= FARTHEST_M),
+        "range that is not above zero": (ranges <= 0.0) | (ranges > FARTHEST_M),
+        "covariance of a place that is not positive definite": ~_are_definite(measurements),
+        "features that are not finite": ~_all_finite(measurements.features),
+        "covariance of features that is not positive": ~_are_positive(measurements.feature_covariances),
+        "class probabilities that are none": ~_are_probabilities(measurements.class_probability_samples),
+        "class scores that are not finite": np.asarray(np.isinf(measurements.class_scores).any(axis=1)),
+        "score that is not finite": np.isinf(measurements.scores),
+    }
+
+
+def _all_finite(rows: Array) -> Flags:
+    return np.asarray(np.isfinite(rows).all(axis=tuple(range(1, rows.ndim))))
+
+
+def _are_probabilities(samples: Array) -> Flags:
+    """(D,) of (D, T, C)."""
+    return np.asarray(((samples >= 0.0) & (samples < np.inf)).all(axis=(1, 2)))
+
+
+def _are_positive(covariances: Array) -> Flags:
+    """(D,) of (D, F, F): finite, and no variance below zero."""
+    return _all_finite(covariances) & (np.diagonal(covariances, axis1=1, axis2=2) >= 0.0).all(axis=1)
+
+
+def _are_definite(measurements: SemanticMeasurements) -> Flags:
+    """(D,) whether range and bearing have a positive definite covariance, or none is told."""
+    block, alone = measurements.geometric_covariances, np.isnan(measurements.ranges_m)
+    variances = np.diagonal(block, axis1=1, axis2=2)
+    untold = np.isnan(variances[:, 1])
+    bearing_alone = alone & (variances[:, 1] > 0.0) & (variances[:, 1] < np.inf)
+    whole = _all_finite(block)
+    determinants = np.linalg.det(np.where(whole[:, None, None], block, np.eye(2)))
+    definite = whole & (variances > 0.0).all(axis=1) & (determinants > 0.0)
+    return np.asarray(untold | bearing_alone | definite)

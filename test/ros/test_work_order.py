@@ -1,0 +1,217 @@
+"""A backend works in the order of the rounds, and nothing that it is sent otherwise changes what it answers."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import replace
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+import pytest
+from worlds.same_beliefs import assert_same
+
+from semantic_slam.configuration import Configuration, from_dict
+from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.messages.codec import decode, encode, from_message, to_message
+from semantic_slam.messages.typestore import serialize
+from semantic_slam.ros.work_order import MOST_WAITING, WorkOrder
+
+PLACES = ((3.0, 0.5), (3.5, -0.6), (2.0, 1.0))
+CLOSED = from_dict({"semantic_model": {"kind": "none"}})
+OPEN = from_dict(
+    {
+        "semantic_model": {"kind": "none"},
+        "association": "open",
+        "open_world": {"iterate_updates": False},
+        "revision": {"every_keyframes": 1},
+    }
+)
+
+
+class Wire:
+    """A pool of backends behind bytes: what the nodes do, without DDS."""
+
+    def __init__(self, number: int = 1, spoil: Callable[[bytes], list[bytes]] | None = None) -> None:
+        self.backend_ids = tuple(range(number))
+        self.orders = [WorkOrder(lambda n=n: Backend(n)) for n in self.backend_ids]  # type: ignore[misc]
+        self.said: list[tuple[bytes, str]] = []
+        self._spoil = spoil or (lambda data: [data])
+
+    def start(self, run: RunConfiguration) -> None:
+        self._run_id = run.run_id
+        self._say(encode(run), to_message(run).__msgtype__)
+
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
+        message = to_message(keyframe, run_id=self._run_id)
+        return self._say(serialize(message), message.__msgtype__)
+
+    def commit(self, commit: Commit) -> list[Components]:
+        return self._say(encode(commit), to_message(commit).__msgtype__)
+
+    def _say(self, data: bytes, type_name: str) -> list[Any]:
+        self.said.append((data, type_name))
+        answers = []
+        for order in self.orders:
+            taken = [answer for piece in self._spoil(data) for answer in order.take(piece, type_name)]
+            answers += [decode(encode(answer), to_message(answer).__msgtype__) for answer in taken[-1:]]
+        return answers
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        return dict(self.orders[0].dropped)
+
+
+def drive(configuration: Configuration, pool: BackendPool, num_keyframes: int = 4) -> list[Any]:
+    covariance = dict(sigma_m=0.1, sigma_rad=0.1)
+    prior = MapPrior(tuple(ObjectPrior.planar(n, x, y, **covariance) for n, (x, y) in enumerate(PLACES)))
+    run = make_run_configuration(configuration, prior, *initial_pose_of(configuration), stamp_ns=1)
+    engine = Engine.of_run(run, pool)
+    beliefs = []
+    for k in range(num_keyframes):
+        seen = [Detection.at(x - 0.1 * (k + 1), y) for x, y in PLACES]
+        beliefs.append(engine.process(Keyframe.planar(k, detections=seen, motion=(0.1, 0.0, 0.0))))
+    return beliefs
+
+
+@pytest.fixture(scope="module")
+def spoken() -> list[tuple[bytes, str]]:
+    """Announcement, then keyframe and commit in turn, of a run of two keyframes."""
+    wire = Wire()
+    drive(CLOSED, wire, 2)
+    assert len(wire.said) == 5
+    return wire.said
+
+
+def answers(order: WorkOrder, said: list[tuple[bytes, str]]) -> list[bytes]:
+    return [encode(answer) for message in said for answer in order.take(*message)]
+
+
+def changed(said: tuple[bytes, str], **fields: Any) -> tuple[bytes, str]:
+    message = to_message(decode(*said), **({"run_id": "?"} if said[1].endswith("Keyframe") else {}))
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return serialize(message), said[1]
+
+
+@pytest.mark.parametrize("configuration", [CLOSED, OPEN])
+@pytest.mark.parametrize("number", [1, 2])
+def test_over_the_wire_beliefs_are_those_of_this_process_and_nothing_is_dropped(
+    configuration: Configuration, number: int
+) -> None:
+    wire = Wire(number)
+    for ours, theirs in zip(drive(configuration, wire), drive(configuration, InProcessPool(number)), strict=True):
+        assert_same(ours, theirs)
+    assert not wire.dropped
+
+
+def test_rounds_do_not_depend_on_the_order_between_topics(spoken: list[tuple[bytes, str]]) -> None:
+    """Announcement, two keyframes, two commits: every order that keeps the order within each topic."""
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    tried = 0
+    for order in permutations(range(5)):
+        if order.index(1) < order.index(3) and order.index(2) < order.index(4):
+            assert answers(WorkOrder(lambda: Backend(0)), [spoken[n] for n in order]) == expected
+            tried += 1
+    assert tried == 30 and len(expected) == 4  # 5! / (2! 2!)
+
+
+def test_newest_keyframe_is_answered_again_and_a_second_start_begins_anew(spoken: list[tuple[bytes, str]]) -> None:
+    order = WorkOrder(lambda: Backend(0))
+    first = answers(order, spoken[:4])
+    assert answers(order, spoken[3:4]) == first[-1:]
+    assert answers(order, spoken[:1]) == []
+    assert answers(order, spoken[1:]) == answers(WorkOrder(lambda: Backend(0)), spoken)
+
+
+def test_a_repeated_announcement_alone_changes_nothing(spoken: list[tuple[bytes, str]]) -> None:
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    order = WorkOrder(lambda: Backend(0))
+    assert answers(order, [*spoken[:3], spoken[0], *spoken[3:]]) == expected
+
+
+def of_another_run(said: tuple[bytes, str]) -> tuple[bytes, str]:
+    run = decode(*said)
+    pose = run.initial_pose + np.array([1.0, 0, 0, 0, 0, 0, 0])
+    prior = MapPrior(tuple(ObjectPrior.planar(9, 1.0, 1.0, sigma_m=0.1, sigma_rad=0.1) for _ in range(1)))
+    other = make_run_configuration(CLOSED, prior, pose, run.initial_covariance, stamp_ns=1)
+    assert other.run_id != run.run_id
+    return encode(other), said[1]
+
+
+@pytest.mark.parametrize("often", [1, 3])
+def test_the_announcement_of_another_run_silences_nobody(spoken: list[tuple[bytes, str]], often: int) -> None:
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    order = WorkOrder(lambda: Backend(0))
+    others = [of_another_run(spoken[0])] * often
+    assert answers(order, [*spoken[:3], *others, *spoken[3:]]) == expected
+
+
+SPOILED: dict[str, Callable[[list[tuple[bytes, str]]], tuple[bytes, str]]] = {
+    "garbage": lambda said: (b"\x00\x01\x00\x00" + b"\xff" * 40, said[3][1]),
+    "nothing": lambda said: (b"", said[2][1]),
+    "cut": lambda said: (said[3][0][:-9], said[3][1]),
+    "arrays of different lengths": lambda said: changed(said[2], log_weights=np.zeros(0)),
+    "emptied commit": lambda said: (encode(_emptied(decode(*said[2]))), said[2][1]),
+    "weights NaN": lambda said: changed(said[2], log_weights=decode(*said[2]).log_weights * np.nan),
+    "ids of nobody": lambda said: changed(said[2], ids=decode(*said[2]).ids + np.uint64(1)),
+    "no json": lambda said: changed(said[0], configuration="{", run_id="x"),
+    "another configuration under this id": lambda said: changed(said[0], configuration="{}"),
+    "an earlier keyframe": lambda said: said[1],
+}
+
+
+def _emptied(commit: Commit) -> Commit:
+    return replace(
+        commit,
+        ids=commit.ids[:0],
+        parent_ids=commit.parent_ids[:0],
+        steps=(),
+        log_weights=commit.log_weights[:0],
+        owners=commit.owners[:0],
+        lineages=(),
+    )
+
+
+@pytest.mark.parametrize("what", SPOILED)
+@pytest.mark.parametrize("place", [3, 4])
+def test_what_cannot_be_used_is_counted_and_changes_no_answer(
+    spoken: list[tuple[bytes, str]], what: str, place: int
+) -> None:
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    order = WorkOrder(lambda: Backend(0))
+    said = deepcopy(spoken)
+    said.insert(place, SPOILED[what](spoken))
+    assert answers(order, said) == expected or what == "another configuration under this id"
+    assert order.dropped.total() == (0 if what == "another configuration under this id" else 1)
+
+
+def test_a_keyframe_that_is_no_motion_is_refused(spoken: list[tuple[bytes, str]]) -> None:
+    keyframe = decode(*spoken[1])
+    order = WorkOrder(lambda: Backend(0))
+    answers(order, spoken[:1])
+    nowhere = replace(keyframe.measurements, bearings_rad=keyframe.measurements.bearings_rad * np.nan)
+    for name, value in (
+        ("odometry", np.full(7, np.nan)),
+        ("odometry", np.array([1e300, 0, 0, 0, 0, 0, 1])),
+        ("odometry_covariance", -np.eye(6)),
+        ("measurements", nowhere),
+    ):
+        message = to_message(replace(keyframe, **{name: value}), run_id=decode(*spoken[0]).run_id)
+        assert order.take(serialize(message), spoken[1][1]) == []
+    assert order.dropped.total() == 4
+
+
+def test_keyframes_of_runs_that_nobody_announced_are_bounded(spoken: list[tuple[bytes, str]]) -> None:
+    order = WorkOrder(lambda: Backend(0))
+    keyframe = decode(*spoken[1])
+    for index in range(MOST_WAITING + 7):
+        order.keyframe("nobody's", replace(keyframe, index=index))
+    assert order.dropped.total() == 7
+    assert from_message(to_message(keyframe, run_id="x")).index == 0
