@@ -1,4 +1,4 @@
-# make demo | make test [PYTEST_ARGS=...] | make bench [BENCH_ARGS=--quick] | make docs | make bags | make setup; each does the set-up that is still missing.
+# make demo | make test [PYTEST_ARGS=...] | make bench [BENCH_ARGS=--quick] | make fuzz [FUZZ_ARGS="--seconds 120 --seed 0"] | make docs | make bags | make setup; each does the set-up that is still missing.
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
@@ -8,6 +8,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3; do \
   $$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null && { echo $$p; break; }; done)
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
+FUZZ_ARGS ?= --seconds 120 --seed 0
 
 # Two cores are used: the messages are built while the rest is installed. Each step leaves a stamp behind.
 MAKEFLAGS += --jobs=2
@@ -19,7 +20,7 @@ INSTALLED := .venv/.installed
 MESSAGES_BUILT := install/.messages-built
 BUILT := install/.built
 
-.PHONY: setup demo test bench docs bags clean
+.PHONY: setup demo test bench fuzz docs bags clean
 
 setup: $(BUILT)
 
@@ -52,6 +53,9 @@ test: $(BUILT)
 
 bench: $(BUILT)
 	source ./env.sh; bench --out out/bench.json --overwrite $(BENCH_ARGS)
+
+fuzz: $(BUILT)
+	source ./env.sh; python -m semantic_slam_lab.fuzz $(FUZZ_ARGS)
 
 docs: $(BUILT)
 	source ./env.sh; python -m semantic_slam_lab.documentation.build; NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet

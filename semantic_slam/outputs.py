@@ -14,8 +14,6 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
 
-import yaml
-
 from semantic_slam.errors import InputError
 
 LEAVE = "--overwrite"
@@ -138,6 +136,16 @@ def claimed_files(
         yield [stack.enter_context(claimed(out, inputs, overwrite)) for out in outs]
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file that is there whole or not at all. Raises OSError."""
+    beside = path.with_name(f".{path.name}.unfinished")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
 def is_ours(path: Path) -> bool:
     """Whether a path really lies below the folder ``out`` of where the command runs, or of this checkout."""
     ours = [base.resolve() / OUR_FOLDER for base in (Path.cwd(), CHECKOUT)]
@@ -158,6 +166,8 @@ def check_is_bag(path: Path) -> None:
 
 def _check_written_here(bag: Path) -> None:
     """Raises InputError where a bag folder's metadata do not say that this software wrote it."""
+    import yaml  # not before the arguments are understood
+
     try:
         metadata = yaml.safe_load((bag / "metadata.yaml").read_text(encoding="utf-8"))
         writer = metadata["rosbag2_bagfile_information"]["custom_data"][WRITER_KEY]

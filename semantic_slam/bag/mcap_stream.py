@@ -17,12 +17,12 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema
 
+from semantic_slam.bag.chunk_limits import CHUNK_HEADER, LARGEST_CHUNK, RECORD_HEADER
 from semantic_slam.bag.names import absolute
 from semantic_slam.errors import InputError
 
 MAGIC = b"\x89MCAP0\r\n"
-RECORD_HEADER = struct.Struct("<BQ")
-CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the compression's name
+PIECE = 1 << 16
 
 
 class RawMessage(NamedTuple):
@@ -96,6 +96,23 @@ def breaks_off_cleanly(path: Path) -> bool:
         return header == b""
 
 
+def _unzipped(data: bytes, most: int) -> bytes:
+    """What zstd data give before they end or break, and at most ``most`` bytes of it."""
+    pieces: list[bytes] = []
+    with zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=False) as reader:
+        left = most
+        while left > 0:
+            try:
+                piece = reader.read(min(left, PIECE))
+            except zstandard.ZstdError:
+                break
+            if not piece:
+                break
+            pieces.append(piece)
+            left -= len(piece)
+    return b"".join(pieces)
+
+
 def _is_whole(chunk: bytes) -> bool:
     """Whether a chunk gives as many bytes as it says."""
     if len(chunk) < CHUNK_HEADER.size:
@@ -139,11 +156,12 @@ def _decompressed(chunk: bytes) -> bytes:
     name_end = CHUNK_HEADER.size + CHUNK_HEADER.unpack_from(chunk)[-1]
     compression = chunk[CHUNK_HEADER.size : name_end].decode("ascii", "replace")
     data = chunk[name_end + 8 :]  # behind the length of the compressed data
+    most = min(CHUNK_HEADER.unpack_from(chunk)[2], LARGEST_CHUNK)
     try:
         if compression == "zstd":
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            return _unzipped(data, most)
         if compression == "lz4":
-            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most))
     except (zstandard.ZstdError, RuntimeError):
         return b""
     return data if compression == "" else b""

@@ -15,6 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
+from semantic_slam.bag.chunk_limits import check_chunks
 from semantic_slam.bag.definitions import extended_typestore, is_ours, older_typestore
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage, breaks_off_cleanly
 from semantic_slam.bag.names import absolute
@@ -75,7 +76,10 @@ class BagReader:
         self._older: dict[str, Typestore | None] = {}  # by type name; None: recorded by our definition
 
     def __enter__(self) -> Self:
-        """Raises InputError when nothing of the bag can be read."""
+        """Raises InputError when nothing of the bag can be read, or when it would take more memory than a bag may."""
+        for path in storage_files(self.path):
+            if path.suffix == ".mcap":
+                check_chunks(path)
         try:
             self._sources = [self._indexed(self.path)]
         except Exception as fault:  # the readers' own errors are of many families

@@ -1,7 +1,7 @@
 """Write rosbag2 folders: mcap, chunks compressed with zstd, the definitions of all types embedded."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BufferedWriter
 from pathlib import Path
 from types import TracebackType
@@ -73,7 +73,8 @@ class BagWriter:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._writer.close()
+        with suppress(OSError) if fault is not None else _faults_of(self.path):
+            self._writer.close()
 
     def write(self, topic: str, message: Any, stamp_ns: int) -> None:
         """Write a message, or one of our dataclasses that has a codec, at log time ``stamp_ns``."""
@@ -89,14 +90,16 @@ class BagWriter:
             connection = self._connections[name] = self._connect(name, type_name, definition)
         elif connection.msgtype != type_name:
             raise ValueError(f"{name} holds {connection.msgtype}, not {type_name}")
-        self._writer.write(connection, int(stamp_ns), cdr)
+        with _faults_of(self.path):
+            self._writer.write(connection, int(stamp_ns), cdr)
 
     def flush(self) -> None:
         """Hand what was written to the operating system: it outlives this process, killed or not."""
         storage = self._storage()
-        if storage.chunk.bio.tell():
-            storage.close_chunk()
-        storage.bio.flush()
+        with _faults_of(self.path):
+            if storage.chunk.bio.tell():
+                storage.close_chunk()
+            storage.bio.flush()
 
     def _storage(self) -> McapWriter:
         assert isinstance(self._writer.storage, McapWriter)

@@ -1,6 +1,7 @@
 """The one place where errors become exit codes: 0 done, 2 bad input or usage, 1 a fault of ours, 130 interrupted."""
 
 import argparse
+import errno
 import sys
 import traceback
 from collections.abc import Callable
@@ -9,6 +10,8 @@ from typing import Any, NoReturn
 
 from semantic_slam.errors import InputError
 
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""What a disk says that takes no more."""
 DONE, FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -37,6 +40,12 @@ def exit_code(command: Callable[[], None]) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
+    except OSError as fault:
+        if fault.errno not in FULL:
+            traceback.print_exc()
+        else:
+            print(f"{fault.filename or program()}: {fault.strerror}; make room, and run it again", file=sys.stderr)
+        return FAULT
     except Exception:
         traceback.print_exc()
         return FAULT

@@ -24,7 +24,7 @@ DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Raw depth encodings: millimetres as 16-bit integers, metres as 32-bit floats."""
 METRES_PER_UNIT = 0.001
 MOST_PIXELS = 100_000_000
-"""Of a picture, whoever sends it: more are refused before they are decoded."""
+"""A picture of more pixels than these is refused before it is decoded, whoever sends it."""
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 """What image_transport's compressedDepth puts before the png: format, and two numbers of its inverse depth."""
 

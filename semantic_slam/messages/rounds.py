@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.errors import MessageError
-from semantic_slam.geometry.pose import planar_from_covariance
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clock_offset import OFFSETS
 from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, columns
@@ -20,10 +19,8 @@ from semantic_slam.messages.standard import (
     covariance_pose_message,
     header_message,
     header_stamp_ns,
-    is_pose,
     pose_vector,
 )
-from semantic_slam.perception.usable_measurements import faults
 
 RUN_TYPE = "semantic_slam_msgs/msg/RunConfiguration"
 KEYFRAME_TYPE = "semantic_slam_msgs/msg/Keyframe"
@@ -117,38 +114,16 @@ def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
 
 
 def keyframe_from_message(message: Any) -> Keyframe:
-    """The keyframe without the id of its run, which is ``message.run_id``. Raises MessageError."""
+    """The keyframe without the id of its run, which is ``message.run_id``."""
     arrays = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)
-    return _checked(
-        Keyframe(
-            index=int(message.keyframe),
-            stamp_ns=header_stamp_ns(message),
-            odometry=pose_vector(message.odometry.pose),
-            odometry_covariance=covariance_matrix(message.odometry),
-            measurements=measurements_from_message(message.measurements),
-            **{name: array if array.size else None for name, array in arrays.items()},
-        )
+    return Keyframe(
+        index=int(message.keyframe),
+        stamp_ns=header_stamp_ns(message),
+        odometry=pose_vector(message.odometry.pose),
+        odometry_covariance=covariance_matrix(message.odometry),
+        measurements=measurements_from_message(message.measurements),
+        **{name: array if array.size else None for name, array in arrays.items()},
     )
-
-
-def _checked(keyframe: Keyframe) -> Keyframe:
-    """The keyframe itself; raises MessageError where its motion or a detection is none."""
-    pose, covariance = keyframe.odometry, planar_from_covariance(keyframe.odometry_covariance)
-    if not is_pose(pose):
-        raise MessageError(f"{KEYFRAME_TYPE}.odometry: it is no pose; send a motion", "odometry that is no motion")
-    is_told = not np.isnan(covariance).all()
-    if is_told and not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0.0):
-        raise MessageError(
-            f"{KEYFRAME_TYPE}.odometry: its covariance is not positive definite; send one, or NaN",
-            "odometry without a covariance",
-        )
-    told = [array for array in (keyframe.odometry_slopes, keyframe.odometry_shifts) if array is not None]
-    if not all(np.isfinite(array).all() for array in told):
-        raise MessageError(f"{KEYFRAME_TYPE}.odometry_slopes: they are not finite", "slopes that are not finite")
-    for reason, rows in faults(keyframe.measurements).items():
-        if rows.any():
-            raise MessageError(f"{KEYFRAME_TYPE}.measurements: {reason}; leave such detections out", reason)
-    return keyframe
 
 
 def candidates_to_message(value: Candidates) -> Any:

@@ -7,6 +7,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import json_object
+from semantic_slam.outputs import write_whole
 from semantic_slam.report.comparison import Run, comparison_rows
 from semantic_slam.report.document import Analysis, analyse, map_prior, report_document, tum_lines
 from semantic_slam.report.page import render_page
@@ -39,7 +40,7 @@ def make_report(
     try:
         out.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
-            (out / name).write_text(text, encoding="utf-8")
+            write_whole(out / name, text)
     except OSError as fault:
         raise InputError(f"{out}: cannot be written ({fault.strerror}); name another output folder") from None
     return [out / name for name in texts]

@@ -18,7 +18,7 @@ from semantic_slam.inference.protocol import Candidates, Commit, Components, Run
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.ros.commit_check import fault_of
+from semantic_slam.ros.round_checks import fault_of_commit, fault_of_keyframe
 
 Answer = Candidates | Components
 MOST_RUNS = 2
@@ -81,6 +81,10 @@ class WorkOrder:
 
     def keyframe(self, run_id: str, keyframe: Keyframe) -> list[Answer]:
         """Round one. The newest keyframe is answered again; older ones are stale."""
+        fault = fault_of_keyframe(keyframe)
+        if fault:
+            self.dropped[f"{topics.KEYFRAMES}: {fault}"] += 1
+            return []
         run = self._runs.get(run_id)
         if run is not None and keyframe.index < run.num_expanded:
             if keyframe.index == 0 and run.is_announced_again:
@@ -155,7 +159,7 @@ class WorkOrder:
 
     def _followed(self, run: _Run, commit: Commit) -> list[Answer]:
         """The answer to a commit; none to one that contradicts itself, which is counted, or to a stale one."""
-        fault = fault_of(commit, run.stamps_ns[commit.keyframe])
+        fault = fault_of_commit(commit, run.stamps_ns[commit.keyframe])
         if fault:
             self.dropped[f"{topics.COMMITS}: {fault}"] += 1
             return []

@@ -212,7 +212,7 @@ def measurement(k, num_detections=1, track_ids=None, ids=None):
         boxes=np.zeros((d, 4)), labels=("x",) * d, scores=np.ones(d), track_ids=track_ids or ("",) * d,
         class_probability_samples=np.ones((d, 2, 1)), features=np.ones((d, 1)),
         feature_covariances=np.ones((d, 1, 1)), predictive_entropy=np.zeros(d), mutual_information=np.zeros(d),
-        ranges_m=np.ones(d), bearings_rad=np.zeros(d), geometric_covariances=np.ones((d, 2, 2)),
+        ranges_m=np.ones(d), bearings_rad=np.zeros(d), geometric_covariances=np.tile(np.eye(2), (d, 1, 1)),
         sensor_position=np.zeros(3), in_coverage=np.ones(d, bool),
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ def seen(stamp_ns: int) -> SemanticMeasurements:
         detection_ids=np.zeros(1, np.uint32), boxes=np.zeros((1, 4)), labels=("x",), scores=np.ones(1),
         track_ids=("",), class_probability_samples=np.ones((1, 2, 1)), features=np.ones((1, 1)),
         feature_covariances=np.ones((1, 1, 1)), predictive_entropy=np.zeros(1), mutual_information=np.zeros(1),
-        ranges_m=np.ones(1), bearings_rad=np.zeros(1), geometric_covariances=np.ones((1, 2, 2)),
+        ranges_m=np.ones(1), bearings_rad=np.zeros(1), geometric_covariances=np.eye(2)[None],
         sensor_position=np.zeros(3), in_coverage=np.ones(1, bool),
     )  # fmt: skip
 

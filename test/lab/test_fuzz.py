@@ -1,0 +1,99 @@
+"""The fuzz harness finds what it is for, repeats a case from its seed, and finds nothing in what is here."""
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from semantic_slam_lab.fuzz.harness import Case, outcome, run
+from semantic_slam_lab.fuzz.limits import MEMORY_BYTES
+from semantic_slam_lab.fuzz.mutation import damaged, with_strange_values
+from semantic_slam_lab.fuzz.targets import TARGETS
+
+from semantic_slam.errors import InputError
+
+DRAWS = 25
+
+
+def test_an_error_of_ours_is_well_and_another_is_a_finding_with_its_place() -> None:
+    def refuses(chance: np.random.Generator) -> None:
+        raise InputError("file: fault; remedy")
+
+    def stumbles(chance: np.random.Generator) -> None:
+        np.linalg.inv(np.zeros((2, 2)))
+
+    def rambles(chance: np.random.Generator) -> None:
+        raise InputError("x" * 5000)
+
+    assert outcome("a", refuses, 0, 0) is None
+    found = outcome("a", stumbles, 0, 7)
+    assert found is not None and found.index == 7 and found.what.startswith("LinAlgError")
+    assert outcome("a", rambles, 0, 0) is not None
+
+
+def test_what_is_too_slow_or_too_large_is_a_finding_though_readers_catch_every_exception() -> None:
+    def spins(chance: np.random.Generator) -> None:
+        try:
+            while True:
+                time.process_time()
+        except Exception:
+            return
+
+    def swells(chance: np.random.Generator) -> None:
+        np.ones(MEMORY_BYTES // 8 + (20 << 17))
+
+    slow, large = outcome("a", spins, 0, 0), outcome("a", swells, 0, 0)
+    assert slow is not None and "s of CPU" in slow.what
+    assert large is not None and "MiB more" in large.what
+
+
+def test_a_case_is_its_seed() -> None:
+    drawn: list[bytes] = []
+
+    def case(chance: np.random.Generator) -> None:
+        drawn.append(damaged(bytes(range(200)), chance))
+
+    for seed, index in ((0, 1), (0, 1), (0, 2), (1, 1)):
+        outcome("a", case, seed, index)
+    assert drawn[0] == drawn[1] and len(set(drawn)) == 3
+
+
+def test_strange_values_leave_the_original_alone() -> None:
+    document = {"a": [1, {"b": 2.0}], "c": "text"}
+    chance = np.random.default_rng(0)
+    assert any(with_strange_values(document, chance) != document for _ in range(9))
+    assert document == {"a": [1, {"b": 2.0}], "c": "text"}
+
+
+def test_a_worker_that_dies_is_a_finding_and_the_rest_goes_on(capfd: pytest.CaptureFixture[str]) -> None:
+    def dying(folder: Path) -> Case:
+        def case(chance: np.random.Generator) -> None:
+            if chance.random() < 0.02:
+                os._exit(9)
+
+        return case
+
+    arguments = argparse.Namespace(seconds=4.0, seed=0, jobs=1, target=None, index=None)
+    assert run({"dying": dying}, arguments) == 1
+    lines = capfd.readouterr().out.splitlines()
+    cases, findings = (int(word) for word in lines[-1].replace(",", "").split() if word.isdigit())
+    assert "the process died" in lines[0] and findings == 1 and cases > 60
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_the_first_cases_of_every_target_find_nothing(name: str, tmp_path: Path) -> None:
+    case = TARGETS[name](tmp_path)
+    found = [outcome(name, case, 0, index) for index in range(DRAWS)]
+    assert [finding for finding in found if finding is not None] == []
+
+
+@pytest.mark.slow
+def test_the_command_says_how_many_cases_it_tried_and_what_it_found() -> None:
+    words = [sys.executable, "-m", "semantic_slam_lab.fuzz", "--seconds", "20", "--seed", "3", "--jobs", "1"]
+    result = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    cases, word, findings, _ = result.stdout.splitlines()[-1].replace(",", "").split()
+    assert (word, findings, result.returncode) == ("cases", "0", 0) and int(cases) > 20
