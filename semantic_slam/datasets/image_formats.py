@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.messages.images import DEPTH_TYPES, decode_depth, decode_image
+from semantic_slam.messages.images import DEPTH_TYPES, MOST_PIXELS, check_unit, decode_depth, decode_image, size_of
 from semantic_slam.messages.typestore import message_class
 
 JPEG_QUALITY = 95
@@ -19,7 +19,10 @@ def is_depth(message: Any) -> bool:
         return message.encoding in DEPTH_TYPES
     if any(word in message.format for word in ("compressedDepth", *DEPTH_TYPES)):
         return True
-    image = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_UNCHANGED) if len(message.data) else None
+    size = size_of(message)
+    if size is None or size[0] * size[1] > MOST_PIXELS:
+        return False
+    image = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_UNCHANGED)
     return image is not None and image.dtype == np.uint16 and image.ndim == 2
 
 
@@ -31,7 +34,9 @@ def compress_colour(message: Any, topic: str) -> Any:
 
 def compress_depth(message: Any, topic: str) -> Any:
     """sensor_msgs/CompressedImage (16-bit png, mm, 0 invalid) of any depth image; raises InputError."""
-    millimetres = to_millimetres(decode_depth(message, topic))
+    depth_m = decode_depth(message, topic)
+    check_unit(depth_m, topic)
+    millimetres = to_millimetres(depth_m)
     fast = [cv2.IMWRITE_PNG_COMPRESSION, 1]
     return _compressed(message.header, DEPTH_FORMAT, cv2.imencode(".png", millimetres, fast))
 

@@ -13,9 +13,11 @@ from semantic_slam.datasets.detection_formats import READERS, in_body
 from semantic_slam.datasets.image_formats import compress_colour, compress_depth
 from semantic_slam.datasets.label_map import LabelMap
 from semantic_slam.datasets.tf_odometry import TfOdometry
+from semantic_slam.datasets.user_bag_hints import Hints
 from semantic_slam.datasets.user_bag_topics import Selection, Topic
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.messages.codec import CODECS, to_message
 from semantic_slam.messages.sensor import TransformTree
 
 Handler = Callable[[RawMessage], None]
@@ -51,6 +53,7 @@ class Converter:
         self._labels = labels
         self._fixed = self._fixed_transforms()
         self._tf = TfOdometry(odom_frame, base_frame, self._fixed)
+        self._hints = Hints(base_frame, self._fixed)
         self._handlers = self._choose_handlers(selection)
 
     def convert(self, message: RawMessage) -> bool:
@@ -77,6 +80,10 @@ class Converter:
         for name, topic in needed.items():
             if topic is not None and not self.written[absolute(name)]:
                 raise InputError(f"{self._reader.path}: nothing on {topic} was usable; {self._remedy(topic)}")
+
+    def hints(self) -> list[str]:
+        """What a run of the new bag would stumble over, a line each."""
+        return self._hints.lines(has_images=self._selection.image is not None)
 
     def _remedy(self, topic: Topic) -> str:
         if topic.type_name != topics.TYPES[topics.TF]:
@@ -123,6 +130,8 @@ class Converter:
         def copy(message: RawMessage) -> None:
             self._writer.write_raw(name, message.type_name, message.cdr, message.stamp_ns)
             self.written[absolute(name)] += 1
+            if self._hints.wants(name):
+                self._hints.see(name, self._decode(message))
 
         return copy
 
@@ -152,3 +161,5 @@ class Converter:
     def _write(self, name: str, value: Any, stamp_ns: int) -> None:
         self._writer.write(name, value, stamp_ns)
         self.written[absolute(name)] += 1
+        if self._hints.wants(name):
+            self._hints.see(name, to_message(value) if type(value) in CODECS else value)

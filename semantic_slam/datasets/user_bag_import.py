@@ -100,7 +100,7 @@ def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
             lines.append(f"{title}: {_counts(counter)}")
     if not converter.written[topics.TF_STATIC] and converter.written[absolute(topics.CAMERA_INFO)]:
         lines.append("no /tf_static: give the camera's pose in base_link as perception.extrinsics in the configuration")
-    return lines
+    return [*lines, *converter.hints()]
 
 
 def _counts(counter: Counter[str]) -> str:

@@ -23,6 +23,10 @@ TO_RGB = {
 DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Raw depth encodings: millimetres as 16-bit integers, metres as 32-bit floats."""
 METRES_PER_UNIT = 0.001
+NEAREST_MEDIAN_M, FARTHEST_MEDIAN_M = 0.02, 200.0
+"""No depth camera sees most of its picture nearer, or farther."""
+UNIT_STRIDE = 8
+"""Pixels between those that are looked at to tell a unit."""
 MOST_PIXELS = 100_000_000
 """A picture of more pixels than these is refused before it is decoded, whoever sends it."""
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
@@ -77,6 +81,17 @@ def _compressed_depth(message: Any, topic: str) -> NDArray[np.float32]:
 def _header_size(message: Any) -> int:
     """Bytes before the picture."""
     return COMPRESSED_DEPTH_HEADER.size if "compressedDepth" in message.format else 0
+
+
+def check_unit(depth_m: NDArray[np.float32], topic: str) -> None:
+    """Raises MessageError where depth cannot be in metres, as floats in millimetres, or integers in metres, are not."""
+    sample = depth_m[::UNIT_STRIDE, ::UNIT_STRIDE]
+    known = sample[np.isfinite(sample)]
+    if known.size and not NEAREST_MEDIAN_M <= float(np.median(known)) <= FARTHEST_MEDIAN_M:
+        raise MessageError(
+            f"{topic}: half of it lies beyond {FARTHEST_MEDIAN_M:g} m or before {NEAREST_MEDIAN_M:g} m, so"
+            " bearings alone; send 32FC1 in metres or 16UC1 in millimetres"
+        )
 
 
 def _metres(depth: NDArray[Any]) -> NDArray[np.float32]:

@@ -56,6 +56,11 @@ class TransformTree:
             T_parent_child = np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)
             self._parents[plain_frame(item.child_frame_id)] = (plain_frame(item.header.frame_id), T_parent_child)
 
+    @property
+    def is_known(self) -> bool:
+        """Whether there is any transform."""
+        return bool(self._parents)
+
     def lookup(self, target: str, source: str) -> Array:
         """T_target_source along the tree; raises InputError that names the frames when nothing connects them."""
         to_target, to_source = self._ancestors(plain_frame(target)), self._ancestors(plain_frame(source))

@@ -9,12 +9,22 @@ MARGIN = 0.1
 """Background on either side of the box, as a fraction of its longer side."""
 
 
+IN_SHARES = "box within the first pixel, as one in shares of the image is; give boxes in pixels"
+
+
+def is_in_shares(box: Array) -> bool:
+    """Whether a box lies about the first pixel, where all boxes in shares of the image do."""
+    return bool(box.min() >= -0.5 and box.max() <= 1.5)
+
+
 def box_fault(box: Array, width: int, height: int) -> str:
     """Why a box (x_min, y_min, x_max, y_max) cannot be used in an image of that size; "" when it can."""
     if not np.all(np.isfinite(box)):
         return "box that is not finite"
     if box[2] <= box[0] or box[3] <= box[1]:
         return "box without area"
+    if is_in_shares(box):
+        return IN_SHARES
     if box[0] >= width or box[1] >= height or box[2] <= 0 or box[3] <= 0:
         return "box outside the image"
     return ""

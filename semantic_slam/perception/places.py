@@ -13,6 +13,7 @@ import numpy as np
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
+from semantic_slam.perception.crops import IN_SHARES, is_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, places_of_positions, places_of_ranges
@@ -79,6 +80,8 @@ class PlaceReader:
             for label in sorted(set(detections.labels))
             if known and label not in known
         }
+        small = np.array([is_in_shares(box) for box in detections.boxes], dtype=np.bool_)
+        faults[IN_SHARES] = small & ~np.isfinite(places.bearings_rad)
         faults[NO_PLACE] = ~np.isfinite(places.bearings_rad) | np.isinf(places.ranges_m)
         faults[BAD_RANGE] = places.ranges_m <= 0.0
         faults[BAD_COVARIANCE] = ~places.are_covariances_usable()

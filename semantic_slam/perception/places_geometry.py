@@ -7,6 +7,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.geometry.rows import take
+from semantic_slam.perception.crops import is_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.range_bearing import viewing_ray
 
@@ -82,12 +83,12 @@ def places_of_positions(detections: Detections) -> Places:
 
 
 def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array) -> Places:
-    """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where a box has no area."""
+    """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where a box is none."""
     rotation = rotation_matrix(T_base_camera[3:])
     count = len(boxes)
     directions = np.full((count, 3), np.nan)
     for row, box in enumerate(boxes):
-        if np.isfinite(box).all() and box[2] > box[0] and box[3] > box[1]:
+        if np.isfinite(box).all() and box[2] > box[0] and box[3] > box[1] and not is_in_shares(box):
             directions[row] = rotation @ viewing_ray(box, camera)
     x, y, z = directions.T
     elevations = np.arcsin(np.clip(-z, -1.0, 1.0))

@@ -15,7 +15,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
-from semantic_slam.messages.images import decode_depth, decode_image, size_of
+from semantic_slam.messages.images import check_unit, decode_depth, decode_image, size_of
 from semantic_slam.messages.sensor import camera_model, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
@@ -116,7 +116,7 @@ class FrameAssembler:
         if message is None:
             self.dropped[f"{topics.DEPTH}: none of the detections' stamp, bearing only"] += 1
             return None
-        return self._pixels(decode_depth, message, topics.DEPTH, camera)
+        return self._pixels(_depth_in_metres, message, topics.DEPTH, camera)
 
     def _pixels(
         self, decode: Callable[[Any, str], NDArray[Any]], message: Any, topic: str, camera: CameraModel
@@ -136,6 +136,12 @@ class FrameAssembler:
         if size is not None and size != (camera.width, camera.height):
             expected = f"{camera.width} x {camera.height} of {topics.CAMERA_INFO}"
             raise InputError(f"{topic}: size {size[0]} x {size[1]} is not the {expected}")
+
+
+def _depth_in_metres(message: Any, topic: str) -> NDArray[np.float32]:
+    depth_m = decode_depth(message, topic)
+    check_unit(depth_m, topic)
+    return depth_m
 
 
 def _fault(detections: Detections, camera: CameraModel | None, image: Any) -> str:

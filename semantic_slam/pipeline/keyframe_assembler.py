@@ -25,7 +25,7 @@ from semantic_slam.inference.models.clock_offset import OFFSETS
 from semantic_slam.inference.open_world.sensor_region import sensor_region
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
-from semantic_slam.messages.sensor import odometry_sample
+from semantic_slam.messages.sensor import odometry_sample, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.usable_measurements import usable
@@ -42,6 +42,9 @@ from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
 """How long the last odometry still stands for the robot's pose; measurements after that cannot be used."""
+
+LONGEST_NAME = 80
+"""Characters of somebody else's frame id that a reason repeats."""
 
 
 class KeyframeAssembler:
@@ -73,6 +76,12 @@ class KeyframeAssembler:
             sample = odometry_sample(message, topics.ODOMETRY)
         except InputError:
             self.dropped[f"{topics.ODOMETRY}: pose is not finite"] += 1
+            return
+        child, base = plain_frame(message.child_frame_id), plain_frame(self._configuration.perception.base_frame)
+        if child not in ("", base):
+            self.dropped[
+                f"{topics.ODOMETRY}: of frame '{child[:LONGEST_NAME]}', where perception.base_frame is '{base}'"
+            ] += 1
             return
         stamp_ns = sample.stamp_ns - self._expected_ns
         self._odometry.add(stamp_ns, replace(sample, stamp_ns=stamp_ns))

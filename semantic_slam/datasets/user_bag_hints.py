@@ -1,0 +1,72 @@
+"""What of an imported bag a run would stumble over: said when it is imported, with what to do about it."""
+
+from typing import Any
+
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.images import size_of
+from semantic_slam.messages.sensor import TransformTree, camera_model, plain_frame
+
+FIRST = (topics.ODOMETRY, topics.CAMERA_INFO, topics.DETECTIONS, topics.IMAGE_COMPRESSED)
+"""Topics of which the first message tells."""
+
+
+class Hints:
+    """Looks at the first message of each topic that is written."""
+
+    def __init__(self, base_frame: str, fixed: TransformTree) -> None:
+        """``base_frame`` is the body's, ``fixed`` holds the static transforms."""
+        self._base, self._fixed = plain_frame(base_frame), fixed
+        self._first: dict[str, Any] = {}
+
+    def wants(self, topic: str) -> bool:
+        """Whether the next message on a topic of the new bag has to be shown to :meth:`see`."""
+        return topic in FIRST and topic not in self._first
+
+    def see(self, topic: str, message: Any) -> None:
+        """The first message on a topic of the new bag."""
+        self._first[topic] = message
+
+    def lines(self, *, has_images: bool) -> list[str]:
+        """One line for each thing that a run would not accept."""
+        found = [self._body()]
+        if has_images:
+            found += [self._camera(), self._detections(), self._size()]
+        return [line for line in found if line]
+
+    def _body(self) -> str:
+        odometry = self._first.get(topics.ODOMETRY)
+        child = plain_frame(odometry.child_frame_id) if odometry is not None else ""
+        if child in ("", self._base):
+            return ""
+        return f"odometry is of '{child}': set perception.base_frame: {child} in the configuration, or it is not used"
+
+    def _camera(self) -> str:
+        camera = self._first.get(topics.CAMERA_INFO)
+        if camera is None:
+            return ""
+        try:
+            camera_model(camera, topics.CAMERA_INFO)
+            if self._fixed.is_known:  # that there are none at all is said elsewhere
+                self._fixed.lookup(self._base, camera.header.frame_id)
+        except InputError as fault:
+            return str(fault)
+        return ""
+
+    def _detections(self) -> str:
+        camera, detections = self._first.get(topics.CAMERA_INFO), self._first.get(topics.DETECTIONS)
+        if camera is None or detections is None:
+            return ""
+        theirs, ours = plain_frame(detections.header.frame_id), plain_frame(camera.header.frame_id)
+        if theirs == ours:
+            return ""
+        return (
+            f"detections are of frame '{theirs}' and the camera is '{ours}': have the detector copy the image's header"
+        )
+
+    def _size(self) -> str:
+        camera, image = self._first.get(topics.CAMERA_INFO), self._first.get(topics.IMAGE_COMPRESSED)
+        size = size_of(image) if image is not None else None
+        if camera is None or size in (None, (camera.width, camera.height)):
+            return ""
+        return f"images are {size[0]} x {size[1]} and camera_info says {camera.width} x {camera.height}: choose its own"
