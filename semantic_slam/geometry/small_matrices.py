@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
+
+LEAST_VARIANCE = 1e-18
+"""A square nanometre, or nanoradian: nothing is measured better."""
+ROUNDING = 1e-9
+"""Relative; numbers that others computed differ by as much."""
 
 
 def cholesky(matrices: Array) -> Array:
@@ -38,3 +43,16 @@ def backward(root: Array, values: Array) -> Array:
             entry = entry - root[..., j, i, None] * found[..., j, :]
         found[..., i, :] = entry / root[..., i, i, None]
     return found
+
+
+def are_covariances(matrices: Array) -> Flags:
+    """(N,) whether each of (N, 2, 2) is a covariance that can be computed with; False for those that are not finite.
+
+    Symmetric but for rounding, its variances between LEAST_VARIANCE and its inverse, its correlation within 1.
+    """
+    (a, b), (d, c) = np.moveaxis(matrices, 0, -1)
+    with np.errstate(all="ignore"):
+        scale = np.sqrt(a * c)
+        in_range = (np.minimum(a, c) >= LEAST_VARIANCE) & (np.maximum(a, c) <= 1.0 / LEAST_VARIANCE)
+        fits = (np.abs(b - d) <= ROUNDING * scale) & (np.maximum(np.abs(b), np.abs(d)) < (1.0 - ROUNDING) * scale)
+    return np.asarray(in_range & fits)

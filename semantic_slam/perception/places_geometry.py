@@ -7,6 +7,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.geometry.rows import take
+from semantic_slam.geometry.small_matrices import LEAST_VARIANCE, are_covariances
 from semantic_slam.perception.crops import is_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.range_bearing import viewing_ray
@@ -38,10 +39,8 @@ class Places:
         """(D,) whether range and bearing have a positive definite covariance, or none is told."""
         block = self.covariances[:, :2, :2]
         variances = np.diagonal(block, axis1=1, axis2=2)
-        whole: Flags = np.asarray(np.isfinite(block).all(axis=(1, 2)))
-        definite = (variances > 0.0).all(axis=1) & (np.linalg.det(np.where(whole[:, None, None], block, 0.0)) > 0.0)
-        bearing_alone = np.isnan(self.ranges_m) & (variances[:, 1] > 0.0)
-        return np.asarray(np.isnan(block).all(axis=(1, 2)) | (whole & definite) | bearing_alone)
+        bearing_alone = np.isnan(self.ranges_m) & (variances[:, 1] >= LEAST_VARIANCE) & np.isfinite(variances[:, 1])
+        return np.asarray(np.isnan(block).all(axis=(1, 2)) | are_covariances(block) | bearing_alone)
 
 
 def places_of_ranges(detections: Detections) -> Places:

@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.small_matrices import LEAST_VARIANCE, are_covariances
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 FARTHEST_M = 1e6
@@ -58,8 +59,5 @@ def _are_definite(measurements: SemanticMeasurements) -> Flags:
     block, alone = measurements.geometric_covariances, np.isnan(measurements.ranges_m)
     variances = np.diagonal(block, axis1=1, axis2=2)
     untold = np.isnan(variances[:, 1])
-    bearing_alone = alone & (variances[:, 1] > 0.0) & (variances[:, 1] < np.inf)
-    whole = _all_finite(block)
-    determinants = np.linalg.det(np.where(whole[:, None, None], block, np.eye(2)))
-    definite = whole & (variances > 0.0).all(axis=1) & (determinants > 0.0)
-    return np.asarray(untold | bearing_alone | definite)
+    bearing_alone = alone & (variances[:, 1] >= LEAST_VARIANCE) & np.isfinite(variances[:, 1])
+    return np.asarray(untold | bearing_alone | are_covariances(block))
