@@ -104,7 +104,7 @@ def _width(spread: float, count: int) -> float:
 
 
 def _integral(power: int, most: float) -> float:
-    """Of x^-power from 1 to ``most``."""
+    """Integral of x^-power from 1 to ``most``."""
     if power == 1:
         return float(np.log(most))
     return float((1.0 - most ** (1.0 - power)) / (power - 1.0))
