@@ -11,7 +11,7 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.relocation.constellation import Fitting, Places, positions
-from semantic_slam.inference.relocation.sightings import Sightings
+from semantic_slam.inference.revision.sightings import Sightings
 from semantic_slam.inference.relocation.stretches import parted, stretches
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.detection_rates import DetectionRates
