@@ -56,7 +56,7 @@ class FirstAndMissed:
     def by_object(self, path: Array, places: Array, seen: Flags, numbers: Index | None = None) -> Array:
         """(N, P) log likelihoods of later detections and misses of objects at ``places`` (N, 2), (N, T) ``seen``.
 
-        ``path`` (1 + T, 3), from the pose before the first keyframe on; ``numbers`` (N,) of the objects, None: in order.
+        ``path`` (1 + T, 3), from the pose before the first keyframe on; ``numbers`` (N,) of the objects: all in order.
         """
         sightings = Sightings(path=path[1:], regions=self.regions, sensors=self.rates.sensors[0])
         rows = np.arange(len(places)) if numbers is None else numbers

@@ -19,16 +19,10 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 
 ROUGHLY = 6.0
 """Nats by which rough weights of histories may be off, beside what their replays tell."""
+MOST_REPLAYED = 2
+"""Histories that one look replays."""
 MOST_DETECTIONS = 800
 """Detections from which on a drive is not solved at once: that costs the cube of them."""
-
-
-@dataclass(frozen=True)
-class SplitHistory:
-    """A history that is worth a replay, and what it tries."""
-
-    lineage: Lineage
-    group: Group  # the object that was parted, and the one that the return would have started
 
 
 class Returns:
@@ -39,7 +33,7 @@ class Returns:
         self._settings, self._replay, self._registry = settings, replay, registry
         self._tried = Tried(patience)
 
-    def histories(self, followed: Revised, ratio: float) -> list[SplitHistory]:
+    def histories(self, followed: Revised, ratio: float) -> list[Lineage]:
         """Those that may weigh at least the ``ratio``-th part of the one that was ``followed``, likeliest first."""
         if self._settings.splits == 0:
             return []
@@ -56,12 +50,13 @@ class Returns:
         except np.linalg.LinAlgError:
             return []
         least = -float(np.log(ratio)) - ROUGHLY
-        self.note([view.group(parting) for parting, _, gain in found if gain < least])
-        likely = sorted((own for own in found if own[2] >= least), key=lambda own: -own[2])
-        return [SplitHistory(view.renamed(objects), view.group(parting)) for parting, objects, _ in likely]
+        self._note([view.group(parting) for parting, _, gain in found if gain < least])
+        likely = sorted((own for own in found if own[2] >= least), key=lambda own: -own[2])[:MOST_REPLAYED]
+        self._note([view.group(parting) for parting, _, _ in likely])
+        return [view.renamed(objects) for _, objects, _ in likely]
 
-    def note(self, groups: Sequence[Group]) -> None:
-        """Remember returns that were tried now, and lost."""
+    def _note(self, groups: Sequence[Group]) -> None:
+        """Remember returns that are tried now."""
         self._tried.note(groups, len(self._replay.steps))
 
 
@@ -117,9 +112,7 @@ class _View:
         association = [list(step.association) for step in self.lineage]
         for k, n, name in zip(self.drive.keyframes, self.drive.numbers, names.tolist(), strict=True):
             association[k][n] = name
-        return tuple(
-            replace(step, association=tuple(own)) for step, own in zip(self.lineage, association, strict=True)
-        )
+        return tuple(replace(step, association=tuple(own)) for step, own in zip(self.lineage, association, strict=True))
 
     def _name(self, first: int) -> int:
         """Of an object that is seen first in this detection: the one that the history has from there on, or its own."""

@@ -16,7 +16,7 @@ from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
 from semantic_slam.inference.revision.replay import Lineage, Replay
-from semantic_slam.inference.revision.returns import Returns, SplitHistory
+from semantic_slam.inference.revision.returns import Returns
 from semantic_slam.inference.revision.tried import Tried
 from semantic_slam.inference.world.objects import ObjectRegistry
 
@@ -62,16 +62,12 @@ class Revision:
         """
         best = next(iter(live.values()))
         lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
-        splits = self._splits(best.lineage, ratio)
-        lineages += [split.lineage for split in splits]
+        lineages += self._splits(best.lineage, ratio)
         if not lineages:
             return {}
         followed, *others = self._replay.log_joints([best.lineage, *lineages])
         if followed is None:
             return {}
-        least = followed.log_joint - float(np.log(ratio))
-        tried = zip(splits, others[len(others) - len(splits) :], strict=True)
-        self._returns.note([split.group for split, own in tried if own is None or own.log_joint < least])
         gains = [(own, own.log_joint - followed.log_joint) for own in others if own is not None]
         return {
             own.number: Hypothesis(
@@ -114,7 +110,7 @@ class Revision:
         on_map = problem.map_ids
         return younger not in on_map and (older not in on_map or problem.is_placed(lineage))
 
-    def _splits(self, lineage: Lineage, ratio: float) -> list[SplitHistory]:
+    def _splits(self, lineage: Lineage, ratio: float) -> list[Lineage]:
         """Histories in which a return was of another object."""
         (followed,) = self._replay.log_joints([lineage]) if self.settings.splits else (None,)
         return self._returns.histories(followed, ratio) if followed is not None else []

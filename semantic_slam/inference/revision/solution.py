@@ -1,4 +1,7 @@
-"""Where one history of a whole drive has all, and what its geometry weighs: Gauss and Newton, Laplace at the optimum."""
+"""Where one history of a whole drive has all, and what its geometry weighs.
+
+Gauss and Newton to the optimum, and Laplace there.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property

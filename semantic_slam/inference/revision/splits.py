@@ -123,4 +123,4 @@ class Splits:
             self.record.log_probability(births - 1, total - likely[one] - likely[other] + both[row])
             for row, (one, other, _) in enumerate(pairs)
         ]
-        return np.array([gain for _, _, gain in pairs]) + np.array(after) - before
+        return np.asarray(np.array([gain for _, _, gain in pairs]) + np.array(after) - before)

@@ -1,7 +1,7 @@
 """A whole drive as one least-squares problem under any association: rough, to tell which histories to propose.
 
-All histories share odometry and the errors of detections that repeat. With those errors integrated out, the geometry of
-a history is sparse in the path, the biases of odometry and the objects. What a history weighs exactly, its replay tells.
+All histories share odometry and the errors of detections that repeat. With those errors integrated out, the geometry
+of a history is sparse in the path, the biases of odometry and the objects. What a history weighs, its replay tells.
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ class WholeDrive:
             numbers=np.array([n for _, n, _ in rows], dtype=int),
             polar=np.array([(own.range_m, own.bearing_rad) for _, _, own in rows]).reshape(-1, 2),
             polar_whiten=np.array([own.whiten for _, _, own in rows]).reshape(-1, 2, 2),
-            information=np.linalg.inv(_errors(problem, motions, frames, [row[:2] for row in rows])),
+            information=np.asarray(np.linalg.inv(_errors(problem, motions, frames, [row[:2] for row in rows])), float),
             map_places=np.array([prior.mean[:2] for prior in priors]).reshape(-1, 2),
             map_whiten=_whitening(spreads),
         )
