@@ -51,8 +51,8 @@ def keyframes() -> list[Keyframe]:
     return found
 
 
-def driven(revision: dict[str, int], **others: object) -> Engine:
-    engine = Engine(configuration(revision, **others), initial_covariance=np.diag([1e-6] * 3))
+def driven(revision: dict[str, int], backends: int = 1, **others: object) -> Engine:
+    engine = Engine(configuration(revision, **others), initial_covariance=np.diag([1e-6] * 3), backends=backends)
     for keyframe in keyframes():
         engine.process(keyframe)
     return engine
@@ -97,6 +97,11 @@ def test_a_history_that_is_live_already_is_not_added_twice() -> None:
     assert objects_of(engine) == TRUE
     lineages = [live.lineage for live in engine.live.values()]
     assert len(set(lineages)) == len(lineages)
+
+
+def test_split_histories_are_those_of_any_number_of_backends() -> None:
+    one, two = (driven({"every_keyframes": 3}, number, pruning={"max_hypotheses": 10}) for number in (1, 2))
+    assert joints(one) == joints(two)
 
 
 @pytest.fixture(scope="module")
