@@ -85,7 +85,7 @@ def test_without_splits_it_does_not() -> None:
 
 def test_a_split_history_weighs_what_it_weighs_when_all_are_followed() -> None:
     found = joints(driven({"every_keyframes": 14}, **ONE))
-    wide = {"pruning": {"max_hypotheses": 400, "ratio": 1e12}, "weights": {"max_candidates": 60}}
+    wide = {"pruning": {"max_hypotheses": 100, "ratio": 1e12}, "weights": {"max_candidates": 60}}
     followed = joints(driven({}, **wide))
     assert max(followed, key=lambda number: followed[number]) in found
     for number, log_joint in found.items():
