@@ -254,6 +254,9 @@ class RevisionConfiguration:
         minimum=0,
     )
     proposals: int = parameter(4, "revised histories that are weighed in one look", minimum=1)
+    splits: int = parameter(
+        4, "returns to an object, likeliest first, that one look takes to have been to another one; 0: none", minimum=0
+    )
     horizon: int = parameter(
         600, "keyframes up to which histories are revised: each revised one is replayed from the start", minimum=1
     )

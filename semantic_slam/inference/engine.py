@@ -84,7 +84,7 @@ class Engine:
         self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
         association = self.association(self.problem, self.registry)
         self.steps: list[Step] = []  # so far, where histories are replayed
-        self.revision = Revision(self.problem.revision, Replay(self.problem, association, self.steps))
+        self.revision = Revision(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
         self.relocation = Relocation(
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )

@@ -1,4 +1,5 @@
-"""Association revised afterwards: histories in which two objects of a live one are the same, or in which one moves.
+"""Association revised afterwards: histories in which two objects of a live one are the same, in which one moves, or in
+which the robot took one object for another when it came back.
 
 A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
 P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
@@ -15,7 +16,9 @@ from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
 from semantic_slam.inference.revision.replay import Lineage, Replay
+from semantic_slam.inference.revision.returns import Returns
 from semantic_slam.inference.revision.tried import Tried
+from semantic_slam.inference.world.objects import ObjectRegistry
 
 HOPELESS_DISTANCE = 8.0
 """Mahalanobis distance between two objects, relative to each other, from which on a replay is spared.
@@ -29,9 +32,10 @@ AGAIN = 3
 class Revision:
     """Proposes and weighs histories in which objects of the best one are the same."""
 
-    def __init__(self, settings: RevisionConfiguration, replay: Replay) -> None:
+    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
         self.settings, self._replay = settings, replay
         self._tried = Tried(AGAIN * settings.every_keyframes)
+        self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
 
     @property
     def is_on(self) -> bool:
@@ -58,6 +62,7 @@ class Revision:
         """
         best = next(iter(live.values()))
         lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
+        lineages += self._splits(best.lineage, ratio)
         if not lineages:
             return {}
         followed, *others = self._replay.log_joints([best.lineage, *lineages])
@@ -104,6 +109,11 @@ class Revision:
         problem, (older, younger) = self._replay.problem, pair
         on_map = problem.map_ids
         return younger not in on_map and (older not in on_map or problem.is_placed(lineage))
+
+    def _splits(self, lineage: Lineage, ratio: float) -> list[Lineage]:
+        """Histories in which a return was of another object."""
+        (followed,) = self._replay.log_joints([lineage]) if self.settings.splits else (None,)
+        return self._returns.histories(followed, ratio) if followed is not None else []
 
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
         """Histories in which objects are one that moves: all at once first, where there are several."""

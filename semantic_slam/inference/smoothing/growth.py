@@ -18,6 +18,7 @@ from semantic_slam.inference.smoothing.extension import (
     linearisation_start,
     new_factors,
 )
+from semantic_slam.inference.smoothing.isam import AT_ONCE
 from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
 
 Outcome = Component | LostComponentError
@@ -103,10 +104,15 @@ def certain(outcome: Outcome) -> Component:
 
 
 def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> Flags:
-    """(K,) whether the mode of the robot is elsewhere than odometry has it; far, where updates are not iterated."""
+    """(K,) whether the mode of the robot is elsewhere than odometry has it; far, where updates are not iterated.
+
+    Where errors repeat, what a detection tells besides is so sharp that less is far.
+    """
     space = parents[0].spaces.robot
     predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
     limit = np.maximum(JUMP, space.far) if parents[0].single_steps else JUMP
+    if parents[0].smoother.exact is not None:
+        limit = AT_ONCE * space.relinearize_threshold
     return np.asarray((np.abs(space.local(predicted, modes)) > limit).any(axis=-1))
 
 

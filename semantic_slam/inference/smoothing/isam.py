@@ -13,6 +13,9 @@ WILDFIRE_THRESHOLD = 1e-9
 STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
 """Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
 back-substitution stops, metres or radians."""
+AT_ONCE = 2.0
+"""Thresholds by which a keyframe moves the robot from where odometry has it, where errors of detections repeat, from
+which on all is linearised anew at once: the next keyframes would else be weighed as if it had not come back."""
 NEVER = 1 << 30
 """Updates from one relinearisation to the next where factors are linearised here: when they are made anew."""
 STIFF_WILDFIRE = 1e-3

@@ -1,0 +1,71 @@
+"""What first detections, later ones and misses of a history weigh, over all that sensor and world may be: roughly.
+
+The path is taken as known and objects as existing, which is enough to tell which histories to replay.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
+from semantic_slam.inference.revision.sightings import Sightings
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.detection_rates import DetectionRates
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstAndMissed:
+    """T keyframes, G settings of sensor and world, P of which differ in what they detect."""
+
+    rates: DetectionRates  # G, before the drive
+    regions: Sequence[SensorRegion]  # T
+    expected_births: Array  # (G,) first detections in all keyframes
+    num_mapped: int  # objects of a map, which come first and start nowhere
+
+    @classmethod
+    def of(
+        cls,
+        settings: OpenWorldConfiguration,
+        steps: Sequence[Step],
+        component: Component,
+        expected_births: float,
+        num_mapped: int,
+    ) -> Self:
+        """``expected_births`` of the history of ``component``, on average over what it knows of the world."""
+        rates, region = DetectionRates.of(settings), sensor_region(settings)
+        density = rates.birth_density / max(component.objects.rates.moments("birth_density")[0], 1e-9)
+        return cls(
+            rates=rates,
+            regions=[region.reaching(step.sensed) for step in steps],
+            expected_births=expected_births * density,
+            num_mapped=num_mapped,
+        )
+
+    @cached_property
+    def log_intensities(self) -> Array:
+        """(G,) of first detections [1/m^2]."""
+        clutter = self.rates.clutter_per_frame / self.regions[-1].area_m2
+        return np.asarray(np.log(self.rates.probability * self.rates.birth_density + clutter))
+
+    def by_object(self, path: Array, places: Array, seen: Flags, numbers: Index | None = None) -> Array:
+        """(N, P) log likelihoods of later detections and misses of objects at ``places`` (N, 2), (N, T) ``seen``.
+
+        ``path`` (1 + T, 3), from the pose before the first keyframe on; ``numbers`` (N,) of the objects: all in order.
+        """
+        sightings = Sightings(path=path[1:], regions=self.regions, sensors=self.rates.sensors[0])
+        rows = np.arange(len(places)) if numbers is None else numbers
+        first = np.where(rows < self.num_mapped, -1, seen.argmax(axis=1))
+        return np.asarray(sightings.log_likelihoods(sightings.in_view(places), seen, first))
+
+    def log_probability(self, births: int, log_likelihoods: Array) -> float:
+        """Of so many first detections, and of what (P,) weighs all others and misses."""
+        _, which = self.rates.sensors
+        false_alarms = len(self.regions) * self.rates.clutter_per_frame
+        expected = self.expected_births + false_alarms
+        return self.rates.explained(births * self.log_intensities - expected + log_likelihoods[which])[0]

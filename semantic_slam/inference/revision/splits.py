@@ -1,0 +1,126 @@
+"""Histories in which a return was of another object than it was taken for, with all that follows from it.
+
+A drive that took one of two places for the other is bent by it: what it saw before and after lies apart. So an object
+is parted at a return, the whole drive is solved anew, and objects that then lie on each other are joined, for as long
+as that makes the history likelier. What is worth a replay is told by rough weights.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.revision.first_and_missed import FirstAndMissed
+from semantic_slam.inference.revision.run_model import RunModel
+from semantic_slam.inference.revision.runs import Parting, Runs, numbered, offsets
+from semantic_slam.inference.revision.solution import Solution, solved
+from semantic_slam.inference.revision.whole_drive import WholeDrive
+
+MOST_JOINED = 4
+"""Objects that are joined after one parting."""
+MOST_PAIRS = 8
+"""Pairs of objects of which detections and misses are looked at before two are joined."""
+UNLIKELY = 10.0
+"""Nats that two objects lose by their places, as one, from which on what was detected and missed is not looked at."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A history by the objects of its atoms."""
+
+    objects: Index  # (A,)
+    solution: Solution
+    log_weight: float  # roughly, up to a constant of the drive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Splits:
+    """Looks for likelier histories around one, whose objects the atoms of ``runs`` are parts of."""
+
+    drive: WholeDrive
+    runs: Runs
+    record: FirstAndMissed
+    path: Array  # (1 + T, 3) of the history at hand
+
+    def best(self, count: int, is_news: Callable[[Parting], bool]) -> list[tuple[Parting, Index, float]]:
+        """At most ``count`` partings that are news, each with the objects of the detections and what these gain.
+
+        Raises numpy.linalg.LinAlgError where the history at hand is indeterminate.
+        """
+        own = self._weighed(self.runs.objects, self.path)
+        model = RunModel.at(self.drive, self.runs, own.solution, own.objects)
+        partings = [parting for parting in self.runs.partings() if is_news(parting)]
+        scores = [model.log_evidence(parting.objects) for parting in partings]
+        found: list[tuple[Parting, Index, float]] = []
+        for row in np.argsort(-np.array(scores), kind="stable")[:count].tolist():
+            after = self._followed_up(partings[row], own.solution.path)
+            if after is not None and not np.array_equal(after.objects, own.objects):
+                gain = after.log_weight - own.log_weight
+                found.append((partings[row], after.objects[self.runs.detections], gain))
+        return found
+
+    def _followed_up(self, parting: Parting, path: Array) -> Weighed | None:
+        """The likeliest history on the way from a parting through the joins that follow; None: there is none."""
+        try:
+            now = best = self._weighed(parting.objects, path)
+            for _ in range(MOST_JOINED):
+                joined = self._joined(now, parting)
+                if joined is None:
+                    break
+                now = self._weighed(joined, now.solution.path)
+                best = max(best, now, key=lambda own: own.log_weight)
+        except np.linalg.LinAlgError:
+            return None
+        return best
+
+    def _weighed(self, objects: Index, path: Array) -> Weighed:
+        solution = solved(self.drive, objects[self.runs.detections], path)
+        likely = self.record.by_object(solution.path, solution.places, self.runs.seen_of(objects)).sum(axis=0)
+        births = len(solution.places) - self.runs.num_mapped
+        return Weighed(objects, solution, solution.log_evidence + self.record.log_probability(births, likely))
+
+    def _joined(self, now: Weighed, parting: Parting) -> Index | None:
+        """The objects of the atoms with the two as one that gain most by it; None where none gain."""
+        pairs = self._pairs(now, parting)
+        if not pairs:
+            return None
+        gains = self._gains(now, pairs)
+        best = int(np.argmax(gains))
+        if gains[best] <= 0.0:
+            return None
+        older, younger, _ = pairs[best]
+        return numbered(np.where(now.objects == younger, older, now.objects))
+
+    def _pairs(self, now: Weighed, parting: Parting) -> list[tuple[int, int, float]]:
+        """Pairs of objects that may be one, and what they gain by their places; the most gain first."""
+        places, seen = now.solution.places, self.runs.seen_of(now.objects)
+        away, spread = offsets(places, now.solution.covariance)
+        mapped, log_new = self.runs.num_mapped, float(np.median(self.record.log_intensities))
+        apart = {int(now.objects[np.flatnonzero(parting.objects == number)[0]]) for number in parting.parted}
+        found: list[tuple[int, int, float]] = []
+        for one, other in combinations(range(len(places)), 2):
+            if other < mapped or {one, other} == apart or (seen[one] & seen[other]).any():
+                continue
+            squared = away[one, other] @ np.linalg.solve(spread[one, other], away[one, other])
+            gain = float(-0.5 * squared - 0.5 * np.linalg.slogdet(2.0 * np.pi * spread[one, other])[1])
+            if gain - log_new > -UNLIKELY:
+                found.append((one, other, gain))
+        return sorted(found, key=lambda pair: -pair[2])[:MOST_PAIRS]
+
+    def _gains(self, now: Weighed, pairs: Sequence[tuple[int, int, float]]) -> Array:
+        """(n,) by places, detections and misses."""
+        path, places, seen = now.solution.path, now.solution.places, self.runs.seen_of(now.objects)
+        likely = self.record.by_object(path, places, seen)
+        births, total = len(places) - self.runs.num_mapped, likely.sum(axis=0)
+        before = self.record.log_probability(births, total)
+        older, younger = (np.array([pair[row] for pair in pairs]) for row in range(2))
+        times = seen.sum(axis=1)
+        at = np.where((times[younger] > times[older]) & (older >= self.runs.num_mapped), younger, older)
+        both = self.record.by_object(path, places[at], seen[older] | seen[younger], older)
+        after = [
+            self.record.log_probability(births - 1, total - likely[one] - likely[other] + both[row])
+            for row, (one, other, _) in enumerate(pairs)
+        ]
+        return np.asarray(np.array([gain for _, _, gain in pairs]) + np.array(after) - before)

@@ -1,0 +1,125 @@
+"""A whole drive as one least-squares problem under any association: rough, to tell which histories to propose.
+
+All histories share odometry and the errors of detections that repeat. With those errors integrated out, the geometry
+of a history is sparse in the path, the biases of odometry and the objects. What a history weighs, its replay tells.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.models.correlated_errors import ErrorTransition
+from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.keys import STRETCH
+from semantic_slam.inference.world.problem import Problem
+
+NO_BIASES = np.zeros((3, 0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeDrive:
+    """T motions, n detections of objects that stand still, with a range; M objects of a map."""
+
+    begin: GaussianPrior  # of the robot before the first keyframe
+    controls: Array  # (T, 3)
+    by_bias: Array  # (T, 3, p)
+    whiten: Array  # (T, 3, 3) of motions, in their tangent spaces
+    stretches: Index  # (T,) which of the biases each motion has
+    keyframes: Index  # (n,) of the detections
+    numbers: Index  # (n,) place of each in its keyframe
+    polar: Array  # (n, 2) range [m] and bearing [rad]
+    polar_whiten: Array  # (n, 2, 2)
+    information: Array  # (2 n, 2 n) of whitened errors
+    map_places: Array  # (M, 2)
+    map_whiten: Array  # (M, 2, 2)
+
+    @classmethod
+    def of(cls, problem: Problem, component: Component, steps: Sequence[Step], standing: Sequence[Flags]) -> Self:
+        """With the noises and the clock that ``component`` takes robot and sensor to have.
+
+        ``standing``: for each keyframe (D,) which detections are of objects that stand still.
+        """
+        motions = [component.moved_by(step.motion) for step in steps]
+        frames = [component.sensed(step.detections) for step in steps]
+        rows = [
+            (k, n, own)
+            for k, frame in enumerate(frames)
+            for n, own in enumerate(frame)
+            if own.has_range and standing[k][n]
+        ]
+        entries = sorted(problem.objects, key=lambda entry: entry.object_id)
+        priors = [entry.prior for entry in entries if entry.object_id not in component.elsewhere]
+        spreads = np.array([_in_map(prior) for prior in priors]).reshape(-1, 2, 2)
+        return cls(
+            begin=problem.robot if problem.starts is None else problem.starts.prior(component.start),
+            controls=np.array([motion.control for motion in motions]),
+            by_bias=np.array([NO_BIASES if motion.by_bias is None else motion.by_bias for motion in motions]),
+            whiten=_whitening(np.array([motion.covariance for motion in motions])),
+            stretches=np.arange(len(steps)) // STRETCH,
+            keyframes=np.array([k for k, _, _ in rows], dtype=int),
+            numbers=np.array([n for _, n, _ in rows], dtype=int),
+            polar=np.array([(own.range_m, own.bearing_rad) for _, _, own in rows]).reshape(-1, 2),
+            polar_whiten=np.array([own.whiten for _, _, own in rows]).reshape(-1, 2, 2),
+            information=np.asarray(np.linalg.inv(_errors(problem, motions, frames, [row[:2] for row in rows])), float),
+            map_places=np.array([prior.mean[:2] for prior in priors]).reshape(-1, 2),
+            map_whiten=_whitening(spreads),
+        )
+
+    @property
+    def num_biases(self) -> tuple[int, int]:
+        """Biases that motions have, and components of each."""
+        return int(self.stretches[-1]) + 1, self.by_bias.shape[-1]
+
+    def seen_from(self, path: Array) -> Array:
+        """(n, 2) where detections are in map, from a path (1 + T, 3)."""
+        robots, (reach, bearing) = path[1 + self.keyframes], self.polar.T
+        turn = robots[:, 2] + bearing
+        return np.asarray(robots[:, :2] + reach[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+
+
+def _whitening(covariances: Array) -> Array:
+    """(n, d, d) from errors to ones of unit covariance."""
+    return np.linalg.inv(np.linalg.cholesky(covariances)) if len(covariances) else covariances
+
+
+def _in_map(prior: GaussianPrior) -> Array:
+    """(2, 2) covariance of the place of a pose, or of a point, with a prior, in map."""
+    if len(prior.mean) < 3:
+        return prior.covariance
+    cos, sin = np.cos(prior.mean[2]), np.sin(prior.mean[2])
+    turn = np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(turn @ prior.covariance[:2, :2] @ turn.T)
+
+
+def _errors(
+    problem: Problem, motions: Sequence[Motion], frames: Sequence[Sequence[Any]], rows: Sequence[tuple[int, int]]
+) -> Array:
+    """(2 n, 2 n) covariance of the whitened errors of the detections ``rows``: keyframe, and number in it."""
+    settings = problem.detection_errors
+    if settings.correlated_share <= 0.0:
+        return np.eye(2 * len(rows))
+    counts = np.array([len(frame) for frame in frames])
+    firsts = np.concatenate([[0], 2 * np.cumsum(counts)])
+    repeated, carried = np.zeros((int(firsts[-1]), int(firsts[-1]))), None
+    for k, frame in enumerate(frames):
+        carried = None if carried is None else carried.moved(motions[k].control, settings)
+        if not frame:
+            continue
+        places, now = np.array([own.place for own in frame]), slice(int(firsts[k]), int(firsts[k + 1]))
+        step = ErrorTransition.of(settings, carried, places)
+        repeated[now, now] = step.noise
+        if carried is not None:
+            before = slice(int(firsts[carried.keyframe]), int(firsts[carried.keyframe + 1]))
+            cross = step.matrix @ repeated[before, : now.start]
+            repeated[now, : now.start], repeated[: now.start, now] = cross, cross.T
+            repeated[now, now] += cross[:, before] @ step.matrix.T
+        carried = CarriedErrors(keyframe=k, places=places, mean=np.zeros(2 * len(places)))
+    kept = np.array([firsts[k] + 2 * n + part for k, n in rows for part in range(2)], dtype=int)
+    share = settings.correlated_share
+    return np.asarray(share * repeated[np.ix_(kept, kept)] + (1.0 - share) * np.eye(len(kept)))
