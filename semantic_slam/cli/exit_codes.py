@@ -46,10 +46,21 @@ def exit_code(command: Callable[[], None]) -> int:
         else:
             print(f"{fault.filename or program()}: {fault.strerror}; make room, and run it again", file=sys.stderr)
         return FAULT
-    except Exception:
+    except Exception as fault:
+        if _is_of_an_interrupt(fault):
+            return INTERRUPTED
         traceback.print_exc()
         return FAULT
     return DONE
+
+
+def _is_of_an_interrupt(fault: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind a fault: in the midst of an import it becomes another exception."""
+    while fault is not None:
+        if isinstance(fault, KeyboardInterrupt):
+            return True
+        fault = fault.__cause__ or fault.__context__
+    return False
 
 
 def run_main(command: Callable[[], None]) -> None:

@@ -1,9 +1,11 @@
 """The executables of the nodes, which say in one line where no ROS is sourced."""
 
+import os
+import signal
 import sys
 from importlib import import_module
 
-from semantic_slam.cli.exit_codes import exit_code
+from semantic_slam.cli.exit_codes import DONE, exit_code
 from semantic_slam.cli.needs import need_ros
 
 
@@ -29,7 +31,12 @@ def backend_node() -> None:
 
 def start(name: str) -> None:
     """Run the node of the module ``name``, whose own ``main`` leaves the process with its exit code."""
+    # A node that is ended has done what it was asked, though it has not begun yet: there is nothing to put in order,
+    # and an exception in the midst of an import turns into others.
+    before = signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
     refused = exit_code(need_ros)
     if refused:
         sys.exit(refused)
-    import_module(f"semantic_slam.ros.{name}").main()
+    main = import_module(f"semantic_slam.ros.{name}").main
+    signal.signal(signal.SIGINT, before)
+    main()

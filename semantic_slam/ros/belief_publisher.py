@@ -14,7 +14,7 @@ from semantic_slam.messages.sensor import odometry_sample
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.transport import Outlet, is_installed, private_name
-from semantic_slam.ros.views import PathView, map_to_odom_view, markers_view, pose_view
+from semantic_slam.ros.views import MarkersView, PathView, map_to_odom_view, pose_view
 
 
 class BeliefPublisher:
@@ -28,7 +28,7 @@ class BeliefPublisher:
         self._tf = None
         if is_installed(topics.TYPES[topics.TF]):
             self._tf = Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.everything())
-        self._path_view = PathView()
+        self._path_view, self._markers_view = PathView(), MarkersView()
         self._T_odom_body: Array | None = None
 
     def note_odometry(self, message: Any) -> None:
@@ -45,7 +45,7 @@ class BeliefPublisher:
         estimate = pose_view(belief)
         self._pose.send(encode(estimate))
         self._path.send(serialize(self._path_view.extended(estimate)))
-        self._markers.send(serialize(markers_view(belief)))
+        self._markers.send(serialize(self._markers_view.of(belief)))
         if self._T_odom_body is not None:
             self._T_odom_body = compose(self._T_odom_body, T_previous_current)
             if self._tf is not None:

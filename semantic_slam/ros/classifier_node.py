@@ -5,7 +5,8 @@ Without images it takes detections by the places that they tell, loads no networ
 Parameters, besides those of config/default.yaml:
   has_images       classify what is in the boxes (default true); false: detections tell places, or boxes of camera_info
   has_depth        wait for the depth of each image (default true); false: bearing only
-  compressed       listen to image/compressed and depth/compressed (default true), else to image and depth
+  compressed       listen to image/compressed, else to image; not given: to the one that has a publisher
+  depth_compressed listen to depth/compressed, else to depth; not given: to the one that has a publisher
   detections_type  type of topic detections; vision_msgs/msg/Detection2DArray or, without images, Detection3DArray
                    where that package is installed
   lossless         true in a replay by bag_player at rate 0 (default false)
@@ -61,7 +62,6 @@ class ClassifierNode(PipelineNode):
         self._measurements = self._outlet(topics.MEASUREMENTS, qos.result(self.lossless))
         self._progress = self._outlet(topics.CLASSIFIER_PROGRESS, qos.latched())
         self._listen(
-            compressed=bool(self.declare_parameter("compressed", True).value),
             has_depth=has_depth,
             detections_type=str(self.declare_parameter("detections_type", OURS).value),
         )
@@ -77,18 +77,14 @@ class ClassifierNode(PipelineNode):
     def _outlet(self, topic: str, profile: Any) -> Outlet:
         return Outlet(self, private_name(topic), topics.TYPES[topic], profile)
 
-    def _listen(self, *, compressed: bool, has_depth: bool, detections_type: str) -> None:
-        image = topics.IMAGE_COMPRESSED if compressed else topics.IMAGE
-        depth = topics.DEPTH_COMPRESSED if compressed else topics.DEPTH
+    def _listen(self, *, has_depth: bool, detections_type: str) -> None:
         has_images = self._classifier is not None
-        handlers = {topics.CAMERA_INFO: self._assembler.add_camera_info}
-        if has_images:
-            handlers[image] = self._frames.add_image
-            if has_depth:
-                handlers[depth] = self._frames.add_depth
-        for topic, handler in handlers.items():
-            handle = self._decoded(topic, handler)
-            self.listen(topic, handle, qos.sensor_input(topic, self.lossless), required=has_images)
+        camera_info = self._decoded(topics.CAMERA_INFO, self._assembler.add_camera_info)
+        profile = qos.sensor_input(topics.CAMERA_INFO, self.lossless)
+        self.listen(topics.CAMERA_INFO, camera_info, profile, required=has_images)
+        self._look_for("compressed", (topics.IMAGE_COMPRESSED, topics.IMAGE), self._frames.add_image, has_images)
+        wants_depth = has_images and has_depth
+        self._look_for("depth_compressed", (topics.DEPTH_COMPRESSED, topics.DEPTH), self._frames.add_depth, wants_depth)
         self.listen(
             topics.DETECTIONS,
             self._detections_handler(detections_type),
@@ -100,6 +96,18 @@ class ClassifierNode(PipelineNode):
             handle = self._decoded(topics.TF_STATIC, self._transforms.add)
             self.listen(topics.TF_STATIC, handle, qos.sensor_input(topics.TF_STATIC, self.lossless))
         self.listen(topics.PLAYER_PROGRESS, self._player_progress, qos.latched())
+
+    def _look_for(
+        self, parameter: str, transports: tuple[str, str], add: Callable[[Any], None], is_wanted: bool
+    ) -> None:
+        """Listen to pictures by the transport that ``parameter`` says, or else by that which has a publisher."""
+        given = parameter in self._parameter_overrides  # that none is given cannot be told from a default
+        is_compressed = bool(self.declare_parameter(parameter, True).value)
+        if not is_wanted:
+            return
+        chosen = transports if not given else transports[:1] if is_compressed else transports[1:]
+        handlers = {topic: self._decoded(topic, add) for topic in chosen}
+        self.listen_to_one_of(handlers, lambda topic: qos.sensor_input(topic, self.lossless))
 
     def _decoded(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
         def handle(data: bytes) -> None:

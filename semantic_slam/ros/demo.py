@@ -12,7 +12,8 @@ from semantic_slam.outputs import add_overwrite, claimed_report
 from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 DOMAINS = 50
-"""ROS domains of demos, from 1 on; what runs beside them, such as tests, keeps to those above."""
+"""ROS domains of demos that are told none, from 1 on; what runs beside them, such as tests, keeps to those above."""
+LAST_DOMAIN = 232
 REPLAY_TIMEOUT_S = 3600.0
 
 
@@ -64,13 +65,23 @@ def replay(arguments: argparse.Namespace, belief: Path) -> None:
         str(belief),
         has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
     )
-    domain_id = 1 + os.getpid() % DOMAINS  # not the user's: other nodes there may publish the same topics
+    domain_id = domain()
     print(f"{arguments.bag}: {len(specs)} nodes in ROS domain {domain_id}, on this machine only", file=sys.stderr)
     with NodeProcesses(arguments.out / "log", loopback_environment(domain_id)) as nodes:
         for spec in specs:
             nodes.start(spec, show_errors=spec.name == "bag_player")
         nodes.wait("bag_recorder", REPLAY_TIMEOUT_S)
         nodes.wait("bag_player", REPLAY_TIMEOUT_S)
+
+
+def domain() -> int:
+    """ROS_DOMAIN_ID where it is set; else one of its own, for other nodes in the default one may publish the same."""
+    told = os.environ.get("ROS_DOMAIN_ID", "")
+    if not told:
+        return 1 + os.getpid() % DOMAINS
+    if not (told.isascii() and told.isdigit() and int(told) <= LAST_DOMAIN):
+        raise InputError(f"ROS_DOMAIN_ID is '{told}'; set a number from 0 to {LAST_DOMAIN}, or unset it")
+    return int(told)
 
 
 def main() -> None:

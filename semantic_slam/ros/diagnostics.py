@@ -1,5 +1,6 @@
 """A node's health on /diagnostics, once a second."""
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -10,11 +11,13 @@ from rclpy.node import Node
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.topics import DIAGNOSTICS, TYPES
 from semantic_slam.messages.typestore import message_class, serialize
-from semantic_slam.ros.health import InputMonitor, Level, Status, incompatible_status
+from semantic_slam.ros.health import InputMonitor, Level, Status, console_text, incompatible_status
 from semantic_slam.ros.qos import everything
 from semantic_slam.ros.transport import Outlet
 
 PERIOD_S = 1.0
+SAY_AGAIN_S = 10.0
+"""What goes on being wrong, or changes, is said on the console once in so long."""
 
 
 class Diagnostics:
@@ -26,6 +29,8 @@ class Diagnostics:
         self._monitors: list[InputMonitor] = []
         self._incompatible: dict[str, Status] = {}
         self._sources: list[Callable[[], Iterable[Status]]] = []
+        self.speaks = False  # on the console
+        self._said, self._said_s = "", -math.inf
         self.finished = False  # a replay has ended: silence is in order
         # The steady clock: diagnostics go on when simulated time stands still.
         node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -34,6 +39,10 @@ class Diagnostics:
         """Watch an input that must speak; its callback calls ``arrived``."""
         self._monitors.append(InputMonitor(topic, time.monotonic()))
         return self._monitors[-1]
+
+    def forget(self, monitor: InputMonitor) -> None:
+        """No longer watch an input."""
+        self._monitors.remove(monitor)
 
     def add_source(self, source: Callable[[], Iterable[Status]]) -> None:
         self._sources.append(source)
@@ -50,10 +59,20 @@ class Diagnostics:
             statuses += source()
         if not statuses:
             statuses = [Status("node", Level.OK, "running")]
+        self._say(statuses)
         self._outlet.send(serialize(self._message(statuses)))
 
+    def _say(self, statuses: list[Status]) -> None:
+        """What is waited for and what is wrong, on the console: when it changes, and at most once in ten seconds."""
+        text = console_text(statuses)
+        if not self.speaks or text == self._said or time.monotonic() - self._said_s < SAY_AGAIN_S:
+            return
+        self._said, self._said_s = text, time.monotonic()
+        self._node.get_logger().info(text or "all inputs are there")
+
     def _input_status(self, monitor: InputMonitor) -> Status:
-        return monitor.status(time.monotonic(), self._node.count_publishers(monitor.topic))
+        publishers = sum(self._node.count_publishers(name) for name in monitor.topic.split(" or "))
+        return monitor.status(time.monotonic(), publishers)
 
     def _message(self, statuses: list[Status]) -> Any:
         return message_class(TYPES[DIAGNOSTICS])(

@@ -1,7 +1,7 @@
 """What is wrong with a node, in words that name the topic, the label or the backend."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -9,6 +9,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 
 SILENT_AFTER_S = 3.0
+WAITING = "waiting for"
 
 
 class Level(IntEnum):
@@ -47,11 +48,18 @@ class InputMonitor:
         values = {"messages": str(self.count), "publishers": str(num_publishers)}
         silent_s = now_s - self._last_s
         if silent_s < SILENT_AFTER_S:
-            return Status(name, Level.OK, "receiving" if self.count else "waiting", values)
+            return Status(name, Level.OK, "receiving" if self.count else f"{WAITING} {self.topic}", values)
         if self.count:
             return Status(name, Level.WARN, f"{self.topic} has been silent for {silent_s:.0f} s", values)
         remedy = "it has a publisher that sends nothing" if num_publishers else "start its publisher or remap the topic"
         return Status(name, Level.ERROR, f"{self.topic} is silent: no message so far; {remedy}", values)
+
+
+def console_text(statuses: Iterable[Status]) -> str:
+    """What a person at the console has to know of a node's health; "" when all is well."""
+    return "; ".join(
+        status.message for status in statuses if status.level != Level.OK or status.message.startswith(WAITING)
+    )
 
 
 def dropped_status(dropped: Counter[str]) -> Status:

@@ -27,7 +27,12 @@ class Watch:
 
     def __init__(self, node: Node, backend_ids: Sequence[int]) -> None:
         self._missing_since: dict[int, float] = {}
+        self._seen: set[int] = set()
         self._subscriptions = [self._watch(node, number) for number in backend_ids]
+
+    def was_seen(self, backend_id: int) -> bool:
+        """Whether it has ever been there."""
+        return backend_id in self._seen
 
     def missing_s(self, backend_id: int) -> float:
         """Seconds; 0 while it is there, and before it ever was."""
@@ -37,6 +42,7 @@ class Watch:
     def _watch(self, node: Node, backend_id: int) -> Any:
         def changed(event: Any) -> None:
             if event.alive_count > 0:
+                self._seen.add(backend_id)
                 self._missing_since.pop(backend_id, None)
             elif event.alive_count_change < 0 or event.not_alive_count_change > 0:
                 self._missing_since.setdefault(backend_id, time.monotonic())

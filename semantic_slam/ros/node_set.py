@@ -73,6 +73,7 @@ def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[
         "has_images": found.has_images,
         "has_depth": bool(found.depth),
         "compressed": found.image == absolute(topics.IMAGE_COMPRESSED),
+        "depth_compressed": found.depth == absolute(topics.DEPTH_COMPRESSED),
     }
     return parameters | ({"perception.extrinsics": extrinsics} if extrinsics else {})
 

@@ -4,7 +4,8 @@ import argparse
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import rclpy
@@ -18,11 +19,13 @@ from rclpy.utilities import remove_ros_args
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.ros.diagnostics import Diagnostics
-from semantic_slam.ros.transport import receive
+from semantic_slam.ros.transport import receive, relative_name
 from semantic_slam.ros.worker import Worker
 
 QUIET_TICK_S = 0.1
 QUIET_TICKS = 3
+LOOK_S = 0.2
+"""How often a publisher is looked for."""
 SAY_AGAIN_S = 10.0
 """What goes on being wrong is said on the console once in so long."""
 
@@ -72,6 +75,27 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         if required:
             monitors.append(self.health.monitor(name))
 
+    def listen_to_one_of(
+        self, handlers: Mapping[str, Callable[[bytes], None]], profile_of: Callable[[str], QoSProfile]
+    ) -> None:
+        """:meth:`listen`, required, to the one of several topics that has a publisher, the first where all have."""
+        if len(handlers) == 1:
+            ((topic, handle),) = handlers.items()
+            self.listen(topic, handle, profile_of(topic), required=True)
+            return
+        names = {topic: self.resolve_topic_name(relative_name(topic)) for topic in handlers}
+        waiting = self.health.monitor(" or ".join(reversed(names.values())))
+
+        def look() -> None:
+            for topic, handle in handlers.items():
+                if self.count_publishers(names[topic]):
+                    timer.cancel()
+                    self.health.forget(waiting)
+                    self.listen(topic, handle, profile_of(topic), required=True)
+                    return
+
+        timer = self.create_timer(LOOK_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
     def when_drained(self, handle: Callable[[Any], None], item: Any) -> None:
         """Call ``handle(item)`` on the worker's thread once nothing arrives any more and all that did is done.
 
@@ -89,6 +113,11 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
 
         timer = self.create_timer(QUIET_TICK_S, tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
+    def say_ready(self) -> None:
+        """One line on the console, and from then on what is waited for or wrong, as it changes."""
+        self.get_logger().info("ready")
+        self.health.speaks = True
+
     def end(self) -> None:
         """End the node, from any thread."""
         rclpy.try_shutdown()
@@ -105,15 +134,21 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
 def run_node(make_node: Callable[[], PipelineNode]) -> None:
     """Run a node until it ends or is interrupted. Raises InputError and whatever stopped its worker."""
     node = None
+    has_begun = False
     try:
         _with_ros_arguments(rclpy.init)
+        has_begun = True
         node = make_node()
         node.worker.start()
+        node.say_ready()
         _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except ParameterException as fault:
         raise InputError(f"{' '.join(str(fault).split())}; see config/default.yaml") from None
+    except Exception:
+        if not has_begun or rclpy.ok():  # after an interrupt, whatever is still being made fails
+            raise
     finally:
         if node is not None:
             node.worker.stop()
@@ -143,7 +178,11 @@ def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable
         ).parse_args(words[1:])
         run_node(make_node)
 
-    return lambda: run_main(command)
+    def ended_or_interrupted() -> None:
+        with suppress(KeyboardInterrupt):  # a node that is ended has done what it was asked
+            command()
+
+    return lambda: run_main(ended_or_interrupted)
 
 
 def _with_ros_arguments(function: Callable[..., Any], *arguments: Any) -> Any:

@@ -1,11 +1,14 @@
 """Nodes as processes of their own, without ros2launch: started, watched, and ended by their ids."""
 
+import ctypes
 import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -14,11 +17,16 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.ros.node_set import NodeSpec
 
 GRACE_S = 10.0
+PR_SET_PDEATHSIG = 1
+LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
 TAIL_LINES = 12
 
 
 class NodeProcesses:
-    """A context in which nodes run; at its end all of them are ended. Their output goes to ``logs/<name>.log``."""
+    """A context in which nodes run; at its end all of them are ended, and when this process is killed, too.
+
+    Their output goes to ``logs/<name>.log``.
+    """
 
     def __init__(self, logs: Path, environment: Mapping[str, str]) -> None:
         self._logs = logs
@@ -43,7 +51,11 @@ class NodeProcesses:
         words = [*(command or [spec.executable]), "--ros-args", *options]
         with self._log(spec.name).open("wb") as log:
             self._processes[spec.name] = subprocess.Popen(
-                words, stdout=log, stderr=None if show_errors else subprocess.STDOUT, env=self._environment
+                words,
+                stdout=log,
+                stderr=None if show_errors else subprocess.STDOUT,
+                env=self._environment,
+                preexec_fn=partial(_end_with, os.getpid()),
             )
 
     def exit_code(self, name: str) -> int | None:
@@ -104,6 +116,15 @@ def loopback_environment(domain_id: int) -> dict[str, str]:
         "PYTHONUNBUFFERED": "1",
         "OMP_NUM_THREADS": "1",
     }
+
+
+def _end_with(parent: int) -> None:
+    """Called in a new process before its program begins: the kernel ends it when its parent has died, however."""
+    if LIBC is None:
+        return
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # it has died meanwhile
+        os._exit(1)
 
 
 def _nested(parameters: Mapping[str, object]) -> dict[str, object]:

@@ -68,7 +68,7 @@ class RosPool:
         waiting_s, awaited = time.monotonic() - self._since_s, self._awaited
         silent = awaited if waiting_s > SILENT_AFTER_S else ()
         return [
-            *(Status(f"backend_{n}", Level.OK, "answering") for n in self.backend_ids if n not in silent),
+            *(self._presence(n) for n in self.backend_ids if n not in silent),
             *(
                 Status(
                     f"backend_{n}",
@@ -82,6 +82,16 @@ class RosPool:
                 for n in self._given_up
             ),
         ]
+
+    def _presence(self, number: int) -> Status:
+        """Of a backend that does not owe an answer for long."""
+        name = f"backend_{number}"
+        if not self._watch.was_seen(number):
+            return Status(name, Level.WARN, f"{name} is not there; start it")
+        missing_s = self._watch.missing_s(number)
+        if missing_s > PATIENCE_S:
+            return Status(name, Level.WARN, f"{name} has been gone for {missing_s:.0f} s; start the replay again")
+        return Status(name, Level.OK, "answering")
 
     def _collect(self, answers: "queue.SimpleQueue[bytes]", topic: str, index: int) -> list[Any]:
         """One answer of every backend, in the order of their ids; what belongs to another round is ignored."""

@@ -13,7 +13,8 @@ from semantic_slam.messages.standard import PoseEstimate, header_message, pose_m
 from semantic_slam.messages.typestore import message_class
 
 MAP, ODOM = "map", "odom"
-SPHERE, TEXT, ADD = 2, 9, 0
+SPHERE, TEXT, ADD, DELETE = 2, 9, 0, 2
+OPACITY, LEAST_SHARE = 0.7, 0.1
 SIGMAS = 2.0
 LEAST_DIAMETER_M = 0.1
 TEXT_HEIGHT_M = 0.25
@@ -48,14 +49,26 @@ class PathView:
         return message_class("nav_msgs/msg/Path")(header=header, poses=list(self._poses))
 
 
-def markers_view(belief: HybridBelief) -> Any:
-    """visualization_msgs/MarkerArray: per object an ellipsoid of two standard deviations and the likeliest class."""
-    markers = []
-    for row, object_id in enumerate(belief.object_ids.tolist()):
-        pose, covariance = belief.object_poses[row], belief.object_covariances[row]
-        if np.isfinite(pose).all() and np.isfinite(covariance).all():
-            markers += [_ellipsoid(belief, row, object_id), _label(belief, row, object_id)]
-    return message_class("visualization_msgs/msg/MarkerArray")(markers=markers)
+class MarkersView:
+    """visualization_msgs/MarkerArray: per object an ellipsoid of two standard deviations and the likeliest class.
+
+    Both fade with the object's existence, and are deleted when it is no longer in the belief.
+    """
+
+    def __init__(self) -> None:
+        self._shown: dict[tuple[str, int], None] = {}
+
+    def of(self, belief: HybridBelief) -> Any:
+        """The markers of a belief, and the deletion of those that came before it and are gone."""
+        markers = []
+        for row, object_id in enumerate(belief.object_ids.tolist()):
+            pose, covariance = belief.object_poses[row], belief.object_covariances[row]
+            if np.isfinite(pose).all() and np.isfinite(covariance).all():
+                markers += [_ellipsoid(belief, row, object_id), _label(belief, row, object_id)]
+        shown = {(marker.ns, marker.id): None for marker in markers}
+        markers += [_deletion(belief, *gone) for gone in self._shown if gone not in shown]
+        self._shown = shown
+        return message_class("visualization_msgs/msg/MarkerArray")(markers=markers)
 
 
 def map_to_odom_view(estimate: PoseEstimate, T_odom_body: Array) -> Any:
@@ -85,15 +98,29 @@ def _ellipsoid(belief: HybridBelief, row: int, object_id: int) -> Any:
     variances, axes = np.linalg.eigh(covariance)
     axes[:, 0] *= np.sign(np.linalg.det(axes))  # a rotation, not a reflection
     marker = _marker(belief, "objects", object_id, SPHERE, likeliest_class(belief, row)[0])
+    marker.color.a = _opacity(belief, row)
     marker.pose = pose_message(np.concatenate([belief.object_poses[row][:3], _quaternion(axes)]))
     x, y, z = np.maximum(2.0 * SIGMAS * np.sqrt(np.maximum(variances, 0.0)), LEAST_DIAMETER_M).tolist()
     marker.scale = message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
     return marker
 
 
+def _deletion(belief: HybridBelief, namespace: str, number: int) -> Any:
+    marker = _marker(belief, namespace, number, SPHERE, -1)
+    marker.action = DELETE
+    return marker
+
+
+def _opacity(belief: HybridBelief, row: int) -> float:
+    """Of what surely exists 0.7; never so little that nobody would find it."""
+    existence = float(belief.existence[row])
+    return OPACITY * max(existence, LEAST_SHARE) if np.isfinite(existence) else OPACITY
+
+
 def _label(belief: HybridBelief, row: int, object_id: int) -> Any:
     best, text = likeliest_class(belief, row)
     marker = _marker(belief, "classes", object_id, TEXT, best)
+    marker.color.a = _opacity(belief, row)
     position = belief.object_poses[row][:3] + np.array([0.0, 0.0, 2.0 * TEXT_HEIGHT_M])
     marker.pose = pose_message(np.concatenate([position, [0.0, 0.0, 0.0, 1.0]]))
     marker.scale = message_class("geometry_msgs/msg/Vector3")(x=0.0, y=0.0, z=TEXT_HEIGHT_M)
@@ -116,7 +143,7 @@ def _marker(belief: HybridBelief, namespace: str, number: int, kind: int, best: 
         action=ADD,
         pose=pose_message(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])),
         scale=vector(x=1.0, y=1.0, z=1.0),
-        color=message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=0.7),
+        color=message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=OPACITY),
         lifetime=duration,
         frame_locked=False,
         points=[],

@@ -51,3 +51,14 @@ def test_wrong_usage_is_one_line(capsys):
 def test_help_is_no_error(capsys):
     assert leave(lambda: CommandParser(prog="tool").parse_args(["--help"])) == 0
     assert "usage: tool" in capsys.readouterr().out
+
+
+def test_an_interrupt_that_became_another_exception_is_an_interrupt(capsys):
+    def in_the_midst_of_an_import():
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as fault:
+            raise ImportError("initialization failed") from fault
+
+    assert leave(in_the_midst_of_an_import) == 130
+    assert capsys.readouterr().err == ""

@@ -17,7 +17,7 @@ from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros.flow_control import Credit
 from semantic_slam.ros.health import Level, explanation_status
 from semantic_slam.ros.playlist import Playlist, parse_remaps
-from semantic_slam.ros.views import map_to_odom_view, markers_view, pose_view
+from semantic_slam.ros.views import MarkersView, map_to_odom_view, pose_view
 
 
 def test_credit_lets_a_window_of_frames_go_and_then_waits() -> None:
@@ -77,7 +77,7 @@ def test_views_of_a_belief_are_messages_that_rclpy_reads() -> None:
     belief = small_belief(3, [1, 2], [1, 1], [0.75, 0.25], [4, 9], [[4], [9]])
     estimate = pose_view(belief)
     np.testing.assert_allclose(estimate.pose[:2], np.exp(belief.log_weights) @ belief.poses[:, :2], atol=1e-12)
-    markers = deserialize_message(serialize(markers_view(belief)), MarkerArray).markers
+    markers = deserialize_message(serialize(MarkersView().of(belief)), MarkerArray).markers
     assert [(marker.ns, marker.id) for marker in markers] == [
         ("objects", 4),
         ("classes", 4),
@@ -88,12 +88,23 @@ def test_views_of_a_belief_are_messages_that_rclpy_reads() -> None:
     assert all(marker.text.split()[0] in CLASSES for marker in markers if marker.ns == "classes")
 
 
+def test_markers_of_objects_that_are_gone_are_deleted_once_and_others_fade_with_their_existence() -> None:
+    view, belief = MarkersView(), small_belief(3, [1, 2], [1, 1], [0.75, 0.25], [4, 9], [[4], [9]])
+    assert {marker.action for marker in view.of(belief).markers} == {0}
+    fewer = small_belief(4, [1], [1], [1.0], [9], [[9]])
+    faint = replace(fewer, existence=np.array([0.5]))
+    told = [(marker.ns, marker.id, marker.action) for marker in view.of(faint).markers]
+    assert told == [("objects", 9, 0), ("classes", 9, 0), ("objects", 4, 2), ("classes", 4, 2)]
+    again = view.of(faint).markers
+    assert [(marker.id, marker.color.a) for marker in again] == [(9, pytest.approx(0.35))] * 2
+
+
 def test_ellipsoid_spans_two_standard_deviations() -> None:
     """Variances 0.09 and 0.25 m^2 along x and y: diameters 4 x 0.3 m and 4 x 0.5 m; the flat axis has a least size."""
     belief = small_belief(0, [1], [1], [1.0], [4], [[4]])
     covariance = np.zeros((1, 6, 6))
     covariance[0, 0, 0], covariance[0, 1, 1] = 0.09, 0.25
-    marker = markers_view(replace(belief, object_covariances=covariance)).markers[0]
+    marker = MarkersView().of(replace(belief, object_covariances=covariance)).markers[0]
     assert sorted([marker.scale.x, marker.scale.y, marker.scale.z]) == pytest.approx([0.1, 1.2, 2.0])
 
 

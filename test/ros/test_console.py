@@ -1,0 +1,96 @@
+"""What a person at the console sees of a node, and how nodes and their processes end."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from semantic_slam.errors import InputError
+from semantic_slam.ros import demo
+from semantic_slam.ros.health import InputMonitor, Level, Status, console_text
+
+STARTER = """
+import sys, time
+from pathlib import Path
+from semantic_slam.ros.node_set import NodeSpec
+from semantic_slam.ros.processes import NodeProcesses
+import os
+with NodeProcesses(Path(sys.argv[1]), os.environ) as nodes:
+    for n in range(3):
+        nodes.start(NodeSpec("sleeper", f"sleeper_{n}"), [sys.executable, "-c", "import time; time.sleep(600)"])
+    print(*(process.pid for process in nodes._processes.values()), flush=True)
+    time.sleep(600)
+"""
+
+
+def is_there(pid: int) -> bool:
+    """Whether a process runs; one that nobody has asked about since it ended does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_nodes_end_with_whoever_started_them_when_that_is_killed(tmp_path: Path) -> None:
+    starter = subprocess.Popen([sys.executable, "-c", STARTER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert starter.stdout is not None
+    pids = [int(word) for word in starter.stdout.readline().split()]
+    assert len(pids) == 3 and all(is_there(pid) for pid in pids)
+    starter.kill()
+    starter.wait()
+    give_up = time.monotonic() + 20.0
+    while any(is_there(pid) for pid in pids) and time.monotonic() < give_up:
+        time.sleep(0.05)
+    assert not any(is_there(pid) for pid in pids)
+
+
+def test_the_console_says_what_is_waited_for_and_what_is_wrong_and_else_nothing() -> None:
+    monitor = InputMonitor("/odom", 0.0)
+    assert console_text([monitor.status(1.0, 1)]) == "waiting for /odom"
+    assert "/odom is silent: no message so far" in console_text([monitor.status(9.0, 0)])
+    monitor.arrived(9.5)
+    well = [monitor.status(9.6, 1), Status("backend_0", Level.OK, "answering")]
+    assert console_text(well) == ""
+    both = [
+        *well,
+        Status("dropped", Level.WARN, "2 x odom: stamp repeats"),
+        InputMonitor("/detections", 9.0).status(9.6, 1),
+    ]
+    assert console_text(both) == "2 x odom: stamp repeats; waiting for /detections"
+
+
+def test_a_demo_takes_the_domain_that_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "97")
+    assert demo.domain() == 97
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    assert 1 <= demo.domain() <= demo.DOMAINS
+    for wrong in ("-1", "many", "233"):
+        monkeypatch.setenv("ROS_DOMAIN_ID", wrong)
+        with pytest.raises(InputError, match="ROS_DOMAIN_ID is"):
+            demo.domain()
+
+
+NODE = "import sys; sys.argv[0] = 'backend_node'; from semantic_slam.cli.nodes import backend_node; backend_node()"
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.parametrize("after_s", [0.3, 0.8, 1.3, 1.8, 2.5, 4.0])
+def test_a_node_that_is_interrupted_while_it_starts_ends_well_and_without_a_word(after_s: float) -> None:
+    node = subprocess.Popen(
+        [sys.executable, "-c", NODE],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # whoever runs tests may ignore it
+        env=os.environ | {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"},
+    )
+    time.sleep(after_s)
+    node.send_signal(signal.SIGINT)
+    said = node.communicate(timeout=60)[0]
+    assert "Traceback" not in said
+    assert node.returncode == 0

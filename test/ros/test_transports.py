@@ -1,0 +1,81 @@
+"""Colour and depth each find the transport that somebody publishes, and a hostile message ends no node."""
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import rclpy
+from worlds.bag_factory import T_BASE_CAMERA, input_entries, of_topic, write_configuration
+from worlds.node_runs import processes
+
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode
+from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.node_set import NodeSpec
+from semantic_slam.ros.transport import Outlet, receive
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+START_S = 120.0
+SENT = {
+    topics.CAMERA_INFO: topics.CAMERA_INFO,
+    topics.IMAGE_COMPRESSED: topics.IMAGE_COMPRESSED,
+    topics.DEPTH: topics.DEPTH_COMPRESSED,
+    topics.DETECTIONS: topics.DETECTIONS,
+}
+"""Topic -> where the small bag has its messages."""
+
+
+def raw(message: Any) -> Any:
+    """A depth png as the raw image of a driver."""
+    pixels = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_UNCHANGED)
+    return message_class("sensor_msgs/msg/Image")(
+        header=message.header,
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        encoding="16UC1",
+        is_bigendian=0,
+        step=2 * pixels.shape[1],
+        data=np.frombuffer(pixels.tobytes(), np.uint8),
+    )
+
+
+def test_compressed_colour_with_raw_depth_gives_ranges_and_garbage_in_between_gives_nothing(tmp_path: Path) -> None:
+    network = json.loads(write_configuration(tmp_path).read_text())["perception"]["network"]
+    parameters = {
+        "lossless": True,
+        "perception.network": network,
+        "perception.num_passes": 1,
+        "perception.extrinsics": T_BASE_CAMERA.tolist(),
+    }
+    measured: list[Any] = []
+    rclpy.init()
+    try:
+        with processes(tmp_path) as nodes:
+            nodes.start(NodeSpec("classifier_node", "classifier", parameters))
+            node = rclpy.create_node("sender")
+            profile = qos.result(True)
+            name = topics.MEASUREMENTS
+            receive(node, name, lambda data: measured.append(decode(data, topics.TYPES[name])), profile)
+            outlets = {topic: Outlet(node, topic, topics.TYPES[topic], qos.replayed(topic)) for topic in SENT}
+            assert all(outlet.wait_for_readers(1, START_S) for outlet in outlets.values())
+            entries = input_entries(num_frames=3)
+            for topic, source in SENT.items():
+                outlets[topic].send(b"\x00\x01\x00\x00" + b"\xff" * 60)
+                for entry in of_topic(entries, source):
+                    outlets[topic].send(serialize(raw(entry.message) if topic == topics.DEPTH else entry.message))
+            give_up = time.monotonic() + 60.0
+            while len(measured) < 2 and time.monotonic() < give_up:
+                nodes.check()
+                rclpy.spin_once(node, timeout_sec=0.1)
+            said = (tmp_path / "log" / "classifier.log").read_text()
+    finally:
+        rclpy.try_shutdown()
+    assert len(measured) >= 2
+    assert all(np.isfinite(item.ranges_m).all() and len(item) == 2 for item in measured)
+    assert "ready" in said and "do not decode" in said and "Traceback" not in said
