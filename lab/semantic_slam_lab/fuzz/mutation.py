@@ -24,6 +24,7 @@ STRANGE_NUMBERS: tuple[Any, ...] = (
     -(2**63),
     10**400,
 )
+EXTREME_NUMBERS = (0.0, 1e-300, 1e-30, 1e-9, 1.0, 1e3, 1e9, 1e30, 1e300, -1e-9, -1.0)
 STRANGE_VALUES: tuple[Any, ...] = (None, True, "", "0", "nan", "\x00", "none", [], {}, [[]], [None], {"": 0}, "ä" * 300)
 STRANGE_BYTES = (
     b"\x00" * 4,
@@ -94,6 +95,26 @@ def with_strange_values(document: Any, chance: Generator) -> Any:
     for _ in range(1 + chance.integers(3)):
         document = _changed(document, chance)
     return document
+
+
+def with_extreme_numbers(document: Any, chance: Generator) -> Any:
+    """A copy of nested dictionaries and lists in which one to three numbers are far too small or too large."""
+    for _ in range(1 + chance.integers(3)):
+        document = _with_extreme_number(document, chance)
+    return document
+
+
+def _with_extreme_number(value: Any, chance: Generator) -> Any:
+    if isinstance(value, dict) and value:
+        key = list(value)[chance.integers(len(value))]
+        return {**value, key: _with_extreme_number(value[key], chance)}
+    if isinstance(value, list) and value:
+        at = int(chance.integers(len(value)))
+        return [*value[:at], _with_extreme_number(value[at], chance), *value[at + 1 :]]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return value
+    extreme = EXTREME_NUMBERS[chance.integers(len(EXTREME_NUMBERS))]
+    return int(extreme) if isinstance(value, int) and abs(extreme) >= 1.0 else extreme
 
 
 def _changed(value: Any, chance: Generator) -> Any:

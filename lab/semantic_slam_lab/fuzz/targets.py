@@ -37,7 +37,7 @@ from semantic_slam.shipped import CONFIGURATIONS
 from semantic_slam.viewpoint.store import read_model
 from semantic_slam_lab.fuzz import small_drive
 from semantic_slam_lab.fuzz.harness import Case, Target
-from semantic_slam_lab.fuzz.mutation import change_message, damaged, with_strange_values
+from semantic_slam_lab.fuzz.mutation import change_message, damaged, with_extreme_numbers, with_strange_values
 from semantic_slam_lab.fuzz.protocol import spoken
 
 OPEN = {**small_drive.PLAIN, "association": "open"}
@@ -54,9 +54,13 @@ def configurations(folder: Path) -> Case:
     path = folder / "configuration.yaml"
 
     def case(chance: Generator) -> None:
-        text = texts[chance.integers(len(texts))]
-        path.write_bytes(damaged(text, chance) if chance.random() < 0.5 else _strange_yaml(text, chance))
-        _one_keyframe(load_configuration(path), small_drive.map_prior().to_json())
+        text, what = texts[chance.integers(len(texts))], chance.random()
+        if what < 0.3:
+            path.write_bytes(damaged(text, chance))
+        else:
+            change = with_strange_values if what < 0.5 else with_extreme_numbers
+            path.write_text(yaml.safe_dump(change(yaml.safe_load(text), chance)), encoding="utf-8")
+        _two_keyframes(load_configuration(path), small_drive.map_prior().to_json())
 
     return case
 
@@ -78,12 +82,14 @@ def maps(folder: Path) -> Case:
     configurations = [from_dict(small_drive.PLAIN), from_dict(OPEN)]
 
     def case(chance: Generator) -> None:
-        if chance.random() < 0.4:
+        what = chance.random()
+        if what < 0.3:
             path.write_bytes(damaged(text.encode(), chance))
         else:
-            path.write_text(json.dumps(with_strange_values(json.loads(text), chance)), encoding="utf-8")
+            change = with_strange_values if what < 0.5 else with_extreme_numbers
+            path.write_text(json.dumps(change(json.loads(text), chance)), encoding="utf-8")
         read_map_prior(path)
-        _one_keyframe(configurations[chance.integers(2)], path.read_text(encoding="utf-8"))
+        _two_keyframes(configurations[chance.integers(2)], path.read_text(encoding="utf-8"))
 
     return case
 
@@ -223,15 +229,13 @@ TARGETS: dict[str, Target] = {
 }
 
 
-def _strange_yaml(text: bytes, chance: Generator) -> bytes:
-    return str(yaml.safe_dump(with_strange_values(yaml.safe_load(text), chance), allow_unicode=True)).encode()
-
-
-def _one_keyframe(configuration: Configuration, prior: str) -> None:
-    """A run's beginning: two detections after a first motion."""
+def _two_keyframes(configuration: Configuration, prior: str) -> None:
+    """A run's beginning: two detections after each of two motions."""
     engine = Engine(configuration, parse_map_prior(prior, "objects.json"))
-    seen = [Detection.at(float(x), float(y), track_id=str(n)) for n, (x, y) in enumerate(small_drive.OBJECTS)]
-    engine.process(Keyframe.planar(0, detections=seen, motion=(0.1, 0.0, 0.0)))
+    for k in range(2):
+        ahead = small_drive.OBJECTS - [small_drive.SPEED_M * (k + 1), 0.0]
+        seen = [Detection.at(float(x), float(y), track_id=str(n)) for n, (x, y) in enumerate(ahead)]
+        engine.process(Keyframe.planar(k, detections=seen, motion=(small_drive.SPEED_M, 0.0, 0.0)))
 
 
 def _samples() -> list[Any]:
