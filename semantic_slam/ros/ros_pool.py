@@ -84,7 +84,7 @@ class RosPool:
         ]
 
     def _presence(self, number: int) -> Status:
-        """Of a backend that does not owe an answer for long."""
+        """Status of a backend that does not owe an answer for long."""
         name = f"backend_{number}"
         if not self._watch.was_seen(number):
             return Status(name, Level.WARN, f"{name} is not there; start it")

@@ -112,7 +112,7 @@ def _deletion(belief: HybridBelief, namespace: str, number: int) -> Any:
 
 
 def _opacity(belief: HybridBelief, row: int) -> float:
-    """Of what surely exists 0.7; never so little that nobody would find it."""
+    """Opacity of an object: 0.7 where it surely exists, and never so little that nobody would find it."""
     existence = float(belief.existence[row])
     return OPACITY * max(existence, LEAST_SHARE) if np.isfinite(existence) else OPACITY
 
