@@ -34,7 +34,8 @@ def parameter(default: Any, text: str, **limits: Any) -> Any:
 class SemanticModelConfiguration:
     kind: str = parameter(
         "gp_independent",
-        "class models of Eq. 4.2; gp_correlated: views share their errors; latent: descriptors in a learned space",
+        "class models of Eq. 4.2; gp_correlated: views share their errors; latent: descriptors in a learned space;"
+        " detector: a detector's own labels and scores, without training",
         choices=CLASS_MODELS,
     )
     path: str = parameter("", "file of the viewpoint models, or of the latent space; empty: the shipped one")
@@ -48,7 +49,8 @@ class SemanticModelConfiguration:
     )
     outlier_share: float = parameter(
         0.05,
-        "parametric, gp_independent: share of views whose scores tell nothing of the object's class; 0: there are none",
+        "parametric, gp_independent, detector: share of views whose scores tell nothing of the object's class; 0: there"
+        " are none",
         minimum=0.0,
         maximum=0.5,
     )
@@ -64,6 +66,29 @@ class SemanticModelConfiguration:
     )
     alpha: float = parameter(0.25, "viewpoint dependency of the parametric model (Eq. 4.22)", minimum=0.0, maximum=1.0)
     concentration: float = parameter(15.0, "K of R = K [[1, -0.5], [0, 1]]; covariance (R^T R)^-1", minimum=1e-6)
+    labels: tuple[str, ...] = parameter(
+        (),
+        "detector: labels that objects may be named by, everything else is 'none of these'; empty: all labels of the"
+        " bag, live: those that the first detections name",
+    )
+    label_accuracy: float = parameter(
+        0.75,
+        "detector: expected share of views in which a class is called by its own label",
+        minimum=0.01,
+        maximum=0.999,
+    )
+    label_counts: float = parameter(4.0, "detector: views that this expectation counts as", minimum=1e-3)
+    repeat_shares: tuple[float, ...] = parameter(
+        (0.0, 0.5, 0.95),
+        "detector: probabilities that a view from the place of an earlier one repeats its answer; how far each is right"
+        " is inferred",
+    )
+    repeat_rad: float = parameter(
+        0.5,
+        "detector: turn about the object [rad], or change of the logarithm of its distance, after which views repeat by"
+        " a factor of 1 / e",
+        minimum=1e-3,
+    )
 
 
 @dataclass(frozen=True)

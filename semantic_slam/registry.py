@@ -75,6 +75,7 @@ CLASS_MODELS = Registry(
         gp_independent="semantic_slam.class_models.viewpoint_models:GP_INDEPENDENT",
         gp_correlated="semantic_slam.class_models.viewpoint_models:GP_CORRELATED",
         latent="semantic_slam.class_models.latent_space:LATENT",
+        detector="semantic_slam.class_models.detector:DETECTOR",
     ),
 )
 """Values of ``semantic_model.kind``: a ClassModelKind of semantic_slam/class_models/kind.py each."""
@@ -99,6 +100,7 @@ SEMANTICS = Registry(
         class_tables="semantic_slam.inference.semantics.class_tables:ClassTables",
         descriptor_views="semantic_slam.inference.semantics.descriptor_views:DescriptorViews",
         descriptor_tables="semantic_slam.inference.semantics.descriptor_tables:DescriptorTables",
+        detector_labels="semantic_slam.inference.semantics.detector_labels:DetectorLabels",
     ),
 )
 """How views weigh and are recorded: classes as inference/semantics/interface.py describes them."""

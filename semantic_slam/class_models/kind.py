@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from semantic_slam.configuration import SemanticModelConfiguration
     from semantic_slam.latent.model import DescriptorModel
     from semantic_slam.perception.collaborators import FeatureExtractor
+    from semantic_slam.viewpoint.label_model import LabelModel
     from semantic_slam.viewpoint.model import ViewpointModel
 
 
@@ -24,11 +25,17 @@ class ClassModelKind:
 
     viewpoint: "Callable[[SemanticModelConfiguration], ViewpointModel] | None" = None  # P(z | c, viewpoint)
     descriptors: "Callable[[SemanticModelConfiguration], DescriptorModel] | None" = None  # P(f | viewpoint, e) instead
+    labels: "Callable[[SemanticModelConfiguration], LabelModel] | None" = None  # a detector's words instead
     extractor: "Callable[[SemanticModelConfiguration], FeatureExtractor] | None" = None  # f, None: class probabilities
     semantics: str = "independent_views"  # where a map, or a class that is enumerated, tells how objects are turned
     carried: str | None = "class_tables"  # where nothing tells that; None: the models do not go with such associations
     has_factors: bool = True  # views enter the graphs under classes that hypotheses enumerate
     repeats_errors: bool = True  # view after view meets the same error, for which the likelihoods are tempered
+
+    @property
+    def sees_places_alone(self) -> bool:
+        """Whether nothing that a view shows depends on how its object is turned."""
+        return self.viewpoint is None and self.descriptors is None
 
 
 NONE = ClassModelKind(semantics="none", carried="none", has_factors=False, repeats_errors=False)

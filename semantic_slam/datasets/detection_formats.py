@@ -34,13 +34,37 @@ def from_vision_msgs(message: Any) -> Detections:
     """vision_msgs/Detection2DArray: 4.x, 3.x (no ``center.position``) and 2.x (flat results)."""
     rows = message.detections
     best = [_best_result(row.results) for row in rows]
-    return _detections(
+    found = _detections(
         message.header,
         [axis_aligned_box(row.bbox.center, row.bbox.size_x, row.bbox.size_y) for row in rows],
         [label for label, _ in best],
         [score for _, score in best],
         [_vision_track_id(row) for row in rows],
     )
+    return _with_scores(found, [_all_results(row.results) for row in rows])
+
+
+def _with_scores(found: Detections, told: list[dict[str, float]]) -> Detections:
+    """With the scores of all classes that each detection reports, of those that some detection does."""
+    names = tuple(sorted({name for scores in told for name in scores}))
+    rows = [[scores.get(name, np.nan) for name in names] for scores in told]
+    return replace(
+        found, class_names=names, class_scores=np.array(rows, dtype=np.float64).reshape(len(told), len(names))
+    )
+
+
+def _all_results(results: Any) -> dict[str, float]:
+    """Score of every class that is reported, the best where one is reported twice."""
+    scores: dict[str, float] = {}
+    for result in sorted(results, key=_score):
+        hypothesis = getattr(result, "hypothesis", result)
+        scores[_class_of(hypothesis)] = float(hypothesis.score)
+    return scores
+
+
+def _class_of(hypothesis: Any) -> str:
+    """``class_id``, or ``id`` of 2.x."""
+    return str(hypothesis.class_id if hasattr(hypothesis, "class_id") else hypothesis.id)
 
 
 def _best_result(results: Any) -> tuple[str, float]:
@@ -49,7 +73,7 @@ def _best_result(results: Any) -> tuple[str, float]:
     if not hypotheses:
         return "", SCORE_UNKNOWN
     best = max(hypotheses, key=lambda hypothesis: float(hypothesis.score))
-    return str(best.class_id if hasattr(best, "class_id") else best.id), float(best.score)
+    return _class_of(best), float(best.score)
 
 
 def _vision_track_id(row: Any) -> str:
@@ -87,7 +111,7 @@ def from_vision_msgs_3d(message: Any) -> Detections:
         [_vision_track_id(row) for row in rows],
     )
     return replace(
-        found,
+        _with_scores(found, [_all_results(row.results) for row in rows]),
         positions=np.array([[point.x, point.y, point.z] for point in centres], dtype=np.float64).reshape(-1, 3),
         position_covariances=np.array([_position_covariance(row.results) for row in rows]).reshape(-1, 3, 3),
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semantic_slam.datasets.detector_classes import renamed
 from semantic_slam.errors import InputError
 from semantic_slam.perception.frame import Detections
 from semantic_slam.text_files import parse_yaml, read_text
@@ -26,8 +27,8 @@ class LabelMap:
         if self.mapping is None:
             return detections
         kept = [index for index, label in enumerate(detections.labels) if self._wanted(label)]
-        renamed = tuple(str(self.mapping[detections.labels[index]]) for index in kept)
-        return replace(detections.take(np.array(kept, dtype=np.intp)), labels=renamed)
+        labels = tuple(str(self.mapping[detections.labels[index]]) for index in kept)
+        return replace(renamed(detections.take(np.array(kept, dtype=np.intp)), self.mapping), labels=labels)
 
     def _wanted(self, label: str) -> bool:
         assert self.mapping is not None

@@ -10,6 +10,7 @@ from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.detection_formats import READERS, in_body
+from semantic_slam.datasets.detector_classes import class_names_of, with_class_names
 from semantic_slam.datasets.image_formats import compress_colour, compress_depth
 from semantic_slam.datasets.label_map import LabelMap
 from semantic_slam.datasets.tf_odometry import TfOdometry
@@ -54,6 +55,7 @@ class Converter:
         self._fixed = self._fixed_transforms()
         self._tf = TfOdometry(odom_frame, base_frame, self._fixed)
         self._hints = Hints(base_frame, self._fixed)
+        self._class_names = self._all_class_names()
         self._handlers = self._choose_handlers(selection)
 
     def convert(self, message: RawMessage) -> bool:
@@ -100,6 +102,15 @@ class Converter:
                 tree.add(self._decode(message))
         return tree
 
+    def _all_class_names(self) -> tuple[str, ...]:
+        """Every class that the detector names anywhere in the bag."""
+        named: set[str] = set()
+        with suppress(TruncatedBagError):  # said again when the bag is converted
+            for message in self._reader.messages([self._selection.detections.name]):
+                with suppress(InputError):  # counted when the message is converted
+                    named |= class_names_of(READERS[message.type_name](self._decode(message)))
+        return tuple(sorted(named))
+
     def _choose_handlers(self, selection: Selection) -> dict[str, Handler]:
         """What to do with each topic of the old bag, by its name."""
         handlers = {
@@ -144,7 +155,7 @@ class Converter:
         return convert
 
     def _detections(self, message: RawMessage) -> None:
-        detections = READERS[message.type_name](self._decode(message))
+        detections = with_class_names(READERS[message.type_name](self._decode(message)), self._class_names)
         base_frame = self._tf.base_frame
         detections = in_body(
             detections, message.type_name, base_frame, lambda frame_id: self._fixed.lookup(base_frame, frame_id)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
@@ -21,7 +22,7 @@ from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.reference import NO_SCORES, Reference, ScoreDensity
+from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.identity import digest
@@ -34,6 +35,7 @@ from semantic_slam.inference.world.starts import Starts
 from semantic_slam.inference.world.unmapped import unmapped_objects
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.registry import OBSERVATIONS, SEMANTICS
+from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
 from semantic_slam.viewpoint.outliers import OutlierScores
 
@@ -75,7 +77,8 @@ def make_run_configuration(
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
     covariance = np.asarray(initial_covariance, dtype=np.float64)
-    model = load_model(configuration.semantic_model) or latent
+    settled = configuration.semantic_model
+    model = load_model(settled) or latent or load_label_model(settled)
     names = model.class_names if model is not None else ()
     return RunConfiguration(
         run_id=run_id_of(settings, prior, np.array(pose), covariance, names),
@@ -117,11 +120,11 @@ def _check_odometry(configuration: Configuration, association: type[AssociationS
 
 def _check_detections(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     factors, probabilities = configuration.perception.noise_factors, configuration.open_world.detection_probabilities
-    plain = configuration.semantic_model.kind == "none" and not configuration.open_world.iterate_updates
+    plain = _sees_places_in_single_steps(configuration)
     if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not (association.tracks_objects and plain)):
         raise InputError(
             "perception.noise_factors must be positive, and other than [1.0] only with association: open or given,"
-            " open_world.iterate_updates: false and semantic_model.kind: none"
+            " open_world.iterate_updates: false and semantic_model.kind: none or detector"
         )
     if probabilities and not 0.0 < min(probabilities) <= max(probabilities) < 1.0:
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
@@ -146,12 +149,18 @@ def _check_revision(configuration: Configuration, association: type[AssociationS
 
 def _check_moving(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     moving = _moving(configuration, association)
-    plain = configuration.semantic_model.kind == "none" and not configuration.open_world.iterate_updates
+    plain = _sees_places_in_single_steps(configuration)
     if moving.is_on and association.tracks_objects and not (plain and len(moving.speeds)):
         raise InputError(
             "moving.share and moving.share_by_label are for open_world.iterate_updates: false and"
-            " semantic_model.kind: none; set these, or the shares to 0"
+            " semantic_model.kind: none or detector; set these, or the shares to 0"
         )
+
+
+def _sees_places_in_single_steps(configuration: Configuration) -> bool:
+    """Whether updates are not iterated, and no view tells how its object is turned."""
+    kind = class_model_kind(configuration.semantic_model)
+    return kind.sees_places_alone and not configuration.open_world.iterate_updates
 
 
 def _moving(configuration: Configuration, association: type[AssociationStrategy]) -> Moving:
@@ -198,11 +207,11 @@ def problem_of(run: RunConfiguration) -> Problem:
     configuration = _as_used(configuration, association)
     settings = configuration.semantic_model
     tempering = _tempering(settings)
-    model, descriptors = load_model(settings), load_latent_model(settings)
+    model, descriptors, labels = load_model(settings), load_latent_model(settings), load_label_model(settings)
     outliers = _outliers(model, settings)
-    sensing = _sensing(configuration, model, descriptors, outliers)
+    sensing = _sensing(configuration, model, descriptors, outliers, labels)
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
-    clutter = _clutter(configuration, model)
+    clutter = _clutter(configuration, model, labels)
     unmapped = _unmapped(configuration, association, prior) if clutter is not None else ()
     prior = replace(prior, objects=(*prior.objects, *unmapped))
     objects = tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects)
@@ -225,7 +234,12 @@ def problem_of(run: RunConfiguration) -> Problem:
         association=association,
         semantics=semantics.of(
             ClassModels(
-                configuration=configuration, viewpoint=model, latent=latent, tempering=tempering, outliers=outliers
+                configuration=configuration,
+                viewpoint=model,
+                latent=latent,
+                tempering=tempering,
+                outliers=outliers,
+                labels=labels,
             )
         ),
         latent=latent,
@@ -249,22 +263,29 @@ def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
     """
     configuration = from_dict(json.loads(run.configuration), "run configuration")
     settings = configuration.semantic_model
-    model = load_model(settings)
-    scores = NO_SCORES
-    if model is not None:
+    model, labels = load_model(settings), load_label_model(settings)
+    scores: KeyframeScores = NO_SCORES
+    if labels is not None:
+        scores = EvenWords(labels.num_words)
+    elif model is not None:
         scores = ScoreDensity.of_classes(model, _tempering(settings))
     elif problem.latent is not None:
         scores = ScoreDensity.of_descriptors(problem.latent)
     return Reference(configuration, problem.objects, scores)
 
 
-def _clutter(configuration: Configuration, model: ViewpointModel | None) -> EvenClutter | None:
+def _clutter(
+    configuration: Configuration, model: ViewpointModel | None, labels: LabelModel | None
+) -> EvenClutter | None:
     """What detections of no object look like; None where views have evidence without a floor, which it would replace.
 
     Those are views that share their errors, and descriptors.
     """
     kind = class_model_kind(configuration.semantic_model)
-    if kind.viewpoint is None and kind.descriptors is None:
+    if labels is not None:
+        even = EvenWords(labels.num_words).log_density
+        return EvenClutter.of(configuration.open_world, lambda seen: np.array([even([own]) for own in seen]))
+    if kind.sees_places_alone:
         return EvenClutter.of(configuration.open_world, None)
     if model is None or not kind.has_factors:
         return None
@@ -298,6 +319,7 @@ def _sensing(
     model: ViewpointModel | None,
     descriptors: DescriptorModel | None,
     outliers: OutlierScores | None,
+    labels: LabelModel | None,
 ) -> Sensing:
     """The state space, and the observation model over it, with the class models where views enter by factors."""
     explained = model or descriptors
@@ -311,6 +333,7 @@ def _sensing(
             outliers=outliers,
             num_features=explained.num_features if explained is not None else 0,
             feature_names=feature_names(model) if model is not None else (),
+            labels=labels.labels if labels is not None else (),
         )
     )
 

@@ -14,7 +14,7 @@ theirs are. What a belief counts besides densities, the reference counts alike:
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from scipy.special import gammaln
@@ -38,6 +38,24 @@ NUM_AZIMUTHS = 36
 """Directions around an object, evenly spread, over which class models are averaged."""
 NUM_DESCRIPTORS = 64
 """Draws of descriptors from their prior over which a learned likelihood is averaged."""
+
+
+class KeyframeScores(Protocol):
+    """What the reference says of the semantics of detections."""
+
+    def log_density(self, detections: Sequence[PlanarDetection]) -> float:
+        """Log density of those of all detections, in nats."""
+
+
+@dataclass(frozen=True)
+class EvenWords:
+    """A detector's words, of which every one is as likely."""
+
+    num_words: int
+
+    def log_density(self, detections: Sequence[PlanarDetection]) -> float:
+        """Log probability of the words of all detections, whatever they are, in nats."""
+        return -len(detections) * float(np.log(self.num_words))
 
 
 @dataclass(frozen=True)
@@ -86,7 +104,7 @@ NO_SCORES = ScoreDensity(np.zeros(0), np.zeros((0, 0)))
 class Reference:
     """The reference model of one run; it is told every keyframe once, in turn."""
 
-    def __init__(self, configuration: Configuration, objects: Iterable[ObjectEntry], scores: ScoreDensity) -> None:
+    def __init__(self, configuration: Configuration, objects: Iterable[ObjectEntry], scores: KeyframeScores) -> None:
         """``objects`` are those of the map prior."""
         self._configuration, self._scores = configuration, scores
         self._association = strategy_of(configuration)

@@ -6,6 +6,7 @@ import numpy as np
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.collaborators import CoverageCheck, FeatureExtractor, RangeBearingSensor, crop_features
 from semantic_slam.perception.crops import box_fault, square_crop
@@ -25,7 +26,7 @@ class Classifier:
 
     def __init__(
         self,
-        network: ClassifierNetwork,
+        network: ClassifierNetwork | None,
         settings: PerceptionConfiguration,
         *,
         seed: int,
@@ -35,7 +36,8 @@ class Classifier:
     ) -> None:
         """Without ``extractor`` the class probabilities are the feature; without ``coverage`` all views count as known.
 
-        ``seed`` is that of every dropout mask.
+        ``seed`` is that of every dropout mask. Without ``network`` the boxes' places alone are measured, and what their
+        detector says of them is passed on.
         """
         self._network, self._settings, self._seed = network, settings, seed
         self._range_bearing_sensor, self._extractor, self._coverage = range_bearing_sensor, extractor, coverage
@@ -44,17 +46,20 @@ class Classifier:
     @property
     def class_names(self) -> tuple[str, ...]:
         """(C,) what the columns of the class probability samples mean."""
-        return self._network.class_names
+        return self._network.class_names if self._network is not None else ()
 
     @property
     def num_features(self) -> int:
         """F, components of the semantic feature: one per reported class, or those of a learned extractor."""
-        return len(self._network.components) if self._extractor is None else self._extractor.num_features
+        if self._extractor is not None:
+            return self._extractor.num_features
+        return len(self._network.components) if self._network is not None else 0
 
     def measure(self, frame: Frame, sequence: int, T_base_camera: Array) -> SemanticMeasurements:
         """Measurements of the frame's usable detections; ``T_base_camera`` is the (7,) pose of the optical frame."""
         kept = self._usable_detections(frame)
-        boxes = frame.detections.boxes[kept].reshape(-1, 4)
+        rows = frame.detections.take(np.array(kept, dtype=np.intp))
+        boxes = rows.boxes.reshape(-1, 4)
         samples, total_entropy, model_part = self._dropout_samples(frame, kept)
         features, covariances = self._features(frame, boxes, samples)
         sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
@@ -62,12 +67,12 @@ class Classifier:
             stamp_ns=frame.stamp_ns,
             sequence=sequence,
             frame_id=self._settings.base_frame,
-            class_names=self.class_names,
+            class_names=self.class_names if self._network is not None else rows.class_names,
             detection_ids=np.array(kept, dtype=np.uint32),
             boxes=boxes,
-            labels=tuple(frame.detections.labels[index] for index in kept),
-            scores=frame.detections.scores[kept].astype(np.float64),
-            track_ids=tuple(frame.detections.track_ids[index] for index in kept),
+            labels=rows.labels,
+            scores=rows.scores.astype(np.float64),
+            track_ids=rows.track_ids,
             class_probability_samples=samples,
             features=features,
             feature_covariances=covariances,
@@ -81,10 +86,14 @@ class Classifier:
             dropped=self.dropped.total(),
             free_range_scan=_free_range_scan(frame, T_base_camera),
             elevations_rad=np.array([elevation(box, frame.camera, T_base_camera) for box in boxes]),
+            class_scores=left_out() if self._network is not None else rows.class_scores,
+            embeddings=rows.embeddings,
         )
 
     def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
         """(D, F) semantic features and (D, F, F) their covariances: over the passes, none with a learned extractor."""
+        if self._network is None:
+            return np.zeros((len(boxes), 0)), np.zeros((len(boxes), 0, 0))
         if self._extractor is None:
             return samples.mean(axis=1), uncertainty.sample_covariance(samples)
         features = crop_features(self._extractor, frame.image, boxes)
@@ -114,6 +123,9 @@ class Classifier:
 
     def _dropout_samples(self, frame: Frame, kept: list[int]) -> tuple[Array, Array, Array]:
         """(D, T, C) samples of the reported components, and the two (D,) uncertainties over all outputs."""
+        if self._network is None:
+            names = len(frame.detections.class_names)
+            return np.zeros((len(kept), 0, names)), np.full(len(kept), np.nan), np.full(len(kept), np.nan)
         network, columns = self._network.network, list(self._network.components)
         passes = self._settings.num_passes
         samples = np.empty((len(kept), passes, len(columns)))

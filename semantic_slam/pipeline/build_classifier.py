@@ -2,11 +2,13 @@
 
 from functools import partial
 
+from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_extractor
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.collaborators import CoverageCheck
+from semantic_slam.perception.network import ClassifierNetwork
 from semantic_slam.perception.range_bearing import range_and_bearing
 from semantic_slam.perception.weights import load_network
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
@@ -16,8 +18,10 @@ from semantic_slam.viewpoint.novelty import KnownViews
 def build_classifier(configuration: Configuration) -> Classifier:
     """Load the network and the class models. Raises InputError when their files are missing or wrong."""
     settings, semantic_model = configuration.perception, configuration.semantic_model
-    network, extractor = load_network(settings), load_extractor(semantic_model)
-    num_features = len(network.components) if extractor is None else extractor.num_features
+    network, extractor = _network(configuration), load_extractor(semantic_model)
+    num_features = len(network.components) if network is not None else 0
+    if extractor is not None:
+        num_features = extractor.num_features
     return Classifier(
         network,
         settings,
@@ -26,6 +30,12 @@ def build_classifier(configuration: Configuration) -> Classifier:
         extractor=extractor,
         coverage=_coverage(semantic_model, num_features),
     )
+
+
+def _network(configuration: Configuration) -> ClassifierNetwork | None:
+    """The network, or None where the detector's own words are the evidence of classes. Raises InputError."""
+    is_asked = class_model_kind(configuration.semantic_model).labels is None
+    return load_network(configuration.perception) if is_asked else None
 
 
 def _coverage(settings: SemanticModelConfiguration, num_features: int) -> CoverageCheck | None:

@@ -10,6 +10,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
+from semantic_slam.pipeline.detector_labels import with_labels
 from semantic_slam.pipeline.preamble import Preamble
 from semantic_slam.pipeline.provenance import revision
 
@@ -22,6 +23,7 @@ class InferenceStage:
     ) -> None:
         self._configuration, self._prior, self._source = configuration, prior, source
         self._estimate, self._pool = preamble.initial_pose, pool
+        self._labels = preamble.labels
         self._manager: Engine | None = None
 
     @property
@@ -32,21 +34,21 @@ class InferenceStage:
     def process(self, keyframe: Keyframe, writer: BagWriter) -> None:
         """One keyframe; writes the belief, and before the first one the run's configuration."""
         if self._manager is None:
-            self._manager = self._start(keyframe.stamp_ns, writer)
+            self._manager = self._start(keyframe, writer)
         writer.write(topics.BELIEF, self._manager.process(keyframe), keyframe.stamp_ns)
 
-    def _start(self, stamp_ns: int, writer: BagWriter) -> Engine:
+    def _start(self, first: Keyframe, writer: BagWriter) -> Engine:
         pose, covariance = initial_pose_of(self._configuration)
         if self._estimate is not None:
             pose, covariance = self._estimate.pose, self._estimate.covariance
         run = make_run_configuration(
-            self._configuration,
+            with_labels(self._configuration, first.measurements, self._labels),
             self._prior,
             pose,
             covariance,
-            stamp_ns=stamp_ns,
+            stamp_ns=first.stamp_ns,
             source=self._source,
             revision=revision(),
         )
-        writer.write(topics.RUN_CONFIGURATION, run, stamp_ns)
+        writer.write(topics.RUN_CONFIGURATION, run, first.stamp_ns)
         return Engine.of_run(run, self._pool)

@@ -29,6 +29,7 @@ from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.build_classifier import build_classifier
+from semantic_slam.pipeline.detector_labels import are_asked_for, labels_in
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.inference_stage import InferenceStage
@@ -73,6 +74,8 @@ def run_bag(
         if found.has_places_alone:
             print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell")
         preamble = read_preamble(reader)
+        if are_asked_for(configuration):
+            preamble.labels = labels_in(reader, found.measurements or found.detections)
         prior = map_prior if map_prior is not None else find_map_prior(bag)
         source = source_text(bag, reader.sha256())
         inference = InferenceStage(configuration, prior, preamble, source, pool or InProcessPool(num_backends))

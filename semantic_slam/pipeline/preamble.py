@@ -25,6 +25,7 @@ class Preamble:
 
     transforms: TransformTree = field(default_factory=TransformTree)
     initial_pose: PoseEstimate | None = None  # in map; the first one of the bag
+    labels: frozenset[str] = frozenset()  # of all detections, where it matters what a detector can say
 
 
 def read_preamble(reader: BagReader) -> Preamble:

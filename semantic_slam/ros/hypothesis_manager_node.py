@@ -27,6 +27,7 @@ from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import deserialize
+from semantic_slam.pipeline.detector_labels import with_labels
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.provenance import revision, source_text
@@ -116,7 +117,7 @@ class HypothesisManagerNode(PipelineNode):
         try:
             for keyframe in keyframes:
                 if self._manager is None:
-                    self._manager = self._start(keyframe.stamp_ns)
+                    self._manager = self._start(keyframe)
                 belief = self._manager.process(keyframe)
                 self._publisher.publish(belief, keyframe.odometry)
                 self._lookalikes.belief = belief
@@ -127,16 +128,16 @@ class HypothesisManagerNode(PipelineNode):
             self._status = dropped_status(self._assembler.dropped + self.refused + self._pool.refused + lost)
         self._announce(finished=False)
 
-    def _start(self, stamp_ns: int) -> Engine:
+    def _start(self, first: Keyframe) -> Engine:
         pose, covariance = initial_pose_of(self._configuration)
         if self._initial_pose is not None:
             pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
         run = make_run_configuration(
-            self._configuration,
+            with_labels(self._configuration, first.measurements, ()),
             self._map_prior,
             pose,
             covariance,
-            stamp_ns=stamp_ns,
+            stamp_ns=first.stamp_ns,
             source=self._source,
             revision=revision(),
         )

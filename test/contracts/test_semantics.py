@@ -1,13 +1,19 @@
 """Every shipped way in which views weigh keeps the contract."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from semantic_slam.configuration import Configuration
-from semantic_slam.contracts.semantics import SemanticsContract
+from semantic_slam.contracts.semantics import SemanticsContract, Weighed
 from semantic_slam.inference.build import semantics_name
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.registry import SEMANTICS
 
 pytestmark = pytest.mark.slow  # many short runs of the engine
+
+LABELS = ["chair", "cup", "tv"]
 
 
 class TestNoSemantics(SemanticsContract):
@@ -38,7 +44,44 @@ class TestDescriptorTables(SemanticsContract):
     others = {"semantic_model": {"kind": "latent"}}  # noqa: RUF012
 
 
+class DetectorLabelsContract(SemanticsContract):
+    """A detector calls every object by one of three labels, now and then by another."""
+
+    others = {"semantic_model": {"kind": "detector", "labels": LABELS}}  # noqa: RUF012
+
+    def keyframes(self) -> list[Keyframe]:
+        random = np.random.default_rng(5)
+        return [_called(keyframe, random) for keyframe in super().keyframes()]
+
+    def test_words_tell_associations_apart(self, asked: list[tuple[Weighed, Weighed, Weighed]]) -> None:
+        if self.association != "given":  # which leaves nothing to tell apart
+            assert max(np.ptp(weighed.evidence.log_weights) for weighed, _, _ in asked) > 1.0
+
+
+class TestDetectorLabels(DetectorLabelsContract):
+    association = "open"
+
+
+class TestDetectorLabelsOnAMap(DetectorLabelsContract):
+    association = "enumerated"
+
+
+class TestDetectorLabelsOfNamedObjects(DetectorLabelsContract):
+    association = "given"
+
+
+def _called(keyframe: Keyframe, random: np.random.Generator) -> Keyframe:
+    measurements = keyframe.measurements
+    numbers = [int(name.removeprefix("object_")) % len(LABELS) for name in measurements.track_ids]
+    labels = [str(random.choice(LABELS)) if random.random() < 0.2 else LABELS[number] for number in numbers]
+    return replace(keyframe, measurements=replace(measurements, labels=tuple(labels)))
+
+
 def test_none_is_left_out() -> None:
-    tested = SemanticsContract.__subclasses__()
+    tested = [each for each in globals().values() if _is_tested(each)]
     settings = [Configuration.of(association=each.association, **each.others) for each in tested]
     assert {semantics_name(each) for each in settings} == set(SEMANTICS.own_names)
+
+
+def _is_tested(each: object) -> bool:
+    return isinstance(each, type) and issubclass(each, SemanticsContract) and each.__name__.startswith("Test")

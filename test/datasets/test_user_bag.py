@@ -306,3 +306,30 @@ def test_a_turned_box_is_enclosed():
 
     center = message_class("geometry_msgs/msg/Pose2D")(x=50.0, y=40.0, theta=np.pi / 2)
     np.testing.assert_allclose(axis_aligned_box(center, 20.0, 10.0), [45, 30, 55, 50])
+
+
+def test_all_scores_are_read_and_every_message_names_all_classes(tmp_path, monkeypatch):
+    """The detector reports "unlikely" with a third of the score; another label is never reported."""
+    source = write_drive(tmp_path / "source", detector="vision_4")
+    run_command(monkeypatch, source, "--out", tmp_path / "bag")
+    for found in read_bag(tmp_path / "bag")["/detections"]:
+        assert found.class_names == ("bottle", "cup", "unlikely")
+        np.testing.assert_allclose(found.class_scores, [[np.nan, 0.9, 0.3], [0.9, np.nan, 0.3]])
+
+
+def test_a_detector_without_further_hypotheses_names_its_labels(tmp_path, monkeypatch):
+    run_command(monkeypatch, write_drive(tmp_path / "source", detector="yolo"), "--out", tmp_path / "bag")
+    (first, *_) = read_bag(tmp_path / "bag")["/detections"]
+    assert first.class_names == ("bottle", "cup")
+    assert np.isnan(first.class_scores).all()
+
+
+def test_scores_are_renamed_with_the_labels(tmp_path, monkeypatch):
+    """What is called the same adds up; what is dropped has no score."""
+    labels = tmp_path / "labels.yaml"
+    labels.write_text("cup: mug\nbottle: vessel\nunlikely: mug\n")
+    source = write_drive(tmp_path / "source", detector="vision_4")
+    run_command(monkeypatch, source, "--out", tmp_path / "bag", "--labels", labels)
+    first = read_bag(tmp_path / "bag")["/detections"][0]
+    assert first.labels == ("mug", "vessel") and first.class_names == ("mug", "vessel")
+    np.testing.assert_allclose(first.class_scores, [[1.2, np.nan], [0.3, 0.9]])

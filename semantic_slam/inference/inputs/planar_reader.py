@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.score_features import score_features
+from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import CLOCK, by_bias, slopes
 from semantic_slam.inference.models.planar_detection import PlanarDetection
@@ -25,6 +26,7 @@ class PlanarReader:
     ``bias_sigmas`` (4,) or none: prior standard deviations of odometry's biases, where they are estimated, and
     ``bias_means`` (3,) what is expected of them; that of the clock is in the keyframes already.
     ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
+    ``words`` reads what the detector says, where that is evidence of classes.
     """
 
     def __init__(
@@ -36,10 +38,12 @@ class PlanarReader:
         *,
         bias_means: ArrayLike | None = None,
         learns_region: bool = False,
+        words: WordReader | None = None,
     ):
         self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
         self.bias_means = np.zeros_like(self.bias_sigmas) if bias_means is None else np.asarray(bias_means, dtype=float)
         self.feature_names, self.noise = feature_names, noise or ConfiguredNoise()
+        self._words = words
         self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
 
     def step(self, keyframe: Keyframe) -> Step:
@@ -56,6 +60,7 @@ class PlanarReader:
             scores=measurements.scores,
             names=measurements.track_ids,
             labels=measurements.labels,
+            words=None if self._words is None else self._words.words(measurements),
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
             free_range_scan=measurements.free_range_scan,

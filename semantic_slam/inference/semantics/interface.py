@@ -18,6 +18,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.outliers import OutlierScores
 
@@ -100,6 +101,7 @@ class ClassModels:
     viewpoint: ViewpointModel | None  # P(z | c, viewpoint)
     latent: LatentObservation | None  # P(f | viewpoint, e)
     tempering: float  # so many views tell as much as one
+    labels: LabelModel | None = None  # P(words of a detector | class)
     outliers: OutlierScores | None = None  # scores that no class explains; None: there are none, or no such models
 
 

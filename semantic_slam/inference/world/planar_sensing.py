@@ -8,6 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.inputs.planar_reader import PlanarReader
+from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import bias_means, bias_sigmas
 from semantic_slam.inference.models.planar_observation import PlanarObservation
@@ -82,4 +83,5 @@ def _reader(settings: SensingSettings) -> PlanarReader:
         ConfiguredNoise(configuration.odometry, configuration.perception),
         bias_means=bias_means(configuration.odometry),
         learns_region=configuration.open_world.learn_region,
+        words=WordReader(settings.labels) if settings.labels else None,
     )

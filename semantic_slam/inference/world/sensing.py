@@ -28,6 +28,7 @@ class SensingSettings:
     outliers: OutlierScores | None = None  # scores that no class explains; None: there are none
     num_features: int  # F of every detection's feature, 0 where nothing looks at it
     feature_names: tuple[str, ...]  # (F,) or () where the models do not name their features
+    labels: tuple[str, ...] = ()  # (L,) of the detector, where they are evidence of classes
 
 
 @dataclass(frozen=True, kw_only=True)

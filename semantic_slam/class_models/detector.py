@@ -1,0 +1,42 @@
+"""The configured model of a detector's labels: nothing to train, nothing to load."""
+
+from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
+
+
+def load_label_model(settings: SemanticModelConfiguration) -> LabelModel | None:
+    """The model of the detector's words, or None where these say nothing. Raises InputError."""
+    load = class_model_kind(settings).labels
+    return load(settings) if load is not None else None
+
+
+def _model(settings: SemanticModelConfiguration) -> LabelModel:
+    labels = settings.labels
+    if not labels:
+        raise InputError(
+            "semantic_model.kind: detector, but nothing tells which labels the detector has; list them in"
+            " semantic_model.labels, or set semantic_model.kind: none"
+        )
+    faults = [label for label in labels if not label or labels.count(label) > 1 or label == NONE_OF_THESE]
+    if faults:
+        raise InputError(
+            f"semantic_model.labels: '{faults[0]}' is there twice, empty or the name of what no label means; correct it"
+        )
+    if not settings.repeat_shares or not 0.0 <= min(settings.repeat_shares) <= max(settings.repeat_shares) < 1.0:
+        raise InputError("semantic_model.repeat_shares must be in [0, 1), one at least; correct them")
+    return LabelModel(
+        labels=labels,
+        accuracy=settings.label_accuracy,
+        counts=settings.label_counts,
+        outlier_share=settings.outlier_share,
+        repeat_shares=settings.repeat_shares,
+        repeat_rad=settings.repeat_rad,
+    )
+
+
+DETECTOR = ClassModelKind(
+    labels=_model, semantics="detector_labels", carried="detector_labels", has_factors=False, repeats_errors=False
+)
+"""The detector's own labels and scores, without a network of ours."""

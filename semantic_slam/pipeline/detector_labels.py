@@ -1,0 +1,78 @@
+"""What a detector can say: the labels of a bag, or of the first detections of a live run."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from semantic_slam.bag.reader import BagReader, TruncatedBagError
+from semantic_slam.class_models.kind import class_model_kind
+from semantic_slam.class_models.latent_space import load_latent_model
+from semantic_slam.class_models.viewpoint_models import load_model
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.messages.codec import from_message
+from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+OF_ANYTHING = frozenset({"", "object"})
+"""Labels of detectors that look for anything, and say nothing of what it is."""
+
+
+def labels_of(told: Detections | SemanticMeasurements) -> frozenset[str]:
+    """Labels that a message names: those of its detections, and the classes that its detector scores."""
+    is_classified = isinstance(told, SemanticMeasurements) and told.class_probability_samples.shape[1] > 0
+    classes = () if is_classified else told.class_names  # else those of a network of ours
+    return frozenset((*told.labels, *classes)) - {""}
+
+
+def labels_in(reader: BagReader, topic: str) -> frozenset[str]:
+    """Labels of all detections of a bag, or of its measurements; what does not decode names none."""
+    found: set[str] = set()
+    try:
+        for message in reader.messages([topic]):
+            try:
+                found |= labels_of(from_message(reader.decode(message.cdr, message.type_name)))
+            except InputError:
+                continue  # counted when the run comes to it
+    except TruncatedBagError:
+        pass  # the run meets the same damage, and reports it
+    return frozenset(found)
+
+
+def are_asked_for(configuration: Configuration) -> bool:
+    """Whether labels mean something to the configured class models."""
+    kind = class_model_kind(configuration.semantic_model)
+    return kind.labels is not None or not kind.sees_places_alone
+
+
+def with_labels(
+    configuration: Configuration, measurements: SemanticMeasurements, labels: Iterable[str]
+) -> Configuration:
+    """The configuration with the labels that objects may be named by, where nobody has listed these.
+
+    ``measurements`` are the first of the run, ``labels`` those of all detections as far as they are known. Raises
+    InputError for labels that the classes of a network cannot mean.
+    """
+    settings, wanted = configuration.semantic_model, configuration.perception.labels
+    told = sorted(label for label in {*labels, *labels_of(measurements)} if not wanted or label in wanted)
+    if class_model_kind(settings).labels is not None:
+        known = settings.labels or tuple(told)
+        return replace(configuration, semantic_model=replace(settings, labels=known))
+    if measurements.class_probability_samples.shape[1] > 0:
+        _check_meant(configuration, told)
+    return configuration
+
+
+def _check_meant(configuration: Configuration, labels: list[str]) -> None:
+    """Raises InputError for a label that is not a class of the models, to which a network would give one anyway."""
+    settings = configuration.semantic_model
+    model = load_model(settings) or load_latent_model(settings)
+    if model is None:
+        return
+    strange = [label for label in labels if label not in model.class_names and label not in OF_ANYTHING]
+    if strange:
+        raise InputError(
+            f"detections are labelled '{strange[0]}', which is none of the classes of semantic_model.kind:"
+            f" {settings.kind} ({', '.join(model.class_names)}); set semantic_model.kind: detector to go by the"
+            " detector's labels (config/detector.yaml), or leave out such detections with perception.labels, or rename"
+            " them with import_dataset bag --labels"
+        )

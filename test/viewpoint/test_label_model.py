@@ -1,0 +1,175 @@
+"""A detector's words: what they tell of a class follows from what may have been repeated, new or an outlier."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import gammaln
+from scipy.stats import dirichlet
+
+from semantic_slam.viewpoint.label_model import (
+    DIRECTIONS,
+    HIDDEN_NONE,
+    NONE_OF_THESE,
+    STEP_RAD,
+    LabelModel,
+    LabelRecord,
+)
+
+LABELS = ("chair", "cup", "tv")
+MODEL = LabelModel(
+    labels=LABELS, accuracy=0.75, counts=4.0, outlier_share=0.05, repeat_shares=(0.0, 0.5, 0.95), repeat_rad=0.5
+)
+FRESH = replace(MODEL, outlier_share=0.0, repeat_shares=(0.0,))
+View = tuple[int, np.ndarray, int, float]  # word, scores of all words, direction, log of the distance
+
+
+def certain(word: int, direction: int = 0, log_range: float = 0.0) -> View:
+    return word, np.eye(MODEL.num_words)[word], direction, log_range
+
+
+def unsure(word: int, scores: list[float], direction: int = 0) -> View:
+    return word, np.array(scores), direction, 0.0
+
+
+def seen(model: LabelModel, views: list[View]) -> LabelRecord:
+    record = model.start()
+    for view in views:
+        record = model.after(record, *view)
+    return record
+
+
+def told(model: LabelModel, views: list[View]) -> np.ndarray:
+    return model.class_log_likelihood(seen(model, views))
+
+
+def test_before_the_first_view_nothing_is_told():
+    np.testing.assert_array_equal(told(MODEL, []), np.zeros(4))
+    assert MODEL.class_names == (*LABELS, NONE_OF_THESE)
+
+
+def test_new_words_count_as_the_dirichlet_integral_has_it():
+    """P(words | c) = B(alpha + n) / B(alpha), whatever their order."""
+    words = [0, 0, 1, 0, 3]
+    found = seen(FRESH, [certain(word) for word in words]).log_likelihood[0]
+    counts = np.bincount(words, minlength=4)
+    for row, prior in zip(found, FRESH.prior, strict=True):
+        after = prior + counts
+        exact = gammaln(after).sum() - gammaln(after.sum()) - gammaln(prior).sum() + gammaln(prior.sum())
+        assert row == pytest.approx(exact)
+
+
+def test_the_confusion_is_integrated_out():
+    """The same number as by draws of the rows of probabilities."""
+    model = replace(FRESH, counts=20.0)
+    words = [0, 1, 0]
+    found = seen(model, [certain(word) for word in words]).log_likelihood[0]
+    for row, prior in zip(found, model.prior, strict=True):
+        theta = dirichlet(prior).rvs(200_000, random_state=0)
+        assert np.exp(row) == pytest.approx(theta[:, words].prod(axis=1).mean(), rel=0.05)
+
+
+def test_repeats_outliers_and_new_answers_are_all_taken_together():
+    """With a confusion that is known: the sum over what each view may have been, for every setting."""
+    model = replace(MODEL, counts=1e9)
+    views = [certain(0), certain(0, 3), certain(1, 4), certain(1, 20), certain(0, 2), certain(1, 21)]
+    found = seen(model, views).log_likelihood
+    theta = model.prior / model.prior.sum(axis=1, keepdims=True)
+    for number, share in enumerate(model.repeat_shares):
+        for row in range(len(theta)):
+            exact = sum(_joint(model, views, kinds, share, theta[row]) for kinds in _kinds(len(views)))
+            assert found[number, row] == pytest.approx(np.log(exact), abs=1e-6)
+
+
+def _kinds(count: int) -> list[tuple[str, ...]]:
+    return list(itertools.product(("repeated", "new", "outlier"), repeat=count))
+
+
+def _joint(model: LabelModel, views: list[View], kinds: tuple[str, ...], share: float, theta: np.ndarray) -> float:
+    """P(words, what each view was)."""
+    total, earlier = 1.0, dict[int, int]()
+    for (word, _, direction, _), kind in zip(views, kinds, strict=True):
+        repeats, nearest = 0.0, -1
+        if earlier:
+            away = {n: STEP_RAD * min((n - direction) % DIRECTIONS, (direction - n) % DIRECTIONS) for n in earlier}
+            nearest = min(away, key=away.__getitem__)
+            repeats = share * np.exp(-away[nearest] / model.repeat_rad)
+        if kind == "repeated":
+            total *= repeats * (earlier.get(nearest) == word)
+        elif kind == "new":
+            total *= (1.0 - repeats) * (1.0 - model.outlier_share) * theta[word]
+        else:
+            total *= (1.0 - repeats) * model.outlier_share / model.num_words
+        earlier[direction] = word
+    return total
+
+
+def test_what_is_filtered_is_near_what_is_exact():
+    """With an unknown confusion which answers are new is not known: the exact sum counts only those."""
+    model = replace(MODEL, repeat_shares=(0.5,))
+    views = [certain(0), certain(0, 3), certain(1, 4), certain(0, 20), certain(0, 21)]
+    found = seen(model, views).log_likelihood[0]
+    exact = np.array([_exact(model, views, 0.5, prior) for prior in model.prior])
+    np.testing.assert_allclose(found, exact, atol=0.15)
+
+
+def _exact(model: LabelModel, views: list[View], share: float, prior: np.ndarray) -> float:
+    total = 0.0
+    for kinds in _kinds(len(views)):
+        counts, theta = prior.copy(), 1.0
+        for (word, *_), kind in zip(views, kinds, strict=True):
+            if kind == "new":
+                theta *= counts[word] / counts.sum()
+                counts[word] += 1.0
+        even = np.ones(model.num_words)  # theta is accounted for by the counts
+        total += theta * _joint(model, views, kinds, share, even)
+    return float(np.log(total))
+
+
+def test_scores_are_averaged_over_what_they_may_mean():
+    scores = [0.5, 0.3, 0.1, 0.1]
+    by_word, by_score = seen(replace(FRESH, counts=1e9), [unsure(0, scores)]).log_likelihood
+    theta = FRESH.prior / FRESH.prior.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(np.exp(by_word), theta[:, 0], rtol=1e-6)
+    np.testing.assert_allclose(np.exp(by_score), theta @ scores, rtol=1e-6)
+
+
+def test_names_are_names_alone():
+    """Labels in another order are the same classes in that order."""
+    order = np.array([2, 0, 1, 3])
+    views = [unsure(0, [0.6, 0.2, 0.1, 0.1]), unsure(1, [0.3, 0.4, 0.2, 0.1], 9), certain(0, 30)]
+    moved = [(int(np.flatnonzero(order == word)[0]), scores[order], *where) for word, scores, *where in views]
+    np.testing.assert_allclose(told(MODEL, moved), told(MODEL, views)[order], rtol=0.0, atol=1e-12)
+
+
+def test_a_robot_that_stands_learns_less_than_one_that_drives_around():
+    standing = told(MODEL, [certain(0)] * 12)
+    around = told(MODEL, [certain(0, 6 * number) for number in range(12)])
+    assert around[0] - around[1] > standing[0] - standing[1] + 1.0
+    assert standing[0] - standing[1] < 8.0
+
+
+def test_an_object_that_is_called_everything_is_none_of_these():
+    many = replace(MODEL, labels=tuple(f"label_{n}" for n in range(30)))
+    views = [(word, np.eye(31)[word], 6 * word % DIRECTIONS, 0.0) for word in range(10)]
+    assert int(np.argmax(told(many, views))) == 30
+
+
+def test_what_has_other_names_is_none_of_these():
+    around = [certain(len(LABELS), 9 * number) for number in range(4)]
+    assert int(np.argmax(told(MODEL, around))) == len(LABELS)
+
+
+def test_views_without_a_word_tell_nothing_of_the_class():
+    even = np.full(4, 0.25)
+    found = told(MODEL, [(-1, even, 0, 0.0)])
+    np.testing.assert_allclose(found, np.full(4, np.log(0.25)))
+
+
+def test_the_words_of_any_object_have_probabilities_that_sum_to_one():
+    for first in range(4):
+        record = seen(MODEL, [certain(first)])
+        after = [MODEL.after(record, *certain(word, 2)).log_likelihood for word in range(4)]
+        np.testing.assert_allclose(np.exp(np.array(after) - record.log_likelihood).sum(axis=0), 1.0)
+    assert len(MODEL.prior) == len(MODEL.class_names) - 1 + HIDDEN_NONE
