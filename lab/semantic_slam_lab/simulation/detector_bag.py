@@ -40,7 +40,7 @@ TOPIC = "/detector/detections"
 REPLACED = ("/detections", "/ground_truth/associations", "/ground_truth/objects")
 LEFT_OUT = ("/initialpose",)
 ALARM_WIDTH, ALARM_HEIGHT = (0.08, 0.25), (0.1, 0.3)
-"""Of the picture, evenly."""
+"""Shares of the picture that boxes of false alarms take, evenly."""
 
 
 @dataclass(frozen=True, kw_only=True)
