@@ -17,8 +17,8 @@ NAMES = {
 """What the detector calls furniture that its makers never saw."""
 OTHERS = ("bench", "bed", "couch", "microwave", "oven", "sink")
 """Further names, which nothing in the room deserves."""
-TOP = (0.45, 0.9)
-"""Scores of the first hypothesis, evenly."""
+TOP, TOP_OF_ALARMS = (0.45, 0.9), (0.25, 0.6)
+"""Scores of the first hypothesis, evenly: of boxes around something, and of false ones."""
 SECOND, THIRD = (0.2, 0.6), (0.1, 0.5)
 """Share of what is left, and of what then is left, that the second and the third get, evenly."""
 TRUTH_IS_SECOND = 0.6
@@ -54,21 +54,21 @@ def hypotheses(name: str, faults: DetectorFaults, random: np.random.Generator, s
     first = _other((name,), faults, confusion) if confusion.random() < faults.confused else name
     second = name if first != name and confusion.random() < TRUTH_IS_SECOND else _other((first, name), faults, random)
     third = _other((first, second), faults, random)
-    return Hypotheses(names=(first, second, third), scores=tuple(_scores(random)))
+    return Hypotheses(names=(first, second, third), scores=tuple(_scores(TOP, random)))
 
 
 def alarm(faults: DetectorFaults, random: np.random.Generator) -> Hypotheses:
     """The hypotheses of a box around nothing."""
     names = random.choice(len(faults.names), 3, replace=False)
-    return Hypotheses(names=tuple(faults.names[n] for n in names), scores=tuple(_scores(random)))
+    return Hypotheses(names=tuple(faults.names[n] for n in names), scores=tuple(_scores(TOP_OF_ALARMS, random)))
 
 
 def _other(not_these: tuple[str, ...], faults: DetectorFaults, random: np.random.Generator) -> str:
     return str(random.choice([name for name in faults.names if name not in not_these]))
 
 
-def _scores(random: np.random.Generator) -> Array:
-    top = random.uniform(*TOP)
+def _scores(tops: tuple[float, float], random: np.random.Generator) -> Array:
+    top = random.uniform(*tops)
     second = min((1.0 - top) * random.uniform(*SECOND), 0.9 * top)
     third = (1.0 - top - second) * random.uniform(*THIRD)
     return np.array([top, second, min(third, 0.9 * second)])
