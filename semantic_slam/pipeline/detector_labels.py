@@ -9,9 +9,11 @@ from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.codec import from_message
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.viewpoint.label_model import NONE_OF_THESE
 
 OF_ANYTHING = frozenset({"", "object"})
 """Labels of detectors that look for anything, and say nothing of what it is."""
@@ -45,17 +47,21 @@ def are_asked_for(configuration: Configuration) -> bool:
 
 
 def with_labels(
-    configuration: Configuration, measurements: SemanticMeasurements, labels: Iterable[str]
+    configuration: Configuration,
+    measurements: SemanticMeasurements,
+    prior: MapPrior | None,
+    labels: Iterable[str] = (),
 ) -> Configuration:
     """The configuration with the labels that objects may be named by, where nobody has listed these.
 
-    ``measurements`` are the first of the run, ``labels`` those of all detections as far as they are known. Raises
-    InputError for labels that the classes of a network cannot mean.
+    ``measurements`` are the first of the run, ``labels`` those of all detections as far as they are known. Objects of a
+    map may be what the map says. Raises InputError for labels that the classes of a network cannot mean.
     """
     settings, wanted = configuration.semantic_model, configuration.perception.labels
     told = sorted(label for label in {*labels, *labels_of(measurements)} if not wanted or label in wanted)
     if class_model_kind(settings).labels is not None:
-        known = settings.labels or tuple(told)
+        mapped = {name for item in prior.objects for name in item.class_probabilities} if prior is not None else set()
+        known = settings.labels or tuple(sorted({*told, *mapped} - {NONE_OF_THESE}))
         return replace(configuration, semantic_model=replace(settings, labels=known))
     if measurements.class_probability_samples.shape[1] > 0:
         _check_meant(configuration, told)

@@ -42,7 +42,7 @@ class InferenceStage:
         if self._estimate is not None:
             pose, covariance = self._estimate.pose, self._estimate.covariance
         run = make_run_configuration(
-            with_labels(self._configuration, first.measurements, self._labels),
+            with_labels(self._configuration, first.measurements, self._prior, self._labels),
             self._prior,
             pose,
             covariance,

@@ -17,7 +17,7 @@ from semantic_slam.report.frames import frame_views
 from semantic_slam.report.metrics_table import metric_rows
 from semantic_slam.report.noise_charts import noise_charts
 from semantic_slam.report.objects import object_views
-from semantic_slam.report.palette import class_colours
+from semantic_slam.report.palette import OTHER_COLOUR, colours_by_weight
 from semantic_slam.report.plain_json import plain
 from semantic_slam.report.scene import moments, scene
 from semantic_slam.report.verdict import verdict, warnings
@@ -28,8 +28,9 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
     """The text of ``report.html``: of the first run, the others beside it. Whatever comes from a bag is escaped."""
     analysis = runs[0].analysis
     record, evaluation = analysis.record, analysis.evaluation
-    colours = class_colours(len(record.beliefs[-1].class_names))
-    classes = list(zip(record.beliefs[-1].class_names, colours, strict=True))
+    last = record.beliefs[-1]
+    colours = colours_by_weight(np.nan_to_num(last.existence) @ last.class_probabilities)
+    classes = list(zip(last.class_names, colours, strict=True))
     objects = object_views(analysis, colours)
     frames, no_frames = frame_views(analysis, source_bag, colours)
     return (
@@ -47,6 +48,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
             verdict=verdict(analysis, objects),
             warnings=warnings(analysis, objects),
             classes=classes,
+            legend=[(name, colour) for name, colour in classes if colour != OTHER_COLOUR],
             objects=objects,
             may_move=bool(np.isfinite(record.beliefs[-1].moving).any()),
             may_leave=bool(np.isfinite(record.beliefs[-1].missing).any()),

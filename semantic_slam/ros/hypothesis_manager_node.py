@@ -133,7 +133,7 @@ class HypothesisManagerNode(PipelineNode):
         if self._initial_pose is not None:
             pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
         run = make_run_configuration(
-            with_labels(self._configuration, first.measurements, ()),
+            with_labels(self._configuration, first.measurements, self._map_prior),
             self._map_prior,
             pose,
             covariance,

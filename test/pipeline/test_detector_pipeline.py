@@ -4,18 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.bag_factory import Entry, input_entries, of_topic, write_bag, write_configuration
+from worlds.bag_factory import OBJECTS, Entry, input_entries, of_topic, write_bag, write_configuration
 from worlds.imported import read_bag
 from worlds.places import NUM_FRAMES, place_entries
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE
 
 DETECTOR = {"kind": "detector"}
+MAPPED = {"sofa": 0.7, "cup": 0.2, NONE_OF_THESE: 0.1}
 
 
 def labelled(entries: list[Entry], *labels: str, **others: object) -> list[Entry]:
@@ -112,3 +114,17 @@ def test_names_go_with_what_moves_and_with_noise_that_is_inferred(tmp_path):
     }
     bag = run(tmp_path, labelled(place_entries("ranges"), "chair", "cup"), semantic_model=DETECTOR, **changes)
     assert names(bag["/hypothesis_manager/belief"][-1]) == {"chair", "cup"}
+
+
+def test_a_map_that_such_a_run_made_is_one_for_the_next(tmp_path):
+    """Of an object with a name that the next bag does not have."""
+    known = [
+        ObjectPrior.planar(n, x, y, sigma_m=0.1, sigma_rad=0.1, class_probabilities=MAPPED)
+        for n, (x, y) in enumerate(OBJECTS[:, :2])
+    ]
+    settings = write_configuration(tmp_path / "configuration", semantic_model=DETECTOR, association="enumerated")
+    bag = write_bag(tmp_path / "bag", labelled(place_entries("ranges"), "chair", "cup"))
+    run_bag(bag, tmp_path / "belief", load_configuration(settings), map_prior=MapPrior(tuple(known)))
+    last = read_bag(tmp_path / "belief")["/hypothesis_manager/belief"][-1]
+    assert last.class_names == ("chair", "cup", "sofa", NONE_OF_THESE)
+    assert set(last.class_names) >= names(last) and "cup" in names(last)
