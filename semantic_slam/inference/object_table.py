@@ -109,7 +109,8 @@ def over(table: ObjectTable, places: Index, class_prior: Array) -> ObjectTable:
         if _is_left_out(name, values):
             return values
         full = _full((len(values), len(class_prior)), QUANTITIES[name], class_prior, values.shape[2:])
-        full[:, places] = values
+        if values.size:  # a message that holds no component does not say how many classes there are
+            full[:, places] = values
         return full
 
     return ObjectTable(**{name: spread(name, values) for name, values in columns(table).items()})
