@@ -26,6 +26,7 @@ from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScor
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.identity import digest
+from semantic_slam.inference.world.displaced_objects import Displaced, with_displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.world.objects import ObjectEntry
@@ -213,6 +214,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
     clutter = _clutter(configuration, model, labels)
     unmapped = _unmapped(configuration, association, prior) if clutter is not None else ()
+    prior, displaced = _with_displaced(configuration, association, prior, unmapped)
     prior = replace(prior, objects=(*prior.objects, *unmapped))
     objects = tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects)
     latent = _latent(descriptors, tempering, prior, objects) if descriptors is not None else None
@@ -252,6 +254,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         moving=_moving(configuration, association),
         clutter=clutter,
         unmapped_ids=frozenset(item.object_id for item in unmapped),
+        displaced=displaced,
         closed_world=configuration.closed_world,
     )
 
@@ -307,6 +310,20 @@ def _unmapped(
         return ()
     reach, heading = configuration.open_world.max_range_m, configuration.new_objects.sigma_heading_rad
     return unmapped_objects(prior, settings.unmapped_objects, settings.unmapped_probability, reach, heading)
+
+
+def _with_displaced(
+    configuration: Configuration,
+    association: type[AssociationStrategy],
+    prior: MapPrior,
+    unmapped: Sequence[ObjectPrior],
+) -> tuple[MapPrior, Displaced]:
+    """The map, with where its objects may be besides, where detections are associated with it."""
+    settings = configuration.closed_world
+    if not association.needs_map or association.tracks_objects:
+        return prior, Displaced()
+    first = 1 + max(item.object_id for item in (*prior.objects, *unmapped))
+    return with_displaced(prior, settings.displaced_share, settings.displaced_sigma_m, first)
 
 
 def _outliers(model: ViewpointModel | None, settings: SemanticModelConfiguration) -> OutlierScores | None:

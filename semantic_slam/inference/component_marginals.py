@@ -28,13 +28,29 @@ class ComponentMarginals:
 def component_marginals(component: Component, reported: ReportedObjects) -> ComponentMarginals:
     """Marginals of a component, with what Gaussians and factors do not say. Raises LostComponentError."""
     present = [row for row, n in enumerate(reported.ids) if n in component.object_ids]
-    ids = [reported.ids[row] for row in present]
+    ids = [held_as(component, reported.ids[row], reported) for row in present]
     states, covariances = component.robot_and_objects(ids)
     existence = component.objects.existence[component.objects.rows(np.array(ids, dtype=int))]
+    for at, number in enumerate(ids):
+        if (other := reported.displaced.partner.get(number)) is not None:
+            existence[at] += existence_of(component, other)
     known = ComponentMarginals(
         present=np.array(present, dtype=int), states=states, covariances=covariances, existence=existence
     )
     return known if component.movers is None else _with_movers(known, component, component.movers, reported)
+
+
+def held_as(component: Component, number: int, reported: ReportedObjects) -> int:
+    """The number under which a component has an object of the map: where the map has it, or where it was moved."""
+    other = reported.displaced.elsewhere.get(number)
+    if other is None:
+        return number
+    return other if existence_of(component, other) > existence_of(component, number) else number
+
+
+def existence_of(component: Component, number: int) -> float:
+    """That an object of a component exists there."""
+    return float(component.objects.existence[component.objects.rows(np.array(number))])
 
 
 def _with_movers(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.component_marginals import existence_of
 from semantic_slam.inference.evidence.displaced import Displacement
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import object_key
@@ -21,15 +22,24 @@ def displaced_marginals(
     problem: Problem, components: Sequence[Component], reported: ReportedObjects
 ) -> dict[str, Array]:
     """(H, O) ``moved``, NaN for what no map has; nothing where the map is taken at its word."""
-    mapped = [entry for entry in problem.objects if entry.object_id not in problem.unmapped_ids]
+    apart = problem.unmapped_ids | problem.displaced.on_map.keys()
+    mapped = [entry for entry in problem.objects if entry.object_id not in apart]
     share = problem.closed_world.displaced_share
     if share <= 0.0 or problem.association.tracks_objects or not components or not mapped:
         return {}
     moved = np.full((len(components), len(reported.ids)), np.nan)
     places = [reported.row_of[entry.object_id] for entry in mapped]
+    by_history = bool(problem.displaced.elsewhere)
     for row, component in enumerate(components):
-        moved[row, places] = _moved(problem, component, mapped)
+        moved[row, places] = _told(problem, component, mapped) if by_history else _moved(problem, component, mapped)
     return {"moved": moved}
+
+
+def _told(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]) -> Array:
+    """(n,) for the objects of the map, by a history that says of each one seen whether it was moved."""
+    there = np.array([existence_of(component, entry.object_id) for entry in mapped])
+    elsewhere = [existence_of(component, problem.displaced.elsewhere[entry.object_id]) for entry in mapped]
+    return np.asarray(elsewhere / (there + elsewhere))
 
 
 def _moved(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]) -> Array:

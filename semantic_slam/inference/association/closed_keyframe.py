@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.association.enumeration import (
     EnumerationProblem,
     enumerate_associations,
@@ -92,7 +92,8 @@ class ClosedKeyframe:
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Factors of the scores of clutter, and updates: a closed world misses no object; detections introduce them.
 
-        What the map may lack exists once it is detected, and its first detection counts the probability that it does.
+        What the map may lack, or have elsewhere, exists once it is detected, and its first detection counts the
+        probability that it does.
         """
         factors = np.zeros(len(candidates.assignments))
         if self.log_clutter is not None and self.problem.clutter is not None:
@@ -103,16 +104,18 @@ class ClosedKeyframe:
             for component, new in zip(self.parents.components, self._new, strict=True)
         ]
         updates = [unchanged[parent] for parent in candidates.assignments.parents.tolist()]
-        if not len(self._unmapped):
+        if not len(self._uncertain):
             return factors, updates
         detected = candidates.assignments.object_ids(candidates.object_ids)
         for row, (parent, update) in enumerate(zip(candidates.assignments.parents.tolist(), updates, strict=True)):
             objects = self.parents.components[parent].objects
-            seen = np.isin(objects.ids, self._unmapped) & np.isin(objects.ids, detected[row])
+            seen = np.isin(objects.ids, self._uncertain) & np.isin(objects.ids, detected[row])
             if not seen.any():
                 continue
             factors[row] += float(np.log(objects.existence[seen]).sum())
-            updates[row] = update.detecting(seen)
+            partner = self.problem.displaced.partner
+            others = [partner[n] for n in objects.ids[seen].tolist() if n in partner]
+            updates[row] = update.detecting(seen, np.isin(objects.ids, others))
         return factors, updates
 
     def updates(
@@ -150,9 +153,9 @@ class ClosedKeyframe:
         )
 
     @cached_property
-    def _unmapped(self) -> Index:
-        """Ids of what the map may lack."""
-        return np.array(sorted(self.problem.unmapped_ids), dtype=int)
+    def _uncertain(self) -> Index:
+        """Ids of what the map may lack, or have elsewhere."""
+        return np.array(sorted(self.problem.unmapped_ids | self.problem.displaced.partner.keys()), dtype=int)
 
     @property
     def _new(self) -> Sequence[dict[int, GaussianPrior]]:
@@ -203,9 +206,29 @@ class ClosedKeyframe:
             gate=self.problem.weights.gate if self.path is None else np.inf,
             max_candidates=self.problem.weights.max_candidates,
             path=self._path(object_ids.tolist()),
-            admitted=gate.admitted[:, :, gate.columns()] if gate is not None else None,
+            admitted=self._admitted(object_ids, gate),
+            exclusive=self._exclusive(object_ids),
             log_clutter=self.log_clutter,
         )
+
+    def _admitted(self, object_ids: Index, gate: MapGate | None) -> Flags | None:
+        """(P, n, O) pairs that are near enough, of objects that histories have not seen elsewhere; None: all."""
+        near = gate.admitted[:, :, gate.columns()] if gate is not None else None
+        partner = self.problem.displaced.partner
+        if not partner:
+            return near
+        excluded = np.zeros((len(self.parents), 1, len(object_ids)), dtype=bool)
+        for row, component in enumerate(self.parents.components):
+            gone = component.objects.ids[component.objects.existence == 0.0]
+            excluded[row, 0] = np.isin(object_ids, gone)
+        return ~excluded & (np.ones((1, len(self.used), 1), dtype=bool) if near is None else near)
+
+    def _exclusive(self, object_ids: Index) -> Index | None:
+        """(O,) which object no history has beside each one, -1 none; None: any go together."""
+        partner, place = self.problem.displaced.partner, {n: at for at, n in enumerate(object_ids.tolist())}
+        if not partner:
+            return None
+        return np.array([place.get(partner.get(n, -1), -1) for n in place], dtype=int)
 
     def _path(self, object_ids: list[int]) -> tuple[Index, Index] | None:
         """(n,) objects and (n,) classes of the continuation that is wanted."""

@@ -34,7 +34,7 @@ class ClosedWorld:
     @staticmethod
     def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
         """All objects of the map and all that were named, seen or not."""
-        return registry.known
+        return registry.stated
 
     def root(self, number: int) -> Component:
         """The component before any keyframe."""

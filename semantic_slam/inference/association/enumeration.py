@@ -54,6 +54,7 @@ class EnumerationProblem:
     max_candidates: int  # per parent
     path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
     admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
+    exclusive: Index | None = None  # (O,) object of which a frame shows nothing beside each one, -1: any; None: any
     log_clutter: Array | None = None  # (D,) log density of a detection of no object, -inf: it is of one; None: each is
 
     def first_clutter(self, count: int) -> Array | None:
@@ -188,6 +189,8 @@ def _next_objects(setting: EnumerationProblem, rows: Assignments, num_objects: i
         allowed[:, :-1] = setting.admitted[rows.parents, number]
     if setting.distinct and number:
         np.put_along_axis(allowed, rows.objects, False, axis=1)
+    if setting.exclusive is not None and number:
+        np.put_along_axis(allowed, np.append(setting.exclusive, -1)[rows.objects], False, axis=1)
     allowed[:, -1] = setting.log_clutter is not None and np.isfinite(setting.log_clutter[number])
     if setting.path is not None:
         allowed[:, np.append(np.arange(num_objects), -1) != setting.path[0][number]] = False

@@ -118,9 +118,9 @@ class ExistenceUpdate:
     moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing does
     changes_nothing: bool = False
 
-    def detecting(self, seen: Flags) -> "ExistenceUpdate":
-        """The update where (O,) some objects are detected, which then surely exist."""
-        after = np.where(seen[:, None], 1.0, self.existence)
+    def detecting(self, seen: Flags, excluded: Flags) -> "ExistenceUpdate":
+        """The update where (O,) some objects are detected, which then surely exist, and others for that reason do not."""
+        after = np.where(seen[:, None], 1.0, np.where(excluded[:, None], 0.0, self.existence))
         same = self.changes_nothing and bool((after == self.existence).all())
         return replace(self, existence=after, changes_nothing=same)
 

@@ -5,7 +5,7 @@ the same keyframes agree on it.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.world.displaced_objects import Displaced
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +34,13 @@ class ReportedObjects:
     ids: tuple[int, ...]  # O
     names: tuple[str, ...]  # O
     class_prior: Array  # (O, C) probabilities
+    displaced: Displaced = field(default_factory=Displaced)  # what goes under another number where it was moved
 
     @cached_property
     def row_of(self) -> dict[int, int]:
-        """Object id -> row."""
-        return {n: row for row, n in enumerate(self.ids)}
+        """Object id -> row; what was moved is in the row of what the map has."""
+        rows = {n: row for row, n in enumerate(self.ids)}
+        return rows | {other: rows[own] for own, other in self.displaced.elsewhere.items() if own in rows}
 
     @cached_property
     def log_class_prior(self) -> Array:
@@ -56,7 +59,8 @@ class ReportedObjects:
 class ObjectRegistry:
     """Ids, names and class priors of the objects, map prior first, then those that detections introduced."""
 
-    def __init__(self, entries: Sequence[ObjectEntry], num_classes: int):
+    def __init__(self, entries: Sequence[ObjectEntry], num_classes: int, displaced: Displaced | None = None):
+        self._displaced = Displaced() if displaced is None else displaced
         self._uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
         self._known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
         self._by_name = {entry.name: entry.object_id for entry in entries}
@@ -64,11 +68,17 @@ class ObjectRegistry:
         self._first_new = [max(self._known, default=-1) + 1]  # by keyframe
         self._alive: frozenset[int] = frozenset()
         self._reported = self._all = self._listed(tuple(self._known))
+        self._stated = self._each_once()
 
     @property
     def known(self) -> ReportedObjects:
-        """All objects with an identity: those of the map, and those that detections named."""
+        """All objects with an identity: those of the map, wherever they are, and those that detections named."""
         return self._all
+
+    @property
+    def stated(self) -> ReportedObjects:
+        """These, each of them once, wherever it is."""
+        return self._stated
 
     def alive(self, object_ids: Collection[int]) -> ReportedObjects:
         """The objects that some hypothesis of an open world holds, ascending by id; what no map knows has a number."""
@@ -85,7 +95,7 @@ class ObjectRegistry:
             number = max(self._known, default=-1) + 1
             self._known[number] = name, self._uniform
             self._by_name[name] = number
-            self._all = self._listed(tuple(self._known))
+            self._all, self._stated = self._listed(tuple(self._known)), self._each_once()
         return self._by_name[name]
 
     def reserve(self, index: int, num_detections: int) -> None:
@@ -102,6 +112,10 @@ class ObjectRegistry:
         known = [self._known[n][1] if n in self._known else self._uniform for n in object_ids]
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._uniform))))
+
+    def _each_once(self) -> ReportedObjects:
+        ids = tuple(number for number in self._known if number not in self._displaced.on_map)
+        return replace(self._listed(ids), displaced=self._displaced)
 
     def _listed(self, ids: tuple[int, ...]) -> ReportedObjects:
         rows = [self._known.get(n, (str(n), self._uniform)) for n in ids]

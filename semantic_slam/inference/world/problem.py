@@ -31,6 +31,7 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
@@ -67,6 +68,7 @@ class Problem:
     clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     unmapped_ids: frozenset[int] = frozenset()  # among ``objects``, of those that the map may lack
+    displaced: Displaced = field(default_factory=Displaced)  # among them, of those that the map may have elsewhere
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
     starts: Starts | None = None  # of a robot that is lost on a map, in an open world; None: it begins at its prior
