@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam_lab.studies.faulty_rooms.closed_room import make_room
+from semantic_slam_lab.studies.faulty_rooms.closed_room import SIGMA_MAP, make_room, with_map_known_to
 from semantic_slam_lab.studies.faulty_rooms.existence import Judged, calibration_error, configuration, reliability
 from semantic_slam_lab.studies.faulty_rooms.faults import FAULTS
+from semantic_slam_lab.studies.faulty_rooms.knowable import moved_if_associations_were_known
 from semantic_slam_lab.studies.faulty_rooms.open_room import FALSE_ALARM, open_room
 from semantic_slam_lab.studies.faulty_rooms.study import run
 
@@ -67,10 +68,28 @@ def test_faults_touch_what_they_name_and_nothing_else() -> None:
     assert len(changed) == 1 and all(not own for own in room.associations[: changed[0]])
 
 
+def test_a_map_that_is_known_better_is_off_by_less() -> None:
+    room = make_room(5)
+    better = with_map_known_to(room, 0.5 * SIGMA_MAP[0])
+    for before, after, place in zip(room.prior.objects, better.prior.objects, room.objects, strict=True):
+        np.testing.assert_allclose(after.pose[:2] - place[:2], 0.5 * (before.pose[:2] - place[:2]), atol=1e-12)
+        np.testing.assert_allclose(after.covariance[0, 0], 0.25 * before.covariance[0, 0])
+
+
+def test_who_is_told_the_associations_names_what_was_displaced_if_the_map_is_good_enough() -> None:
+    told = []
+    for fault in ("nothing wrong", "two objects displaced by 1 m, map to 0.1 m"):
+        faulty = FAULTS[fault](make_room(2), 2)
+        moved = moved_if_associations_were_known(faulty, 0.05, 1.0)
+        told.append(set(np.flatnonzero(moved > 0.9).tolist()))
+        assert told[-1] == set(faulty.displaced)
+    assert len(told[1]) == 2
+
+
 @pytest.mark.slow
 def test_a_quick_run_of_the_study_writes_claims_and_tables(tmp_path: Path) -> None:
     files = run(tmp_path, quick=True, jobs=1, seed=0)
     result = json.loads(files[0].read_text(encoding="utf-8"))
-    assert set(result["closed"]) == set(FAULTS) and len(result["claims"]) == 11
+    assert set(result["closed"]) == set(FAULTS) and len(result["claims"]) == 13
     assert result["open"]["entries"] > 0 and 0.0 <= result["open"]["rooms_with_ghost"] <= 1.0
     assert "two objects displaced by 1 m" in files[1].read_text(encoding="utf-8")

@@ -45,9 +45,10 @@ SECTIONS = (
         "A robot that is lost by 10 m drives 40 keyframes through a room of eight pieces of furniture, three and two of"
         " them alike, past a map of it; one thing is wrong. Lost: in the second half less than nine tenths of the"
         " weight, on average, has the associations right. Named: at the end every object that the map lacks is stated"
-        " where it is, and what stands elsewhere is so, too, or said to be moved. Sure and wrong: rooms in which an"
-        " association in the second half, or a statement at the end, has more than 0.9 and is wrong. Then rooms without"
-        " a map, drawn from what `config/open_world.yaml` says: does what is stated exist?",
+        " where it is, and what stands elsewhere is so, too, or said to be moved. Could be: what was displaced would be"
+        " named by who is told what each detection is of, and goes by the same models. Sure and wrong: rooms in which"
+        " an association in the second half, or a statement at the end, has more than 0.9 and is wrong. Then rooms"
+        " without a map, drawn from what `config/open_world.yaml` says: does what is stated exist?",
         (
             ("A known map, and a fault", closed),
             ("No map: existence when an object is first and last stated", existence),

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.association.elsewhere import also_gone, exclusive_objects, possible_objects
 from semantic_slam.inference.association.enumeration import (
     EnumerationProblem,
     enumerate_associations,
@@ -113,9 +114,7 @@ class ClosedKeyframe:
             if not seen.any():
                 continue
             factors[row] += float(np.log(objects.existence[seen]).sum())
-            partner = self.problem.displaced.partner
-            others = [partner[n] for n in objects.ids[seen].tolist() if n in partner]
-            updates[row] = update.detecting(seen, np.isin(objects.ids, others))
+            updates[row] = update.detecting(seen, also_gone(self.problem.displaced, objects.ids, seen))
         return factors, updates
 
     def updates(
@@ -207,28 +206,17 @@ class ClosedKeyframe:
             max_candidates=self.problem.weights.max_candidates,
             path=self._path(object_ids.tolist()),
             admitted=self._admitted(object_ids, gate),
-            exclusive=self._exclusive(object_ids),
+            exclusive=exclusive_objects(self.problem.displaced, object_ids),
             log_clutter=self.log_clutter,
         )
 
     def _admitted(self, object_ids: Index, gate: MapGate | None) -> Flags | None:
-        """(P, n, O) pairs that are near enough, of objects that histories have not seen elsewhere; None: all."""
+        """(P, n, O) pairs that are near enough, of objects that a history has where it looks for them; None: all."""
         near = gate.admitted[:, :, gate.columns()] if gate is not None else None
-        partner = self.problem.displaced.partner
-        if not partner:
+        if not self.problem.displaced.elsewhere:
             return near
-        excluded = np.zeros((len(self.parents), 1, len(object_ids)), dtype=bool)
-        for row, component in enumerate(self.parents.components):
-            gone = component.objects.ids[component.objects.existence == 0.0]
-            excluded[row, 0] = np.isin(object_ids, gone)
-        return ~excluded & (np.ones((1, len(self.used), 1), dtype=bool) if near is None else near)
-
-    def _exclusive(self, object_ids: Index) -> Index | None:
-        """(O,) which object no history has beside each one, -1 none; None: any go together."""
-        partner, place = self.problem.displaced.partner, {n: at for at, n in enumerate(object_ids.tolist())}
-        if not partner:
-            return None
-        return np.array([place.get(partner.get(n, -1), -1) for n in place], dtype=int)
+        possible = possible_objects(self.parents.components, object_ids)
+        return np.repeat(possible, len(self.used), axis=1) if near is None else near & possible
 
     def _path(self, object_ids: list[int]) -> tuple[Index, Index] | None:
         """(n,) objects and (n,) classes of the continuation that is wanted."""

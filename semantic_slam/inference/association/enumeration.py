@@ -54,7 +54,7 @@ class EnumerationProblem:
     max_candidates: int  # per parent
     path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
     admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
-    exclusive: Index | None = None  # (O,) object of which a frame shows nothing beside each one, -1: any; None: any
+    exclusive: Index | None = None  # (O,) column of the object that no frame shows beside each one, -1: any; None: any
     log_clutter: Array | None = None  # (D,) log density of a detection of no object, -inf: it is of one; None: each is
 
     def first_clutter(self, count: int) -> Array | None:

@@ -1,7 +1,8 @@
 """How probably each object of one hypothesis is detected by a robot at each of K modes (planar poses)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
 MOST_LOOKS = 50
 """Newest looks at one place that count: by then next to nothing is left to be found there."""
@@ -22,7 +24,33 @@ class Occluders(NamedTuple):
 
     ranges_m: Array  # (D,) of its detections, NaN without depth
     bearings_rad: Array  # (D,)
+    variances: Array  # (D, 2) of these [m^2, rad^2]
     free_range_scan: Array = NO_SCAN  # (B, 2) bearing and range of the farthest surface in each direction
+
+    @classmethod
+    def of(cls, detections: Sequence[Any], free_range_scan: Array = NO_SCAN) -> "Occluders":
+        """What a frame's planar ``detections`` tell; a bearing alone hides nothing."""
+        covariances = np.array([detection.covariance for detection in detections]).reshape(-1, 2, 2)
+        return cls(
+            ranges_m=np.array([detection.range_m for detection in detections], dtype=np.float64),
+            bearings_rad=np.array([detection.bearing_rad for detection in detections], dtype=np.float64),
+            variances=np.nan_to_num(np.diagonal(covariances, axis1=1, axis2=2)),
+            free_range_scan=free_range_scan,
+        )
+
+    def variances_before(self, relative: Array, covariance: Array) -> Array:
+        """(..., D, 2) of distance and angle between the detections and positions (..., 2) with (..., 2, 2)."""
+        own = polar_variances(relative, covariance)
+        return np.asarray(own[..., None, :] + self.variances)
+
+
+def polar_variances(relative: Array, covariance: Array) -> Array:
+    """(..., 2) of range [m^2] and bearing [rad^2] of positions (..., 2) with covariances (..., 2, 2)."""
+    distance = np.maximum(np.hypot(relative[..., 0], relative[..., 1]), LEAST_DISTANCE_M)[..., None]
+    radial = relative / distance
+    across = np.stack([-radial[..., 1], radial[..., 0]], axis=-1) / distance
+    axes = np.stack([radial, across], axis=-2)
+    return np.asarray(np.einsum("...ai,...ij,...aj->...a", axes, covariance, axes))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +80,13 @@ def detection_probabilities(
     moved = np.einsum("nij,kj->kni", prediction.gain, shift)
     objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
     relative = se2.between(robot[:, None], objects)
-    inside = region.contains(relative[..., :2], _relative_covariance(relative, prediction, covariance))
-    inside *= region.not_occluded(relative[..., :2], *shown)
+    spread = _relative_covariance(relative, prediction, covariance)
+    inside = region.contains(relative[..., :2], spread)
+    if region.occluder_radius_m > 0.0:
+        variances = shown.variances_before(relative[..., :2], spread)
+        inside *= region.not_occluded(
+            relative[..., :2], shown.ranges_m, shown.bearings_rad, shown.free_range_scan, variances
+        )
     return _by_rates(rates, inside, relative)
 
 

@@ -54,9 +54,7 @@ class ExistenceAccounts:
         """(K, O, G) detection probabilities at the modes; (1, O, G) at the prediction where that tells as much."""
         if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
             return prediction.detected[None]
-        ranges = np.array([detection.range_m for detection in self._step.detections], dtype=np.float64)
-        bearings = np.array([detection.bearing_rad for detection in self._step.detections], dtype=np.float64)
-        occluders = Occluders(ranges, bearings, self._step.free_range_scan)
+        occluders = Occluders.of(self._step.detections, self._step.free_range_scan)
         detected = np.zeros((len(rows), *prediction.detected.shape))
         detected[:, prediction.in_reach] = detection_probabilities(
             prediction.region,

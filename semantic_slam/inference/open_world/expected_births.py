@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.detection_probability import Occluders
 from semantic_slam.inference.open_world.existence import birth
 from semantic_slam.inference.open_world.nearby import tracked_states
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
@@ -57,11 +58,12 @@ def _born_at(settings: OpenWorldConfiguration, component: Component, births: lis
 
 
 def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
-    """(D,) 1 for detections that none of the others stands before, else little."""
-    ranges = np.array([detection.range_m for detection in detections], dtype=np.float64)
-    bearings = np.array([detection.bearing_rad for detection in detections], dtype=np.float64)
-    relative = np.nan_to_num(ranges)[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
-    return np.maximum(region.not_occluded(relative, ranges, bearings), LEAST_IN_SIGHT)
+    """(D,) probability that none of the others stands before a detection, or else little."""
+    shown = Occluders.of(detections)
+    bearings = shown.bearings_rad
+    relative = np.nan_to_num(shown.ranges_m)[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    apart = shown.variances[:, None] + shown.variances
+    return np.maximum(region.not_occluded(relative, shown.ranges_m, bearings, variances=apart), LEAST_IN_SIGHT)
 
 
 def _hiding(component: Component) -> Array:

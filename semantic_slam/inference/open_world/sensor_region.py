@@ -12,6 +12,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.sensed_region import SensedRegion
 
 NO_SCAN = np.zeros((0, 2))
+EXACT = np.zeros((1, 2))
 LEAST_SIGMA = 1e-6
 """Metres and radians: the softest edge is never quite sharp."""
 
@@ -70,27 +71,38 @@ class SensorRegion:
         return np.asarray(~outside & (np.abs(self.off_centre(bearings_rad)) <= 0.5 * self.field_of_view_rad))
 
     def not_occluded(
-        self, relative: Array, ranges_m: Array, bearings_rad: Array, free_range_scan: Array = NO_SCAN
+        self,
+        relative: Array,
+        ranges_m: Array,
+        bearings_rad: Array,
+        free_range_scan: Array = NO_SCAN,
+        variances: Array = EXACT,
     ) -> Array:
-        """(...,) 1 where nothing stands in front of (..., 2) positions in the body frame, else 0.
+        """(...,) probability that nothing stands in front of (..., 2) positions in the body frame.
 
         What hides: discs of the occluder's radius where the frame's own detections (D,) are, NaN ranges aside; and
         what lies behind the ``free_range_scan`` (B, 2), bearing and range of the farthest surface in a depth image.
+        ``variances`` (..., D or 1, 2): of how far each position is behind each detection [m^2], and of the angle
+        between them [rad^2].
         """
         if self.occluder_radius_m <= 0.0:
             return np.ones(relative.shape[:-1])
-        return self._unhidden_by_objects(relative, ranges_m, bearings_rad) * self._within(relative, free_range_scan)
+        unhidden = self._unhidden_by_objects(relative, ranges_m, bearings_rad, variances)
+        return unhidden * self._within(relative, free_range_scan)
 
-    def _unhidden_by_objects(self, relative: Array, ranges_m: Array, bearings_rad: Array) -> Array:
-        if not np.isfinite(ranges_m).any():
-            return np.ones(relative.shape[:-1])
+    def _unhidden_by_objects(self, relative: Array, ranges_m: Array, bearings_rad: Array, variances: Array) -> Array:
+        """Angle and distance count as independent normals, and so do the detections."""
         known = np.isfinite(ranges_m)
+        if not known.any():
+            return np.ones(relative.shape[:-1])
         ranges, bearings = ranges_m[known], bearings_rad[known]
+        sigmas = np.sqrt(variances if variances.shape[-2] == 1 else variances[..., known, :]) + LEAST_SIGMA
         distance = np.hypot(relative[..., 0], relative[..., 1])[..., None]
-        turn = np.arctan2(relative[..., 1], relative[..., 0])[..., None] - bearings
-        aside = np.abs(np.sin(turn)) * ranges < self.occluder_radius_m
-        behind = (np.cos(turn) > 0.0) & (distance > ranges + 2.0 * self.occluder_radius_m)
-        return np.asarray(1.0 - (aside & behind).any(axis=-1))
+        turn = np.abs(wrap_angle(np.arctan2(relative[..., 1], relative[..., 0])[..., None] - bearings))
+        half = np.arcsin(np.minimum(self.occluder_radius_m / np.maximum(ranges, LEAST_SIGMA), 1.0))
+        aside = ndtr((half - turn) / sigmas[..., 1]) - ndtr((-half - turn) / sigmas[..., 1])
+        behind = ndtr((distance - ranges - 2.0 * self.occluder_radius_m) / sigmas[..., 0])
+        return np.asarray((1.0 - aside * behind).prod(axis=-1))
 
     def _within(self, relative: Array, free_range_scan: Array) -> Array:
         """(...,) 1 for positions within the free range, else 0; those beside every bearing of the scan count as 1."""

@@ -119,7 +119,7 @@ class ExistenceUpdate:
     changes_nothing: bool = False
 
     def detecting(self, seen: Flags, excluded: Flags) -> "ExistenceUpdate":
-        """The update where (O,) some objects are detected, which then surely exist, and others for that reason do not."""
+        """The update where (O,) some objects are detected, which then surely exist, and others therefore do not."""
         after = np.where(seen[:, None], 1.0, np.where(excluded[:, None], 0.0, self.existence))
         same = self.changes_nothing and bool((after == self.existence).all())
         return replace(self, existence=after, changes_nothing=same)

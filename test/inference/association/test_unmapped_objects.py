@@ -66,15 +66,6 @@ def test_a_map_that_lacks_nothing_knows_no_such_object() -> None:
         assert belief.object_ids.tolist() == [4, 7] and np.isnan(belief.moved).all()
 
 
-def test_an_object_of_the_map_that_is_seen_elsewhere_was_moved() -> None:
-    frames = [[Detection.at(3.0, 1.0), Detection.at(3.45, -1.0)]] * 8
-    belief = _run(frames, _configuration(unmapped_objects=0, displaced_share=0.02))[-1]
-    assert belief.moved[1] > 0.5 and belief.moved[0] < 0.05
-    unsaid = _run(frames, _configuration(unmapped_objects=0))[-1]
-    assert np.isnan(unsaid.moved).all()
-    np.testing.assert_array_equal(belief.object_poses, unsaid.object_poses)  # it names, and changes nothing else
-
-
 def test_backends_agree_on_what_the_map_lacks_to_the_bit() -> None:
     frames = [[Detection.at(*SEEN_AT), Detection.at(3.0, 1.0)], [Detection.at(*SEEN_AT)], []]
     one, three = (_run(frames, _configuration(displaced_share=0.02), backends) for backends in (1, 3))

@@ -3,6 +3,7 @@
 from itertools import combinations
 
 import numpy as np
+import pytest
 from scipy.stats import multivariate_normal
 
 from semantic_slam.inference.evidence.displaced import Displacement
@@ -30,7 +31,8 @@ def _log_evidence(z: np.ndarray, places: np.ndarray, priors: np.ndarray) -> floa
     return float(multivariate_normal(places.ravel(), total).logpdf(z))
 
 
-def test_what_was_moved_has_the_posterior_of_all_sets() -> None:
+@pytest.mark.parametrize("taken", [(), (1,), (0, 3)])
+def test_what_was_moved_has_the_posterior_of_all_sets_whatever_a_component_takes_it_for(taken: tuple[int, ...]) -> None:
     random = np.random.default_rng(4)
     places, count = random.uniform(-4.0, 4.0, size=(4, 2)), 4
     priors = np.array([np.diag(random.uniform(0.01, 0.06, size=2)) for _ in range(count)])
@@ -46,13 +48,15 @@ def test_what_was_moved_has_the_posterior_of_all_sets() -> None:
     weights = np.exp(np.array(logs) - np.logaddexp.reduce(logs))
     expected = [sum(w for w, chosen in zip(weights, sets, strict=True) if i in chosen) for i in range(count)]
 
-    spread, by_robot = _covariances(priors)
+    is_taken = np.isin(np.arange(count), taken)
+    spread, by_robot = _covariances(priors + SIGMA**2 * np.eye(2) * is_taken[:, None, None])
     total = spread + ROBOT**2 * by_robot @ by_robot.T + NOISE**2 * np.eye(2 * count)
     gain = np.linalg.solve(total, spread).T
     found = Displacement(
         offset=(gain @ (z - places.ravel())).reshape(count, 2),
         covariance=spread - gain @ spread,
         prior=priors,
+        taken=is_taken,
         share=SHARE,
         sigma_m=SIGMA,
     ).probabilities()
@@ -63,5 +67,12 @@ def test_what_was_moved_has_the_posterior_of_all_sets() -> None:
 def test_what_was_not_seen_was_moved_as_often_as_any_object_is() -> None:
     priors = np.array([0.04 * np.eye(2), 0.01 * np.eye(2)])
     covariance = np.diag([0.04, 0.04, 0.01, 0.01])
-    unseen = Displacement(offset=np.zeros((2, 2)), covariance=covariance, prior=priors, share=SHARE, sigma_m=SIGMA)
+    unseen = Displacement(
+        offset=np.zeros((2, 2)),
+        covariance=covariance,
+        prior=priors,
+        taken=np.zeros(2, dtype=bool),
+        share=SHARE,
+        sigma_m=SIGMA,
+    )
     np.testing.assert_allclose(unseen.probabilities(), SHARE, atol=1e-12)

@@ -99,6 +99,18 @@ def test_what_stands_in_front_hides_what_is_behind_it() -> None:
     np.testing.assert_array_equal(REGION.not_occluded(positions, ranges, bearings), [0.0, 1.0, 1.0, 1.0, 1.0])
 
 
+def test_what_may_stand_in_front_hides_as_probably_as_it_does_so() -> None:
+    random, count = np.random.default_rng(5), 200_000
+    sigmas, front, place = np.array([0.15, 0.06]), (2.0, 0.05), np.array([2.7, 0.2])
+    variances = sigmas[None] ** 2
+    told = REGION.not_occluded(place, np.array(front[:1]), np.array(front[1:]), variances=variances)
+    distance = np.hypot(*place) + sigmas[0] * random.normal(size=count)
+    bearing = np.arctan2(*place[::-1]) + sigmas[1] * random.normal(size=count)
+    drawn = np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=1)
+    expected = REGION.not_occluded(drawn, np.array(front[:1]), np.array(front[1:])).mean()
+    assert 0.1 < told < 0.9 and told == pytest.approx(expected, abs=0.005)
+
+
 def test_the_area_is_that_of_the_sector() -> None:
     random = np.random.default_rng(0)
     points = random.uniform(-5.0, 5.0, size=(200_000, 2))

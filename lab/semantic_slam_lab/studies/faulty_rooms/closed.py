@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semantic_slam.configuration import Configuration, load_configuration
+from semantic_slam.configuration import ClosedWorldConfiguration, Configuration, load_configuration
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.shipped import configuration_file
 from semantic_slam_lab.studies.faulty_rooms.closed_room import make_room, normalised_error, position_error_m, run
 from semantic_slam_lab.studies.faulty_rooms.faults import FAULTS, FaultyRoom
+from semantic_slam_lab.studies.faulty_rooms.knowable import moved_if_associations_were_known
 
 RIGHT, NAMED, SURE = 0.9, 0.5, 0.9
 """Mean weight of what is right from which on a robot is not lost; of a statement; of one that must not be wrong."""
@@ -26,6 +27,7 @@ class Driven:
     seed: int
     is_lost: bool  # in the second half of the drive
     is_named: bool | None  # the fault, at the end; None: nothing is to be named
+    is_nameable: bool | None  # what was displaced, by who is told what each detection is of; None: nothing was
     sure_and_wrong: int  # statements at the end, and associations in the second half
     position_error_m: float
     nees: float  # of the position at the end, per degree of freedom
@@ -42,8 +44,8 @@ def configuration(name: str) -> Configuration:
 def driven_room(fault: str, name: str, seed: int, num_keyframes: int) -> Driven:
     """Draw a room, make it wrong, drive through it."""
     faulty = FAULTS[fault](make_room(seed, num_keyframes), seed)
-    begin = time.process_time()
-    beliefs = run(faulty.room, configuration(name))
+    own, begin = configuration(name), time.process_time()
+    beliefs = run(faulty.room, own)
     spent = time.process_time() - begin
     last, late = beliefs[-1], range(num_keyframes // 2, num_keyframes)
     shares = [right_shares(faulty, beliefs[k], k) for k in late]
@@ -52,6 +54,7 @@ def driven_room(fault: str, name: str, seed: int, num_keyframes: int) -> Driven:
         seed=seed,
         is_lost=bool(np.mean([np.prod(own) for own in shares]) < RIGHT),
         is_named=named(faulty, last),
+        is_nameable=nameable(faulty, own.closed_world),
         sure_and_wrong=wrong_statements(faulty, last) + sum(p < 1.0 - SURE for own in shares for p in own),
         position_error_m=position_error_m(faulty.room, last),
         nees=normalised_error(faulty.room, last) / 2.0,
@@ -88,6 +91,14 @@ def named(faulty: FaultyRoom, belief: HybridBelief) -> bool | None:
         by_id.get(number, 0.0) > NAMED or bool((_distances(faulty, stated, number) < NEAR_M).any())
         for number in faulty.missing | faulty.displaced
     )
+
+
+def nameable(faulty: FaultyRoom, settings: ClosedWorldConfiguration) -> bool | None:
+    """Whether the data tell of everything displaced that it was, by the shares that a configuration states."""
+    if not faulty.displaced or settings.displaced_share <= 0.0:
+        return None
+    moved = moved_if_associations_were_known(faulty, settings.displaced_share, settings.displaced_sigma_m)
+    return bool((moved[sorted(faulty.displaced)] > NAMED).all())
 
 
 def wrong_statements(faulty: FaultyRoom, belief: HybridBelief) -> int:

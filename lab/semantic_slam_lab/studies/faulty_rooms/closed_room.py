@@ -53,6 +53,18 @@ def make_room(seed: int, num_keyframes: int = 40) -> ClosedRoom:
     return ClosedRoom(_map(random, objects), start, tuple(keyframes), truth, tuple(associations), objects)
 
 
+def with_map_known_to(room: ClosedRoom, sigma_m: float) -> ClosedRoom:
+    """The drive with a map whose places are off in the same directions, as far as ``sigma_m`` says."""
+    scale = sigma_m / SIGMA_MAP[0]
+    objects = []
+    for item in room.prior.objects:
+        x, y, yaw = planar_from_pose_vector(item.pose)
+        place = room.objects[item.object_id, :2]
+        x, y = place + scale * ([x, y] - place)
+        objects.append(ObjectPrior.planar(item.object_id, x, y, yaw, sigma_m=sigma_m, sigma_rad=SIGMA_MAP[2]))
+    return replace(room, prior=MapPrior(tuple(objects)))
+
+
 def without_object(room: ClosedRoom, number: int) -> ClosedRoom:
     """The drive with a map prior that lacks one object."""
     kept = tuple(item for item in room.prior.objects if item.object_id != number)

@@ -12,13 +12,14 @@ from semantic_slam_lab.studies.faulty_rooms.closed_room import (
     ClosedRoom,
     first_view,
     some_views,
+    with_map_known_to,
     with_swapped_scores,
     without_object,
 )
 
 LEAST_SIGHTS = 3
 """Detections of an object that is missing or displaced: what is hardly seen cannot be found out."""
-DISPLACED_M = 1.0
+DISPLACED_M, SURVEYED_M = 1.0, 0.1
 TENTH, HUNDREDTH = 0.1, 0.01
 
 
@@ -67,6 +68,11 @@ def _displaced_objects(room: ClosedRoom, seed: int) -> FaultyRoom:
     return FaultyRoom(room=replace(room, prior=MapPrior(tuple(objects))), displaced=numbers)
 
 
+def _displaced_on_survey(room: ClosedRoom, seed: int) -> FaultyRoom:
+    """The same on a map that is known about as well as one detection tells a place."""
+    return _displaced_objects(with_map_known_to(room, SURVEYED_M), seed)
+
+
 def _outliers(room: ClosedRoom, seed: int) -> FaultyRoom:
     """A hundredth of the detections anywhere in the sensor's region."""
     random, wrong = np.random.default_rng([23, seed]), frozenset(some_views(room, HUNDREDTH, seed))
@@ -85,6 +91,7 @@ FAULTS: dict[str, Callable[[ClosedRoom, int], FaultyRoom]] = {
     "10 % of views wrong": _tenth_of_views,
     "an object not on the map": _missing_object,
     "two objects displaced by 1 m": _displaced_objects,
+    "two objects displaced by 1 m, map to 0.1 m": _displaced_on_survey,
     "1 % of places anywhere": _outliers,
 }
 

@@ -13,6 +13,7 @@ COLUMNS = (
     "rooms",
     "lost",
     "named",
+    "could be",
     "sure and wrong",
     "told by `unexplained`",
     "of these lost",
@@ -35,8 +36,9 @@ def claims_of(result: dict[str, Any]) -> list[Claim]:
         found = closed[fault][OURS]
         count, sure = found["rooms"], found["sure_and_wrong"]
         enough = found["named"] >= LEAST_NAMED * count
+        bound = "" if found["nameable"] is None else f"; with associations known {found['nameable']}"
         return [
-            Claim(f"{fault}: named in 18 of 20 rooms", REQUIREMENT, "", f"{found['named']} of {count}", enough),
+            Claim(f"{fault}: named in 18 of 20 rooms", REQUIREMENT, "", f"{found['named']} of {count}{bound}", enough),
             Claim(f"{fault}: nothing sure and wrong", REQUIREMENT, "", f"{sure} of {count} rooms", sure == 0),
         ]
 
@@ -48,6 +50,7 @@ def claims_of(result: dict[str, Any]) -> list[Claim]:
         lost("1 % of places anywhere", 0),
         *named("an object not on the map"),
         *named("two objects displaced by 1 m"),
+        *named("two objects displaced by 1 m, map to 0.1 m"),
         Claim(
             "Under a right model nothing is unexplained",
             REQUIREMENT,
@@ -97,7 +100,10 @@ def row_of(fault: str, name: str, own: dict[str, Any]) -> tuple[str, ...]:
     return (
         fault,
         f"`{name}`",
-        *(str(own[key]) if own[key] is not None else "–" for key in ("rooms", "lost", "named", "sure_and_wrong")),
+        *(
+            str(own[key]) if own[key] is not None else "–"
+            for key in ("rooms", "lost", "named", "nameable", "sure_and_wrong")
+        ),
         str(own["unexplained"]),
         f"{own['lost_and_unexplained']} of {own['lost']}",
         f"{own['first_unexplained']:.0f}" if own["first_unexplained"] is not None else "–",

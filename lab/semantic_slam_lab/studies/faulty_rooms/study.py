@@ -70,10 +70,12 @@ def _written(
 def _summary(rows: Sequence[Driven]) -> dict[str, Any]:
     told = [row.first_unexplained for row in rows if row.first_unexplained is not None]
     to_name = [row.is_named for row in rows if row.is_named is not None]
+    nameable = [row.is_nameable for row in rows if row.is_nameable is not None]
     return {
         "rooms": len(rows),
         "lost": sum(row.is_lost for row in rows),
         "named": sum(to_name) if to_name else None,
+        "nameable": sum(nameable) if nameable else None,
         "sure_and_wrong": sum(row.sure_and_wrong > 0 for row in rows),
         "position_error_m": float(np.median([row.position_error_m for row in rows])),
         "nees": float(np.mean([row.nees for row in rows])),
