@@ -27,7 +27,7 @@ class Displaced:
 
     @cached_property
     def partner(self) -> dict[int, int]:
-        """Of two that exclude each other one -> the other."""
+        """Either id of an object -> the other one, which excludes it."""
         return {**self.elsewhere, **self.on_map}
 
 

@@ -69,7 +69,7 @@ def _displaced_objects(room: ClosedRoom, seed: int) -> FaultyRoom:
 
 
 def _displaced_on_survey(room: ClosedRoom, seed: int) -> FaultyRoom:
-    """The same on a map that is known about as well as one detection tells a place."""
+    """Two objects 1 m away from where a map has them that is known about as well as one detection tells a place."""
     return _displaced_objects(with_map_known_to(room, SURVEYED_M), seed)
 
 

@@ -22,7 +22,7 @@ from semantic_slam_lab.studies.faulty_rooms.closed_room import (
 from semantic_slam_lab.studies.faulty_rooms.faults import FaultyRoom
 
 STEP = 1e-6
-"""Of numerical slopes, metres and radians."""
+"""Width of a numerical slope, metres and radians."""
 
 
 def moved_if_associations_were_known(faulty: FaultyRoom, share: float, sigma_m: float) -> Array:
