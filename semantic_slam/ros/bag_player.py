@@ -32,6 +32,8 @@ from semantic_slam.ros.playlist import Playlist, parse_remaps
 from semantic_slam.ros.transport import Outlet, is_installed, private_name, receive, relative_name
 
 STALL_S = 30.0
+GONE_S = 10.0
+"""A manager that is missing for so long, besides the time that DDS needs to notice, does not come back."""
 RECORDERS = ("bag_recorder",)
 SECOND = 1_000_000_000
 
@@ -53,6 +55,8 @@ class BagPlayer(PipelineNode):
         self._finished = threading.Event()
         self._sent = 0
         self._stamp_ns = 0
+        self._had_manager = False
+        self._gone_since_s: float | None = None
         with BagReader(self._bag) as reader:
             self._playlist = Playlist(reader.topics, remaps, is_installed)
         for line in self._playlist.notes:
@@ -132,13 +136,28 @@ class BagPlayer(PipelineNode):
         self._outlets[message.topic].send(message.cdr)
 
     def _wait_for_credit(self, bar: tqdm) -> None:
-        if self._rate == 0.0 and self._has_manager() and not self._credit.wait(self._sent, rclpy.ok):
+        if self._rate == 0.0 and self._manager_goes_on() and not self._credit.wait(self._sent, self._manager_goes_on):
             done = self._credit.frames_done
             self.get_logger().warning(f"no progress for {STALL_S:.0f} s at frame {done}; sending on")
         bar.update(self._credit.frames_done - bar.n)
 
-    def _has_manager(self) -> bool:
-        return bool(self.count_publishers(self._manager_topic) > 0)
+    def _manager_goes_on(self) -> bool:
+        """Whether there is a manager. Raises InputError when there was one, and it is gone for long."""
+        if not rclpy.ok():
+            return False
+        if self.count_publishers(self._manager_topic) > 0:
+            self._had_manager, self._gone_since_s = True, None
+            return True
+        if not self._had_manager or self._finished.is_set():
+            return False
+        now_s = time.monotonic()
+        self._gone_since_s = self._gone_since_s or now_s
+        if now_s - self._gone_since_s > GONE_S:
+            raise InputError(
+                f"{self._bag}: hypothesis_manager is gone; {self._credit.frames_done} of {self._sent} frames sent were"
+                " used; see its last lines, start all nodes and replay again"
+            )
+        return True
 
     def _end_of_bag(self, bar: tqdm) -> None:
         for outlet in self._outlets.values():
@@ -146,7 +165,7 @@ class BagPlayer(PipelineNode):
         if self._classifier_progress is not None:
             self._classifier_progress.send(encode(ReplayProgress(self._stamp_ns, frames=0, finished=True)))
         self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=self._sent, finished=True)))
-        while rclpy.ok() and self._has_manager() and not self._finished.wait(0.1):
+        while self._manager_goes_on() and not self._finished.wait(0.1):
             bar.update(self._credit.frames_done - bar.n)
         bar.update(self._credit.frames_done - bar.n)
 

@@ -1,0 +1,36 @@
+"""A replay whose manager dies says so, and does not end as if all were well."""
+
+import time
+from pathlib import Path
+
+import pytest
+from worlds.bag_factory import write_bag, write_configuration
+from worlds.node_runs import TIMEOUT_S, processes
+from worlds.places import place_entries
+
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.ros.node_set import node_set
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_the_player_ends_with_one_line_when_the_manager_is_gone(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", place_entries("ranges", num_frames=12))
+    configuration = write_configuration(tmp_path / "configuration")
+    specs = {spec.name: spec for spec in node_set(bag, configuration, 1, 0.0, "", has_tf2=False)}
+    del specs["backend_0"]  # so that the manager never comes to an end
+    with processes(tmp_path) as nodes:
+        for spec in specs.values():
+            nodes.start(spec)
+        give_up = time.monotonic() + TIMEOUT_S
+        while "/12" not in nodes.tail("bag_player") and time.monotonic() < give_up:
+            time.sleep(0.1)
+        time.sleep(5.0)
+        nodes.kill("hypothesis_manager")
+        while nodes.exit_code("bag_player") is None and time.monotonic() < give_up:
+            time.sleep(0.1)
+        assert nodes.exit_code("bag_player") == 2
+        said = nodes.tail("bag_player")
+        with pytest.raises(SemanticSlamError):
+            nodes.check()
+    assert "hypothesis_manager is gone; 0 of" in said and "Traceback" not in said
