@@ -84,7 +84,8 @@ def _stepped(
         classed, start = classed_measurements(parent, update), linearisation_start(parent, update)
         mine = parent.smoother if last.get(id(parent)) == place else parent.smoother.fork()
         far = bool(moved[place])
-        smoother = mine.stepped(graph, values, classed, start, again=far)
+        measured = [] if mine.in_charts is None else shared[parent.noise].measured(parent, update)
+        smoother = mine.stepped(graph, values, classed, start, again=far, measured=measured)
         return parent.child(update, smoother, max_fresh, far=far)
 
     return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, updates, strict=True))]

@@ -38,6 +38,11 @@ def letter_of(key: int) -> str:
     return chr(key >> _SYMBOL_BITS)
 
 
+def number_of(key: int) -> int:
+    """The number of a GTSAM key below its letter: of a robot, one more than its keyframe; of an object, its id."""
+    return key & ((1 << _SYMBOL_BITS) - 1)
+
+
 def is_robot(key: int) -> bool:
     """Whether a GTSAM key is some X(k)."""
     return key >> _SYMBOL_BITS == _ROBOT_CODE
