@@ -21,8 +21,8 @@ def exact_graph(smoother: Smoother) -> gtsam.NonlinearFactorGraph:
     graph = gtsam.NonlinearFactorGraph()
     for own in linear.joined:
         measured |= set(own.slots.tolist())
-        for row in range(len(own.slots)):
-            graph.add(_motion(own.of, row) if isinstance(own.of, Motions) else _sighting(own.of, row))
+        for row, terms in enumerate(own.of.terms()):
+            graph.add(_motion(own.of, row, terms) if isinstance(own.of, Motions) else _sighting(own.of, row, terms))
     for slot in range(held.size()):
         if held.exists(slot) and slot not in measured:
             graph.add(held.at(slot))
@@ -37,8 +37,11 @@ def estimate_of(smoother: Smoother) -> gtsam.Values:
     return values
 
 
-def _motion(own: Motions, row: int) -> Any:
-    first, second, biases = own.terms(row)
+Terms = tuple[int, int, list[Any]]
+
+
+def _motion(own: Motions, row: int, terms: Terms) -> Any:
+    first, second, biases = terms
     root = own.roots[row]
     covariance = np.linalg.inv(root.T @ root)
     if biases:
@@ -48,8 +51,8 @@ def _motion(own: Motions, row: int) -> Any:
     return gtsam.BetweenFactorPose2(first, second, gtsam.Pose2(*own.controls[row]), noise)
 
 
-def _sighting(own: Sightings, row: int) -> Any:
-    robot, landmark, (key, slopes) = own.terms(row)
+def _sighting(own: Sightings, row: int, terms: Terms) -> Any:
+    robot, landmark, (key, slopes) = terms
     seen: PlanarDetections = own.seen
     covariance = np.linalg.inv(seen.whiten[row].T @ seen.whiten[row])[::-1, ::-1]
     bearing, noise = gtsam.Rot2.fromAngle(seen.bearing_rad[row]), gtsam.noiseModel.Gaussian.Covariance(covariance)

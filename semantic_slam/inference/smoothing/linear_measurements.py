@@ -48,12 +48,12 @@ class LinearMeasurements:
 
     def factors(self) -> list[Any]:
         """One for GTSAM for each."""
-        noise, right, made = unit_noise(self.constant.shape[1]), -(self.constant + self.of.offset), []
-        for row in range(len(self.slots)):
-            first, second, repeated = self.of.terms(row)
-            terms = first, self.by_first[row], second, self.by_second[row], *repeated, right[row], noise
-            made.append(gtsam.LinearContainerFactor(_jacobian_factor(*terms)))
-        return made
+        noise, right = unit_noise(self.constant.shape[1]), -(self.constant + self.of.offset)
+        rows = zip(self.of.terms(), self.by_first, self.by_second, right, strict=True)
+        return [
+            gtsam.LinearContainerFactor(_jacobian_factor(first, by_first, second, by_second, *repeated, own, noise))
+            for (first, second, repeated), by_first, by_second, own in rows
+        ]
 
     def take(self, rows: Index | Flags) -> "LinearMeasurements":
         """Some of them."""

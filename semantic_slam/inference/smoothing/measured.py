@@ -73,11 +73,13 @@ class Motions:
         residual = (self.roots @ error[..., None])[..., 0]
         return Slopes(first, second, residual, -by_second @ space.propagation(moved), by_second)
 
-    def terms(self, row: int) -> tuple[int, int, list[Any]]:
-        """Keys of the two variables of one of them, and key and slope (r, p) of the biases."""
-        number = int(self.rows[row])
-        biases = [bias_key(number - 1), self.by_bias[row]] if self.by_bias.shape[2] else []
-        return robot_key(number - 2), robot_key(number - 1), biases
+    def terms(self) -> list[tuple[int, int, list[Any]]]:
+        """Of each, keys of the two variables, and key and slope (r, p) of the biases."""
+        numbers = (self.rows - 1).tolist()
+        biases = self.by_bias if self.by_bias.shape[2] else ()
+        repeated: list[list[Any]] = [[bias_key(n), own] for n, own in zip(numbers, biases, strict=False)]
+        keys = [(robot_key(n - 1), robot_key(n)) for n in numbers]
+        return [(*pair, own) for pair, own in zip(keys, repeated or [[] for _ in keys], strict=True)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,8 +103,10 @@ class Sightings:
 
     def with_offsets(self, point: Callable[[int], Array]) -> "Sightings":
         """The sightings where errors have their charts about each key's ``point``."""
-        places = zip(self.keys.tolist(), self.firsts.tolist(), strict=True)
-        errors = np.array([point(key)[first : first + 2] for key, first in places]).reshape(-1, 2)
+        own, rows = np.unique(self.keys, return_inverse=True)
+        points = [point(key) for key in own.tolist()]
+        begins = np.cumsum([0, *(len(part) for part in points)])[rows] + self.firsts
+        errors = np.concatenate(points)[begins[:, None] + np.arange(2)]
         return replace(self, offset=self.by_error * errors)
 
     def measured(self, spaces: Spaces, model: ObservationModel, at: Located) -> Slopes:
@@ -112,13 +116,15 @@ class Sightings:
         by = part.jacobian_robot, part.jacobian_object
         return Slopes(first, second, self.scale * part.residual, *(self.scale * slopes for slopes in by))
 
-    def terms(self, row: int) -> tuple[int, int, list[Any]]:
-        """Keys of the two variables of one of them, and key and slope (2, q) of the errors."""
-        slopes = np.zeros((2, self.sizes[row]))
-        place = self.firsts[row] + np.arange(2)
-        slopes[[0, 1], place] = self.by_error[row]
-        keys = robot_key(int(self.rows[row]) - 1), object_key(int(self.ids[row]))
-        return *keys, [int(self.keys[row]), slopes]
+    def terms(self) -> list[tuple[int, int, list[Any]]]:
+        """Of each, keys of the two variables, and key and slope (2, q) of the errors."""
+        slopes, at = np.zeros((len(self.rows), 2, self.sizes.max(initial=0))), np.arange(len(self.rows))
+        slopes[at, 0, self.firsts], slopes[at, 1, self.firsts + 1] = self.by_error.T
+        robots, objects = [robot_key(n) for n in (self.rows - 1).tolist()], [object_key(n) for n in self.ids.tolist()]
+        repeated = [
+            [key, own[:, :size]] for key, own, size in zip(self.keys.tolist(), slopes, self.sizes.tolist(), strict=True)
+        ]
+        return list(zip(robots, objects, repeated, strict=True))
 
 
 Measured = Motions | Sightings

@@ -9,6 +9,7 @@ import gtsam
 import numpy as np
 
 
+@cache
 def robot_key(keyframe: int) -> int:
     """X(k + 1) for keyframe k; X(0) is the prior pose."""
     return int(gtsam.symbol("x", keyframe + 1))
@@ -63,6 +64,7 @@ STRETCH = 100
 """Keyframes with one bias."""
 
 
+@cache
 def bias_key(keyframe: int) -> int:
     """The bias of the motion to a keyframe, -1 being the start."""
     return int(gtsam.symbol(BIAS_LETTER, max(keyframe, 0) // STRETCH))

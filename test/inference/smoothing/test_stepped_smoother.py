@@ -159,6 +159,5 @@ def test_measurements_are_in_the_slots_that_they_have_in_isam2() -> None:
     assert linear is not None
     assert held.size() == linear.num_slots
     for own in linear.joined:
-        for row, slot in enumerate(own.slots.tolist()):
-            first, second, repeated = own.of.terms(row)
+        for (first, second, repeated), slot in zip(own.of.terms(), own.slots.tolist(), strict=True):
             assert list(held.at(slot).keys()) == [first, second, *repeated[:1]]
