@@ -7,7 +7,7 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
 from semantic_slam.geometry.rows import joined_rows, take
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import ObservationModel
@@ -40,11 +40,10 @@ class LinearMeasurements:
         """0 of motions, and 1 of sightings."""
         return int(isinstance(self.of, Sightings))
 
-    def bent(self, slopes: Slopes) -> Array:
-        """(B,) how far each is off at states with other ``slopes``, in what its kind may be."""
+    def off(self, slopes: Slopes) -> Array:
+        """(B,) half the square of what each is off, at states with other ``slopes``, in standard deviations."""
         linear = self.by_first @ slopes.first.steps[..., None] + self.by_second @ slopes.second.steps[..., None]
-        off = np.abs(slopes.residual - self.constant - linear[..., 0])
-        return np.asarray(off.max(axis=1, initial=0.0) / self.of.most_bent)
+        return 0.5 * squared_norms(slopes.residual - self.constant - linear[..., 0])
 
     def factors(self) -> list[Any]:
         """One for GTSAM for each."""

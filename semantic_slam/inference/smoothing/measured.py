@@ -12,11 +12,6 @@ from semantic_slam.inference.smoothing.charts import Located, Variables
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
-MOST_BENT_MOTION = 0.02
-"""Standard deviations that a linear motion may be off; a drift along the drive adds up in all of them."""
-MOST_BENT_SIGHTING = 0.1
-"""Standard deviations that a linear sighting may be off."""
-
 
 @dataclass(frozen=True)
 class Slopes:
@@ -51,11 +46,6 @@ class Motions:
             by_bias=slopes[None],
             offset=np.zeros((1, len(root))),
         )
-
-    @property
-    def most_bent(self) -> float:
-        """Standard deviations that a linear one may be off."""
-        return MOST_BENT_MOTION
 
     def with_offsets(self, point: Callable[[int], Array]) -> "Motions":
         """The motions where biases have their charts about each key's ``point``."""
@@ -95,11 +85,6 @@ class Sightings:
     firsts: Index  # (B,) where they are there
     sizes: Index  # (B,) of these variables
     offset: Array  # (B, 2) of residuals, by the errors where these have their charts
-
-    @property
-    def most_bent(self) -> float:
-        """Standard deviations that a linear one may be off."""
-        return MOST_BENT_SIGHTING
 
     def with_offsets(self, point: Callable[[int], Array]) -> "Sightings":
         """The sightings where errors have their charts about each key's ``point``."""

@@ -11,14 +11,17 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry.arrays import Flags
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.smoothing.isam import single_step_isam
 from semantic_slam.inference.smoothing.linear_measurements import LinearFactors, LinearMeasurements
 
 MOST_TIMES = 10
 """Times that what is bent is made anew after one update, at most."""
-NEAR = 1.5
-"""Times what a measurement may be off that it may be after that without another time: the next one is soon enough."""
+MOST_OFF, LEAST_OFF = 0.1, 0.01
+"""Half the sum of squares that all measurements may be off together, and may stay off when they are made anew.
+
+In standard deviations: no estimate is off by more than the root of twice that in those of its own.
+"""
 MOST_BENT = 0.5
 """Share of the measurements that are bent from which on all are made anew, in an order that suits all."""
 MOST_SLOTS = 4
@@ -30,10 +33,10 @@ def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2
 
     A loop that closes may move a long way so far that one time ends nowhere near.
     """
-    for times in range(MOST_TIMES):
+    for _ in range(MOST_TIMES):
         kinds, at = factors.joined, factors.charts.located(isam.getDelta().vector())
         slopes = [own.of.measured(factors.charts.spaces, factors.model, at) for own in kinds]
-        bent = [own.bent(here) > (NEAR if times else 1.0) for own, here in zip(kinds, slopes, strict=True)]
+        bent = _bent([own.off(here) for own, here in zip(kinds, slopes, strict=True)])
         total = sum(int(rows.sum()) for rows in bent)
         if not total:
             return isam, factors
@@ -43,6 +46,16 @@ def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2
             anew = [LinearMeasurements.made(own.of, here) for own, here in zip(kinds, slopes, strict=True)]
             isam, factors = _replaced(isam, factors, kinds, anew, bent)
     return isam, factors
+
+
+def _bent(off: Sequence[Array]) -> list[Flags]:
+    """Of each kind, which measurements are to be made anew, from halves of the squares that they are off."""
+    every = np.concatenate([np.zeros(0), *off])
+    if every.sum() <= MOST_OFF:
+        return [np.zeros(len(own), dtype=bool) for own in off]
+    ascending = np.sort(every)
+    limit = ascending[np.searchsorted(np.cumsum(ascending), LEAST_OFF)]
+    return [own >= limit for own in off]
 
 
 def _replaced(

@@ -144,7 +144,7 @@ def test_a_map_that_moves_as_a_whole_bends_nothing() -> None:
         own = LinearMeasurements.made(own.of, own.of.measured(SPACES, MODEL, linear.charts.begun()))
         steps = np.concatenate([shift_of(points) for points in (linear.charts.objects, linear.charts.robots)])
         moved = linear.charts.located(steps.ravel())
-        np.testing.assert_allclose(own.bent(own.of.measured(SPACES, MODEL, moved)), 0.0, atol=1e-9)
+        np.testing.assert_allclose(own.off(own.of.measured(SPACES, MODEL, moved)), 0.0, atol=1e-9)
 
 
 def shift_of(points: Array) -> Array:
