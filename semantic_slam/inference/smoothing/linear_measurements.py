@@ -86,6 +86,10 @@ class LinearFactors:
             begin = end
         return replace(self, parts=tuple(parts), num_slots=begin + after)
 
+    def in_one_part(self) -> "LinearFactors":
+        """The same, each kind in one part."""
+        return replace(self, parts=tuple((_joined(kind),) if kind else () for kind in self.parts))
+
     @property
     def joined(self) -> list[LinearMeasurements]:
         """All motions, and all sightings, where there are any."""

@@ -17,7 +17,7 @@ from semantic_slam.inference.smoothing.linear_measurements import LinearFactors,
 
 MOST_TIMES = 10
 """Times that what is bent is made anew after one update, at most."""
-MOST_OFF, LEAST_OFF = 0.1, 0.01
+MOST_OFF, LEAST_OFF = 0.2, 0.1
 """Half the sum of squares that all measurements may be off together, and may stay off when they are made anew.
 
 In standard deviations: no estimate is off by more than the root of twice that in those of its own.
@@ -34,6 +34,7 @@ def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2
     A loop that closes may move a long way so far that one time ends nowhere near.
     """
     for _ in range(MOST_TIMES):
+        factors = factors.in_one_part()
         kinds, at = factors.joined, factors.charts.located(isam.getDelta().vector())
         slopes = [own.of.measured(factors.charts.spaces, factors.model, at) for own in kinds]
         bent = _bent([own.off(here) for own, here in zip(kinds, slopes, strict=True)])
