@@ -17,7 +17,7 @@ from semantic_slam.inference.smoothing.linear_measurements import LinearFactors,
 
 MOST_TIMES = 10
 """Times that what is bent is made anew after one update, at most."""
-MOST_OFF, LEAST_OFF = 0.1, 0.03
+MOST_OFF, LEAST_OFF = 0.1, 0.01
 """Half the sum of squares that all measurements may be off together, and may stay off when they are made anew.
 
 In standard deviations: no estimate is off by more than the root of twice that in those of its own.
