@@ -15,7 +15,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.states.keys import is_object, is_robot, is_vector, number_of, object_key, robot_key
+from semantic_slam.inference.states.keys import is_object, is_robot, is_vector, number_of
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.state_space import StateSpace
 
@@ -53,22 +53,16 @@ class Located:
         """Objects by their ids (B,)."""
         return self.objects.take(np.searchsorted(self.object_ids, ids))
 
+    @property
+    def largest_turn(self) -> float:
+        """Radians by which a robot has turned in its chart, at most; 0 where robots do not turn."""
+        steps = self.robots.steps
+        return float(np.abs(steps[:, 2]).max(initial=0.0)) if steps.shape[1] > 2 else 0.0
+
     def of(self, key: int) -> Variables:
         """A robot or an object by its GTSAM key."""
         number = np.array([number_of(key)])
         return self.robots_of(number) if is_robot(key) else self.objects_of(number)
-
-    def with_new(self, charts: "Charts") -> "Located":
-        """With those that ``charts`` have besides, where they begin."""
-        robots, objects = len(self.robots.states), len(self.objects.states)
-        new_robots, new_objects = charts.robots[robots:], charts.objects[objects:]
-        layout = charts.spaces.layout
-        return Located(
-            robot_rows=np.arange(len(charts.robots)),
-            robots=self.robots.joined(_begun(new_robots, layout.robot)),
-            object_ids=charts.object_ids,
-            objects=self.objects.joined(_begun(new_objects, layout.landmark)),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,19 +88,32 @@ class Charts:
             vectors={key: values.atVector(key) for key in keys if is_vector(key)},
         )
 
-    def extended(self, values: gtsam.Values) -> "Charts":
-        """The charts with those of new variables, about their ``values``."""
+    def extended(self, values: gtsam.Values, at: Located) -> tuple["Charts", Located, gtsam.Values]:
+        """The charts with those of new variables, where all are estimated to be, and where the new charts begin.
+
+        New variables are estimated at ``values``, the others ``at``. Their charts are to each other, and to the newest
+        of those before, as the estimates are: all that is measured of one another holds where charts begin, however far
+        the estimate has moved and turned since as a whole. What turns all of the map alike then turns nothing measured.
+        """
         keys, spaces = list(values.keys()), self.spaces
         objects = [key for key in keys if is_object(key)]
-        robots = [spaces.robot.state(values, key) for key in keys if is_robot(key)]
-        started = [spaces.landmark.state(values, key) for key in objects]
-        return replace(
+        (robot,) = (spaces.robot.state(values, key) for key in keys if is_robot(key))
+        started = np.reshape([spaces.landmark.state(values, key) for key in objects], (-1, spaces.storage.landmark))
+        last, point = at.robots.states[-1], self.robots[-1]
+        charts = replace(
             self,
-            robots=np.concatenate([self.robots, np.reshape(robots, (-1, spaces.storage.robot))]),
+            robots=np.concatenate([self.robots, _carried(spaces.robot, robot[None], last, point)]),
             object_ids=np.append(self.object_ids, np.array([number_of(key) for key in objects], dtype=int)),
-            objects=np.concatenate([self.objects, np.reshape(started, (-1, spaces.storage.landmark))]),
+            objects=np.concatenate([self.objects, _carried(spaces.landmark, started, last, point)]),
             vectors={**self.vectors, **{key: values.atVector(key) for key in keys if is_vector(key)}},
         )
+        located = Located(
+            robot_rows=np.arange(len(charts.robots)),
+            robots=at.robots.joined(_known(spaces.robot, charts.robots[-1:], robot[None])),
+            object_ids=charts.object_ids,
+            objects=at.objects.joined(_known(spaces.landmark, charts.objects[len(self.objects) :], started)),
+        )
+        return charts, located, charts.values(charts.begun(), values, keys)
 
     def located(self, steps: Array) -> Located:
         """All of them after (n,) steps, those of objects and then of robots last."""
@@ -122,17 +129,21 @@ class Charts:
 
     def begun(self) -> Located:
         """All of them where their charts begin."""
-        nothing = replace(self, robots=self.robots[:0], object_ids=self.object_ids[:0], objects=self.objects[:0])
-        return nothing.located(np.zeros(0)).with_new(self)
+        robots, objects = self.robots, self.objects
+        return Located(
+            robot_rows=np.arange(len(robots)),
+            robots=_known(self.spaces.robot, robots, robots),
+            object_ids=self.object_ids,
+            objects=_known(self.spaces.landmark, objects, objects),
+        )
 
-    def values(self, at: Located, others: gtsam.Values) -> gtsam.Values:
-        """Where robots and objects are, and ``others`` as they are there."""
-        values = gtsam.Values(others)
-        kinds = (at.robots, robot_key, at.robot_rows - 1), (at.objects, object_key, at.object_ids)
-        for variables, key_of, numbers in kinds:
-            for number, state in zip(numbers.tolist(), variables.states, strict=True):
-                values.erase(key_of(number))
-                self.spaces.of(key_of(number)).insert(values, key_of(number), state)
+    def values(self, at: Located, others: gtsam.Values, keys: Sequence[int] | None = None) -> gtsam.Values:
+        """Where robots and objects are, all or those of some ``keys``, and ``others`` as they are there."""
+        values, every = gtsam.Values(others), others.keys() if keys is None else keys
+        for key in every:
+            if not is_vector(key):
+                values.erase(key)
+                self.spaces.of(key).insert(values, key, at.of(key).states[0])
         return values
 
     def points(self, keys: Sequence[int]) -> gtsam.Values:
@@ -145,9 +156,28 @@ class Charts:
         return values
 
 
-def _begun(points: Array, size: int) -> Variables:
-    """Variables of ``size`` dimensions where their charts begin, at points (n, s)."""
-    return Variables(points, np.zeros((len(points), size)), np.tile(np.eye(size), (len(points), 1, 1)))
+def _carried(space: StateSpace, states: Array, last: Array, point: Array) -> Array:
+    """(n, s) points that are to ``point`` (s,) as states (n, s) are to ``last`` (s,); poses are x, y, yaw."""
+    if space.heading is None and len(last) == space.storage_size:
+        return states + (point - last)
+    turn = point[2] - last[2]
+    cos, sin = np.cos(turn), np.sin(turn)
+    points, apart = states.copy(), states[:, :2] - last[:2]
+    points[:, 0] = point[0] + cos * apart[:, 0] - sin * apart[:, 1]
+    points[:, 1] = point[1] + sin * apart[:, 0] + cos * apart[:, 1]
+    if space.heading is not None:
+        points[:, 2] = wrap_angle(states[:, 2] + turn)
+    return points
+
+
+def _known(space: StateSpace, points: Array, states: Array) -> Variables:
+    """Variables at ``states`` (n, s), whose charts begin at points (n, s)."""
+    if space.heading is None:
+        return _moved(space, points, states - points)
+    cos, sin = np.cos(points[:, 2]), np.sin(points[:, 2])
+    x, y = (states - points)[:, :2].T
+    steps = np.stack([cos * x + sin * y, cos * y - sin * x, wrap_angle(states[:, 2] - points[:, 2])], axis=1)
+    return _moved(space, points, steps)
 
 
 def _moved(space: StateSpace, points: Array, steps: Array) -> Variables:

@@ -1,14 +1,14 @@
 """Measurements as iSAM2 holds them: linear in its charts, each with the slot that it has there."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
-from semantic_slam.geometry.rows import joined_rows, take
+from semantic_slam.geometry.arrays import Array, Index, squared_norms
+from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.smoothing.charts import Charts, Located, Variables
@@ -28,11 +28,14 @@ class LinearMeasurements:
     slots: Index  # (B,)
 
     @classmethod
-    def made(cls, of: Measured, slopes: Slopes) -> "LinearMeasurements":
-        """Linear where their ``slopes`` were taken; without slots."""
-        first, second = slopes.by_first @ slopes.first.slopes, slopes.by_second @ slopes.second.slopes
-        moved = first @ slopes.first.steps[..., None] + second @ slopes.second.steps[..., None]
-        constant, slots = slopes.residual - moved[..., 0], np.full(len(moved), -1)
+    def made(cls, of: Measured, begun: Slopes, here: Slopes) -> "LinearMeasurements":
+        """With the slopes where charts have ``begun``, and what they are off at the estimate ``here``; without slots.
+
+        So no two measurements differ in what a variable's change means: what turns the whole map turns none of them.
+        """
+        first, second = begun.by_first @ begun.first.slopes, begun.by_second @ begun.second.slopes
+        moved = first @ here.first.steps[..., None] + second @ here.second.steps[..., None]
+        constant, slots = here.residual - moved[..., 0], np.full(len(moved), -1)
         return cls(of=of, by_first=first, by_second=second, constant=constant, slots=slots)
 
     @property
@@ -54,10 +57,6 @@ class LinearMeasurements:
             for (first, second, repeated), by_first, by_second, own in rows
         ]
 
-    def take(self, rows: Index | Flags) -> "LinearMeasurements":
-        """Some of them."""
-        return replace(take(self, rows, ("by_first", "by_second", "constant", "slots")), of=_some(self.of, rows))
-
 
 @dataclass(frozen=True, kw_only=True)
 class LinearFactors:
@@ -74,8 +73,12 @@ class LinearFactors:
         return sum(len(own.slots) for kind in self.parts for own in kind)
 
     def made(self, measured: Sequence[Measured], at: Located) -> list[LinearMeasurements]:
-        """Measurements made linear where they are."""
-        return [LinearMeasurements.made(own, own.measured(self.charts.spaces, self.model, at)) for own in measured]
+        """Measurements made linear in the charts, for estimates ``at``."""
+        begun, spaces = self.charts.begun(), self.charts.spaces
+        return [
+            LinearMeasurements.made(own, *(own.measured(spaces, self.model, where) for where in (begun, at)))
+            for own in measured
+        ]
 
     def with_new(self, made: Sequence[LinearMeasurements], before: int, after: int = 0) -> "LinearFactors":
         """With measurements that iSAM2 was given after so many other factors ``before``, and ``after`` them."""
@@ -94,6 +97,11 @@ class LinearFactors:
     def joined(self) -> list[LinearMeasurements]:
         """All motions, and all sightings, where there are any."""
         return [_joined(kind) for kind in self.parts if kind]
+
+    def off(self, at: Located) -> float:
+        """Half the sum of squares of what all are off ``at`` an estimate, in standard deviations."""
+        spaces = self.charts.spaces
+        return float(sum(own.off(own.of.measured(spaces, self.model, at)).sum() for own in self.joined))
 
     def about(self, values: gtsam.Values) -> tuple["LinearFactors", list[LinearMeasurements]]:
         """Without measurements, charts about ``values``; and all measurements made linear there."""
@@ -145,10 +153,3 @@ def _all(parts: Sequence[Measured]) -> Measured:
         return joined_rows(parts, ())
     seen = joined_rows([part.seen for part in parts if isinstance(part, Sightings)], ())
     return replace(joined_rows(parts, ("scale", "seen")), seen=seen)
-
-
-def _some(measured: Measured, rows: Index | Flags) -> Measured:
-    if isinstance(measured, Motions):
-        return take(measured, rows)
-    names = [item.name for item in fields(measured) if item.name != "scale"]
-    return replace(take(measured, rows, names), scale=measured.scale)

@@ -232,9 +232,8 @@ class Smoother:
         again: bool,
     ) -> "Smoother":
         """One update with factors that are made linear here, at the estimates; anew where these bend them."""
-        charts = before.charts.extended(values)
+        charts, at, values = before.charts.extended(values, self._located)
         factors, now = replace(before, charts=charts), new_measurements(measured, values, charts.vectors)
-        at = self._located.with_new(charts)
         made = factors.made(now, at)
         together = linearised(graph, self._vectors(values, graph.keyVector()))
         others = together.size()

@@ -31,10 +31,11 @@ LOOSE = gtsam.noiseModel.Isotropic.Sigma(3, 10.0)
 POSTS = np.array([[1.5, 1.0], [2.0, -0.8]])
 
 
-def on_a_ring(drift_rad: float) -> Smoother:
+def on_a_ring(drift_rad: float, heading_sigma: float = 1e-3) -> Smoother:
     """Once around, the odometry turning by so much too much in all; two posts are seen at the start and at the end."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(gtsam.PriorFactorPose2(robot_key(-1), gtsam.Pose2(), gtsam.noiseModel.Isotropic.Sigma(3, 1e-3)))
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1e-3, 1e-3, heading_sigma]))
+    graph.add(gtsam.PriorFactorPose2(robot_key(-1), gtsam.Pose2(), noise))
     values.insert(robot_key(-1), gtsam.Pose2())
     smoother = Smoother.of(SPACES, MAKER, graph, values).with_single_steps(0, errors_repeat=True)
     true = np.zeros(3)
@@ -61,7 +62,7 @@ def driven_on(smoother: Smoother, k: int, true: Array, told: Array) -> Smoother:
             start = gtsam.Pose2(*robot.transformFrom(point), 0.0)
             graph.add(gtsam.PriorFactorPose2(object_key(number), start, LOOSE))
             values.insert(object_key(number), start)
-    return smoother.stepped(graph, values, [], {}, again=k == KEYFRAMES, measured=measured)
+    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, measured=measured)
 
 
 def detection(place: Array) -> PlanarDetection:
@@ -112,7 +113,14 @@ def test_covariances_are_in_the_tangent_spaces_at_the_estimate(drift_rad: float)
     blocks = np.block([[expected.at(one, other) for other in keys] for one in keys])
     found = ring.joint_covariance(keys)
     sigmas = np.sqrt(np.diagonal(blocks))
-    np.testing.assert_allclose(found / np.outer(sigmas, sigmas), blocks / np.outer(sigmas, sigmas), atol=0.03)
+    np.testing.assert_allclose(found / np.outer(sigmas, sigmas), blocks / np.outer(sigmas, sigmas), atol=0.02)
+
+
+@pytest.mark.parametrize("drift_rad", [0.05, 0.5, 1.5])
+def test_nothing_tells_of_the_heading_of_the_whole_map(drift_rad: float) -> None:
+    """However often measurements were made linear, and wherever."""
+    smoother = on_a_ring(drift_rad, heading_sigma=0.3)
+    assert np.sqrt(smoother.joint_covariance([robot_key(-1)])[2, 2]) == pytest.approx(0.3, rel=5e-3)
 
 
 def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
@@ -127,21 +135,12 @@ def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
     np.testing.assert_allclose(smoother.states([robot_key(0)])[0], STEP, atol=1e-6)
 
 
-def test_what_is_not_bent_keeps_its_factor() -> None:
-    """Those at the start of the drive, which a loop that closes by a little moves little."""
-    linear = on_a_ring(0.1).in_charts
-    assert linear is not None
-    motions, sightings = linear.joined
-    assert motions.slots[0] == 4  # after priors of the robot, two posts and the errors
-    assert len(motions.slots) == KEYFRAMES + 3
-    assert linear.num_slots > linear.count > len(sightings.slots) == 2 * 6
-
-
 def test_a_map_that_moves_as_a_whole_bends_nothing() -> None:
     linear = on_a_ring(0.05).in_charts
     assert linear is not None
     for own in linear.joined:
-        own = LinearMeasurements.made(own.of, own.of.measured(SPACES, MODEL, linear.charts.begun()))
+        begun = own.of.measured(SPACES, MODEL, linear.charts.begun())
+        own = LinearMeasurements.made(own.of, begun, begun)
         steps = np.concatenate([shift_of(points) for points in (linear.charts.objects, linear.charts.robots)])
         moved = linear.charts.located(steps.ravel())
         np.testing.assert_allclose(own.off(own.of.measured(SPACES, MODEL, moved)), 0.0, atol=1e-9)
