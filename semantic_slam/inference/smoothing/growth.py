@@ -112,7 +112,7 @@ def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> 
     space = parents[0].spaces.robot
     predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
     limit = np.maximum(JUMP, space.far) if parents[0].single_steps else JUMP
-    if parents[0].smoother.exact is not None:
+    if parents[0].smoother.in_charts is not None:
         limit = AT_ONCE * space.relinearize_threshold
     return np.asarray((np.abs(space.local(predicted, modes)) > limit).any(axis=-1))
 
