@@ -69,7 +69,7 @@ class LinearFactors:
 
     @property
     def count(self) -> int:
-        """Of all measurements."""
+        """Number of all measurements."""
         return sum(len(own.slots) for kind in self.parts for own in kind)
 
     def made(self, measured: Sequence[Measured], at: Located) -> list[LinearMeasurements]:
@@ -90,7 +90,7 @@ class LinearFactors:
         return replace(self, parts=tuple(parts), num_slots=begin + after)
 
     def in_one_part(self) -> "LinearFactors":
-        """The same, each kind in one part."""
+        """Linear factors with each kind of measurement in one part."""
         return replace(self, parts=tuple((_joined(kind),) if kind else () for kind in self.parts))
 
     @property

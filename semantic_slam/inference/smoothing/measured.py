@@ -64,7 +64,7 @@ class Motions:
         return Slopes(first, second, residual, -by_second @ space.propagation(moved), by_second)
 
     def terms(self) -> list[tuple[int, int, list[Any]]]:
-        """Of each, keys of the two variables, and key and slope (r, p) of the biases."""
+        """Keys of the two variables of each motion, and key and slope (r, p) of the biases."""
         numbers = (self.rows - 1).tolist()
         biases = self.by_bias if self.by_bias.shape[2] else ()
         repeated: list[list[Any]] = [[bias_key(n), own] for n, own in zip(numbers, biases, strict=False)]
@@ -102,7 +102,7 @@ class Sightings:
         return Slopes(first, second, self.scale * part.residual, *(self.scale * slopes for slopes in by))
 
     def terms(self) -> list[tuple[int, int, list[Any]]]:
-        """Of each, keys of the two variables, and key and slope (2, q) of the errors."""
+        """Keys of the two variables of each sighting, and key and slope (2, q) of the errors."""
         slopes, at = np.zeros((len(self.rows), 2, self.sizes.max(initial=0))), np.arange(len(self.rows))
         slopes[at, 0, self.firsts], slopes[at, 1, self.firsts + 1] = self.by_error.T
         robots, objects = [robot_key(n) for n in (self.rows - 1).tolist()], [object_key(n) for n in self.ids.tolist()]
