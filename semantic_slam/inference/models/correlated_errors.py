@@ -24,7 +24,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.states.carried_errors import CarriedErrors
-from semantic_slam.inference.states.keys import VECTOR_SIZES, ErrorPlace, letter_of, vector_parts
+from semantic_slam.inference.states.keys import VECTOR_SIZES, letter_of, vector_parts
 
 OWN_SHARE = 1e-4
 """Share of f that no two detections have in common: it keeps covariances regular where two stand at one place."""
@@ -69,26 +69,6 @@ class WhiteResidual:
             jacobian_object=self.scale * plain.jacobian_object,
             log_normaliser=plain.log_normaliser + measured * float(np.log(self.scale)),
         )
-
-    def factor(self, plain: Any, place: ErrorPlace) -> Any:
-        """GTSAM factor on planar robot, object and the variable that holds f, from the ``plain`` one on the first two.
-
-        ``place``: where f of the detection is in that variable.
-        """
-        scale, size = self.scale, plain.dim()
-        slope = np.zeros((size, place.size), order="F")
-        slope[:, place.first : place.first + 2] = self.slope * np.eye(2)[::-1][:size]  # GTSAM's order: bearing, range
-
-        def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-            repeated = slope @ values.atVector(place.key)
-            if jacobians is None:
-                return np.asarray(scale * plain.whitenedError(values) + repeated)
-            jacobian, negated = plain.linearize(values).jacobian()
-            jacobian *= scale
-            jacobians[0], jacobians[1], jacobians[2] = jacobian[:, :3], jacobian[:, 3:], slope
-            return np.asarray(repeated - scale * negated)
-
-        return gtsam.CustomFactor(unit_noise(size), [*plain.keys(), place.key], error)
 
 
 @dataclass(frozen=True, kw_only=True)

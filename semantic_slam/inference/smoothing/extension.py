@@ -63,15 +63,19 @@ def linearisation_start(component: Component, update: ComponentUpdate) -> dict[i
 def new_factors(
     component: Component, shared: KeyframeFactors, update: ComponentUpdate
 ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """Odometry, priors of new objects and geometry; and values of the new keys, the robot's where its mode is."""
+    """Odometry, geometry and priors of new objects; and values of the new keys, the robot's where its mode is.
+
+    What the keyframe measures is not among them where the smoother holds its measurements linear.
+    """
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(shared.odometry(component))
+    if component.smoother.in_charts is None:
+        graph.add(shared.odometry(component))
+        for item in update.observed:
+            graph.add(shared.geometry(item))
     component.spaces.robot.insert(values, robot_key(component.keyframe + 1), update.robot)
     for number, prior in update.new_objects.items():
         graph.add(component.spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
         component.spaces.landmark.insert(values, object_key(number), prior.mean)
-    for item in update.observed:
-        graph.add(shared.geometry(item, update.errors))
     if update.errors is not None:
         _add_errors(component.keyframe + 1, update.errors, shared, graph, values)
     if shared.has_biases and begins_stretch(component.keyframe + 1) and component.tracked is not None:

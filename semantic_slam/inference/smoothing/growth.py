@@ -84,7 +84,8 @@ def _stepped(
         classed, start = classed_measurements(parent, update), linearisation_start(parent, update)
         mine = parent.smoother if last.get(id(parent)) == place else parent.smoother.fork()
         far = bool(moved[place])
-        smoother = mine.stepped(graph, values, classed, start, again=far)
+        measured = [] if mine.in_charts is None else shared[parent.noise].measured(parent, update)
+        smoother = mine.stepped(graph, values, classed, start, again=far, measured=measured)
         return parent.child(update, smoother, max_fresh, far=far)
 
     return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, updates, strict=True))]
@@ -111,7 +112,7 @@ def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> 
     space = parents[0].spaces.robot
     predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
     limit = np.maximum(JUMP, space.far) if parents[0].single_steps else JUMP
-    if parents[0].smoother.exact is not None:
+    if parents[0].smoother.in_charts is not None:
         limit = AT_ONCE * space.relinearize_threshold
     return np.asarray((np.abs(space.local(predicted, modes)) > limit).any(axis=-1))
 

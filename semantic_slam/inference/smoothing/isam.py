@@ -17,7 +17,7 @@ AT_ONCE = 2.0
 """Thresholds by which a keyframe moves the robot from where odometry has it, where errors of detections repeat, from
 which on all is linearised anew at once: the next keyframes would else be weighed as if it had not come back."""
 NEVER = 1 << 30
-"""Updates from one relinearisation to the next where factors are linearised here: when they are made anew."""
+"""Updates from one relinearisation to the next where measurements are made linear in charts that stay."""
 STIFF_WILDFIRE = 1e-3
 """That change where errors of detections repeat: what is left of a detection's error is a third of the whole."""
 
@@ -65,19 +65,16 @@ def new_isam(spaces: Spaces, descriptor_threshold: Array, factorization: str = "
 def single_step_isam(spaces: Spaces, *, errors_repeat: bool) -> gtsam.ISAM2:
     """An empty one for one update per keyframe: relinearised seldom, back-substituted to millimetres.
 
-    Where ``errors_repeat``, states are linearised as near as where updates are iterated: detections are then told by
-    what does not repeat alone, and what bends is no longer small against that. They are relinearised when it is told
-    to, and all that have moved far.
+    Where ``errors_repeat`` it relinearises nothing: measurements are made linear in charts that stay.
     """
     parameters = gtsam.ISAM2Params()
     parameters.relinearizeSkip = NEVER if errors_repeat else STEPPED_SKIP
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):
-        thresholds.insert((symbol, space.relinearize_threshold if errors_repeat else space.far))
+        thresholds.insert((symbol, space.far))
     for letter, size in VECTOR_SIZES.items():  # all is linear in these
         thresholds.insert((letter, np.full(size, np.inf)))
     parameters.setRelinearizeThreshold(thresholds)
-    parameters.enablePartialRelinearizationCheck = not errors_repeat
     solver = gtsam.ISAM2GaussNewtonParams()
     solver.setWildfireThreshold(STIFF_WILDFIRE if errors_repeat else STEPPED_WILDFIRE)
     parameters.setOptimizationParams(solver)

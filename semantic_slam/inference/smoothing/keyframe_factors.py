@@ -1,12 +1,17 @@
 """The factors of one keyframe that its hypotheses share: GTSAM never changes them."""
 
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
 
 from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import biased_factor
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.smoothing.measured import Measured, Motions, Sightings
 from semantic_slam.inference.states.keys import bias_key, error_keys, error_place, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -42,17 +47,37 @@ class KeyframeFactors:
             return self._spaces.robot.between_factor(*keys, motion.control, motion.covariance)
         return biased_factor((*keys, bias_key(self._keyframe)), motion.control, motion.covariance, motion.by_bias)
 
-    def geometry(self, item: AssociatedDetection, errors: ErrorTransition | None) -> Any:
-        """Factor of a detection that is associated with an object, and of its error where errors repeat."""
+    def geometry(self, item: AssociatedDetection) -> Any:
+        """Factor of a detection that is associated with an object."""
         name = id(item.detection), item.object_id
         if name not in self._geometry:
             keys = robot_key(self._keyframe), object_key(item.object_id)
-            factor = self._model.geometry_factor(item.detection, keys)
-            if errors is not None:
-                place = error_place(self._keyframe, len(errors.places), item.number)
-                factor = errors.white.factor(factor, place)
-            self._geometry[name] = factor
+            self._geometry[name] = self._model.geometry_factor(item.detection, keys)
         return self._geometry[name]
+
+    def measured(self, component: Component, update: ComponentUpdate) -> list[Measured]:
+        """The motion and the detections that are associated with objects, where errors repeat."""
+        motion = component.moved_by(self._motion)
+        found: list[Measured] = [Motions.one(self._keyframe, motion.control, motion.covariance, motion.by_bias)]
+        if update.observed and update.errors is not None:
+            found.append(self._sightings(update.observed, update.errors))
+        return found
+
+    def _sightings(self, observed: Sequence[AssociatedDetection], errors: ErrorTransition) -> Sightings:
+        places = [error_place(self._keyframe, len(errors.places), item.number) for item in observed]
+        keys, firsts, sizes = (np.array(column) for column in zip(*places, strict=True))
+        ranged = np.array([item.detection.has_range for item in observed], dtype=bool)
+        return Sightings(
+            scale=errors.white.scale,
+            seen=self._model.collect([item.detection for item in observed]),
+            rows=np.full(len(observed), self._keyframe + 1),
+            ids=np.array([item.object_id for item in observed]),
+            by_error=errors.white.slopes(ranged),
+            keys=keys,
+            firsts=firsts,
+            sizes=sizes,
+            offset=np.zeros((len(observed), 2)),
+        )
 
     def errors(self, transition: ErrorTransition) -> Any:
         """Factor of the errors that repeat, from those of the newest frame before; all hypotheses have one."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
+from semantic_slam.inference.smoothing.charts import Charts, Located
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
@@ -28,9 +29,11 @@ from semantic_slam.inference.smoothing.factor_table import (
     RelinearisedFactors,
 )
 from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
+from semantic_slam.inference.smoothing.linear_measurements import LinearFactors, in_charts, new_measurements
+from semantic_slam.inference.smoothing.measured import Measured
 from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
+from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_robot, is_vector, letter_of, number_of
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
@@ -56,7 +59,7 @@ class Smoother:
     num_variables: int
     factor_table: FactorTable = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
-    exact: gtsam.NonlinearFactorGraph | None = None  # its factors where iSAM2 holds them linearised, slot by slot
+    in_charts: LinearFactors | None = None  # its measurements where iSAM2 holds them linear
     steps: int = 0  # updates since it began to be updated once per keyframe
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
@@ -89,10 +92,22 @@ class Smoother:
         """(n, s) estimates of different keys, as wide as the wider of robots and objects."""
         if not len(keys):
             return np.zeros((0, self.spaces.storage.width))
+        if self.in_charts is not None:
+            return self._states_in_charts(keys)
         if self.num_variables < FEW_VARIABLES:
             return self.estimate.states(keys)
         ascending = self.spaces.states(self.isam.calculateEstimate(list(keys)))
         return ascending[_ranks(tuple(keys))]
+
+    def _states_in_charts(self, keys: Sequence[int]) -> Array:
+        """(n, s) estimates of robots and objects, in the order of their ``keys``."""
+        _ = self.isam  # raises where it was consumed
+        numbers, robots = _numbers(tuple(keys))
+        located, storage = self._located, self.spaces.storage
+        found = np.zeros((len(keys), storage.width))
+        found[robots, : storage.robot] = located.robots_of(numbers[robots]).states
+        found[~robots, : storage.landmark] = located.objects_of(numbers[~robots]).states
+        return found
 
     @property
     def estimate(self) -> Estimate:
@@ -139,7 +154,18 @@ class Smoother:
             covariance = self.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
         except (RuntimeError, IndexError) as fault:
             raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
-        return np.asarray(0.5 * (covariance + covariance.T))
+        return self._at_estimates(wanted, 0.5 * (covariance + covariance.T))
+
+    def _at_estimates(self, keys: Sequence[int], covariance: Array) -> Array:
+        """A covariance of the ``keys`` in the tangent spaces at the estimates, from that in iSAM2's own."""
+        if self.in_charts is None:
+            return np.asarray(covariance)
+        slopes, end = np.eye(len(covariance)), 0
+        for key in keys:
+            begin, end = end, end + self._size(key)
+            if not is_vector(key):
+                slopes[begin:end, begin:end] = self._located.of(key).slopes[0]
+        return np.asarray(slopes @ covariance @ slopes.T)
 
     def _size(self, key: int) -> int:
         if is_vector(key):
@@ -153,7 +179,7 @@ class Smoother:
 
     def _covariance(self, key: int) -> Array:
         try:
-            return np.asarray(self.isam.marginalCovariance(key))
+            return self._at_estimates([key], self.isam.marginalCovariance(key))
         except (RuntimeError, IndexError) as fault:
             raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
 
@@ -176,16 +202,18 @@ class Smoother:
         start: dict[int, Array],
         *,
         again: bool,
+        measured: Sequence[Measured] = (),
     ) -> "Smoother":
         """The smoother after one update, two where ``again``, without waiting until it converges; it consumes this one.
 
+        ``measured`` is what the keyframe measures, where the smoother holds its measurements linear.
         Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
         """
         try:
             points = LinearisationPoints.of(measurements, start)
             added = AddedFactors(measurements, self.semantics.make([measurements], [points])[0], points)
-            if self.exact is not None:
-                return self._stepped_linearised(self.exact, graph, values, added, again=again)
+            if self.in_charts is not None:
+                return self._stepped_in_charts(self.in_charts, graph, values, added, measured, again=again)
             child = self.updated(graph, values, added)
             if again:
                 child.isam.update(force_relinearize=True)
@@ -193,30 +221,44 @@ class Smoother:
             raise LostComponentError(f"an update failed ({first_line(fault)})") from None
         return child
 
-    def _stepped_linearised(
+    def _stepped_in_charts(
         self,
-        before: gtsam.NonlinearFactorGraph,
+        before: LinearFactors,
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
         added: AddedFactors,
+        measured: Sequence[Measured],
         *,
         again: bool,
     ) -> "Smoother":
-        """One update with factors that are linearised here, at the estimates; anew where these have moved far.
-
-        ``before``: the factors themselves, each in the slot that it has in iSAM2.
-        """
-        point = self.isam.calculateEstimate([key for key in graph.keyVector() if not values.exists(key)])
-        point.insert(values)
-        exact = gtsam.NonlinearFactorGraph(before)
-        exact.push_back(graph)
-        for factor in added.factors:
-            exact.add(factor)
-        child = replace(self.updated(linearised(graph, point), values, added), exact=exact, steps=self.steps + 1)
+        """One update with factors that are made linear here, at the estimates; anew where these bend them."""
+        charts, at, values = before.charts.extended(values, self._located)
+        factors, now = replace(before, charts=charts), new_measurements(measured, values, charts.vectors)
+        made = factors.made(now, at)
+        together = linearised(graph, self._vectors(values, graph.keyVector()))
+        others = together.size()
+        for factor in (factor for own in made for factor in own.factors()):
+            together.add(factor)
+        semantic = [in_charts(factor, charts, at) for factor in added.factors]
+        child = self.updated(together, values, replace(added, factors=semantic))
+        factors = factors.with_new(made, others, len(semantic))
+        child = replace(child, in_charts=factors, steps=self.steps + 1)
         if not again and child.steps % STEPPED_SKIP:
             return child
-        isam, exact = relinearised(child.owned.hand_on().isam, exact, self.spaces)
-        return replace(child, owned=OwnedIsam(isam), exact=exact, _known={})
+        isam, factors = relinearised(child.owned.hand_on().isam, factors)
+        return replace(child, owned=OwnedIsam(isam), in_charts=factors, _known={})
+
+    @cached_property
+    def _located(self) -> Located:
+        """Where robots and objects are in charts, read from iSAM2 once."""
+        assert self.in_charts is not None
+        return self.in_charts.charts.located(self.isam.getDelta().vector())
+
+    def _vectors(self, values: gtsam.Values, keys: Sequence[int]) -> gtsam.Values:
+        """New variables at their ``values``, and estimates of the others among ``keys``, which are vectors."""
+        point = self.isam.calculateEstimate([key for key in keys if not values.exists(key)])
+        point.insert(values)
+        return point
 
     def with_single_steps(self, num_biases: int, *, errors_repeat: bool) -> "Smoother":
         """The smoother to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
@@ -230,8 +272,11 @@ class Smoother:
             graph.push_back(prior)
             values.insert(zero)
         isam.update(linearised(graph, values) if errors_repeat else graph, values)
-        exact = graph if errors_repeat else None
-        return replace(self, owned=OwnedIsam(isam), num_variables=values.size(), exact=exact, _known={})
+        factors = None
+        if errors_repeat:
+            charts = Charts.of(self.spaces, values)
+            factors = LinearFactors(charts=charts, model=self.semantics.model, num_slots=graph.size())
+        return replace(self, owned=OwnedIsam(isam), num_variables=values.size(), in_charts=factors, _known={})
 
     def updated(
         self,
@@ -344,6 +389,12 @@ class Smoother:
 def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
     """Rank of each key among them all."""
     return np.argsort(np.argsort(keys))
+
+
+@lru_cache(maxsize=1024)
+def _numbers(keys: tuple[int, ...]) -> tuple[Index, NDArray[np.bool_]]:
+    """The number of each key, and whether it is a robot's."""
+    return np.array([number_of(key) for key in keys]), np.array([is_robot(key) for key in keys])
 
 
 def _last(keys: Sequence[int], measurements: Sequence[SemanticFactor] = ()) -> tuple[int, ...]:

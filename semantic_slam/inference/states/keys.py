@@ -9,6 +9,7 @@ import gtsam
 import numpy as np
 
 
+@cache
 def robot_key(keyframe: int) -> int:
     """X(k + 1) for keyframe k; X(0) is the prior pose."""
     return int(gtsam.symbol("x", keyframe + 1))
@@ -38,6 +39,11 @@ def letter_of(key: int) -> str:
     return chr(key >> _SYMBOL_BITS)
 
 
+def number_of(key: int) -> int:
+    """The number of a GTSAM key below its letter: of a robot, one more than its keyframe; of an object, its id."""
+    return key & ((1 << _SYMBOL_BITS) - 1)
+
+
 def is_robot(key: int) -> bool:
     """Whether a GTSAM key is some X(k)."""
     return key >> _SYMBOL_BITS == _ROBOT_CODE
@@ -58,6 +64,7 @@ STRETCH = 100
 """Keyframes with one bias."""
 
 
+@cache
 def bias_key(keyframe: int) -> int:
     """The bias of the motion to a keyframe, -1 being the start."""
     return int(gtsam.symbol(BIAS_LETTER, max(keyframe, 0) // STRETCH))

@@ -1,71 +1,126 @@
-"""A smoother with one update per keyframe, where it holds its factors linearised: against the optimum of them all."""
+"""A smoother with one update per keyframe, where it holds its measurements linear: against the optimum of them all."""
 
 import gtsam
 import numpy as np
 import pytest
+from worlds.exact_graph import estimate_of, exact_graph
 
 from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
+from semantic_slam.inference.smoothing.linear_measurements import LinearMeasurements
+from semantic_slam.inference.smoothing.measured import Measured, Motions, Sightings
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.keys import error_keys, error_place, object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 
 SPACES = Spaces.same(PlanarPoses())
-MAKER = SemanticFactorMaker(SPACES, PlanarObservation(None, PlanarVisibility()), None)
+MODEL = PlanarObservation(None, PlanarVisibility())
+MAKER = SemanticFactorMaker(SPACES, MODEL, None)
 KEYFRAMES = 40
 STEP = np.array([0.5, 0.0, 2.0 * np.pi / KEYFRAMES])
-STEP_NOISE = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.05, 0.05, 0.03]))
-PLACE_NOISE = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.02, 0.05]))
+STEP_NOISE = np.diag([0.05, 0.05, 0.03]) ** 2
+PLACE_NOISE = np.diag([0.05, 0.02]) ** 2
+SCALE, SLOPE = 2.0, 1.5
+"""Of residuals that are whitened by what does not repeat, and by what does."""
 LOOSE = gtsam.noiseModel.Isotropic.Sigma(3, 10.0)
 POSTS = np.array([[1.5, 1.0], [2.0, -0.8]])
 
 
-def on_a_ring(drift_rad: float) -> Smoother:
+def on_a_ring(drift_rad: float, heading_sigma: float = 1e-3) -> Smoother:
     """Once around, the odometry turning by so much too much in all; two posts are seen at the start and at the end."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(gtsam.PriorFactorPose2(robot_key(-1), gtsam.Pose2(), gtsam.noiseModel.Isotropic.Sigma(3, 1e-3)))
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1e-3, 1e-3, heading_sigma]))
+    graph.add(gtsam.PriorFactorPose2(robot_key(-1), gtsam.Pose2(), noise))
     values.insert(robot_key(-1), gtsam.Pose2())
     smoother = Smoother.of(SPACES, MAKER, graph, values).with_single_steps(0, errors_repeat=True)
     true = np.zeros(3)
     for k in range(KEYFRAMES + 3):
         true = se2.compose(true, STEP)
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        told = gtsam.Pose2(*(STEP + np.array([0.0, 0.0, drift_rad / KEYFRAMES])))
-        graph.add(gtsam.BetweenFactorPose2(robot_key(k - 1), robot_key(k), told, STEP_NOISE))
-        robot = smoother.isam.calculateEstimatePose2(robot_key(k - 1)).compose(told)
-        values.insert(robot_key(k), robot)
-        for number in range(len(POSTS)) if k < 3 or k >= KEYFRAMES else ():
-            x, y = se2.between(true, np.array([*POSTS[number], 0.0]))[:2]
-            reach, bearing = float(np.hypot(x, y)), gtsam.Rot2(float(np.arctan2(y, x)))
-            graph.add(gtsam.BearingRangeFactorPose2(robot_key(k), object_key(number), bearing, reach, PLACE_NOISE))
-            if k == 0:
-                start = gtsam.Pose2(*robot.transformFrom(np.array([x, y])), 0.0)
-                graph.add(gtsam.PriorFactorPose2(object_key(number), start, LOOSE))
-                values.insert(object_key(number), start)
-        smoother = smoother.stepped(graph, values, [], {}, again=k == KEYFRAMES)
+        smoother = driven_on(smoother, k, true, STEP + np.array([0.0, 0.0, drift_rad / KEYFRAMES]))
     return smoother
 
 
-def optimum(smoother: Smoother) -> gtsam.Values:
-    """Of its factors as they are, wherever they were linearised."""
-    factors = gtsam.NonlinearFactorGraph()
-    for slot in range(smoother.exact.size()):
-        if smoother.exact.exists(slot):
-            factors.add(smoother.exact.at(slot))
-    return gtsam.LevenbergMarquardtOptimizer(factors, smoother.isam.calculateEstimate()).optimize()
+def driven_on(smoother: Smoother, k: int, true: Array, told: Array) -> Smoother:
+    """One keyframe more, of a robot that is at ``true`` (3,)."""
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    robot = gtsam.Pose2(*smoother.states([robot_key(k - 1)])[0]).compose(gtsam.Pose2(*told))
+    values.insert(robot_key(k), robot)
+    measured: list[Measured] = [Motions.one(k, told, STEP_NOISE, None)]
+    if k < 3 or k >= KEYFRAMES:
+        seen = [detection(se2.between(true, np.array([*post, 0.0]))) for post in POSTS]
+        measured.append(sightings(k, seen))
+        (key,) = error_keys(k, len(seen))
+        values.insert(key, np.zeros(4))
+        graph.add(gtsam.PriorFactorVector(key, np.zeros(4), gtsam.noiseModel.Unit.Create(4)))
+        for number, own in enumerate(seen if k == 0 else ()):
+            point = own.range_m * np.array([np.cos(own.bearing_rad), np.sin(own.bearing_rad)])
+            start = gtsam.Pose2(*robot.transformFrom(point), 0.0)
+            graph.add(gtsam.PriorFactorPose2(object_key(number), start, LOOSE))
+            values.insert(object_key(number), start)
+    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, measured=measured)
+
+
+def detection(place: Array) -> PlanarDetection:
+    """Of what is at a place in the body frame."""
+    return PlanarDetection(
+        range_m=float(np.hypot(*place[:2])),
+        bearing_rad=float(np.arctan2(place[1], place[0])),
+        covariance=PLACE_NOISE,
+        sensor=np.zeros(2),
+        feature=np.zeros(0),
+        feature_covariance=np.zeros((0, 0)),
+    )
+
+
+def sightings(k: int, seen: list[PlanarDetection]) -> Sightings:
+    """Of all posts in a keyframe, each with an error of its own."""
+    places = [error_place(k, len(seen), number) for number in range(len(seen))]
+    return Sightings(
+        scale=SCALE,
+        seen=MODEL.collect(seen),
+        rows=np.full(len(seen), k + 1),
+        ids=np.arange(len(seen)),
+        by_error=np.full((len(seen), 2), SLOPE),
+        keys=np.array([place.key for place in places]),
+        firsts=np.array([place.first for place in places]),
+        sizes=np.array([place.size for place in places]),
+        offset=np.zeros((len(seen), 2)),
+    )
 
 
 @pytest.mark.parametrize("drift_rad", [0.05, 0.5, 1.5])
 def test_a_loop_that_closes_ends_at_the_optimum_of_all_factors(drift_rad: float) -> None:
-    smoother = on_a_ring(drift_rad)
-    best = optimum(smoother)
+    ring = on_a_ring(drift_rad)
+    best = gtsam.LevenbergMarquardtOptimizer(exact_graph(ring), estimate_of(ring)).optimize()
     keys = [robot_key(k) for k in range(KEYFRAMES + 3)]
     expected = np.array([[(pose := best.atPose2(key)).x(), pose.y(), pose.theta()] for key in keys])
-    found = smoother.states(keys)
+    found = ring.states(keys)
     np.testing.assert_allclose(se2.between(expected, found), 0.0, atol=0.02)
+
+
+@pytest.mark.parametrize("drift_rad", [0.05, 1.5])
+def test_covariances_are_in_the_tangent_spaces_at_the_estimate(drift_rad: float) -> None:
+    """Wherever the charts are that iSAM2 keeps."""
+    ring = on_a_ring(drift_rad)
+    keys = [robot_key(KEYFRAMES + 2), object_key(0), robot_key(10)]
+    exact = gtsam.Marginals(exact_graph(ring), estimate_of(ring))
+    expected = exact.jointMarginalCovariance(keys)
+    blocks = np.block([[expected.at(one, other) for other in keys] for one in keys])
+    found = ring.joint_covariance(keys)
+    sigmas = np.sqrt(np.diagonal(blocks))
+    np.testing.assert_allclose(found / np.outer(sigmas, sigmas), blocks / np.outer(sigmas, sigmas), atol=0.02)
+
+
+@pytest.mark.parametrize("drift_rad", [0.05, 0.5, 1.5])
+def test_nothing_tells_of_the_heading_of_the_whole_map(drift_rad: float) -> None:
+    """However often measurements were made linear, and wherever."""
+    smoother = on_a_ring(drift_rad, heading_sigma=0.3)
+    assert np.sqrt(smoother.joint_covariance([robot_key(-1)])[2, 2]) == pytest.approx(0.3, rel=5e-3)
 
 
 def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
@@ -73,26 +128,35 @@ def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
     graph.add(gtsam.PriorFactorPose2(robot_key(-1), gtsam.Pose2(), gtsam.noiseModel.Isotropic.Sigma(3, 1e-3)))
     values.insert(robot_key(-1), gtsam.Pose2())
     smoother = Smoother.of(SPACES, MAKER, graph, values).with_single_steps(0, errors_repeat=True)
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(gtsam.BetweenFactorPose2(robot_key(-1), robot_key(0), gtsam.Pose2(*STEP), STEP_NOISE))
+    values = gtsam.Values()
     values.insert(robot_key(0), gtsam.Pose2(1.0, 1.0, 1.0))
-    smoother = smoother.stepped(graph, values, [], {}, again=True)
+    motion = Motions.one(0, STEP, STEP_NOISE, None)
+    smoother = smoother.stepped(gtsam.NonlinearFactorGraph(), values, [], {}, again=True, measured=[motion])
     np.testing.assert_allclose(smoother.states([robot_key(0)])[0], STEP, atol=1e-6)
 
 
-def test_what_has_not_moved_keeps_its_factors() -> None:
-    """Those at the start of the drive, which odometry alone moves little."""
-    smoother = on_a_ring(0.5)
-    slots = smoother.isam.getVariableIndex().at(robot_key(-1))
-    assert min(slots) == 0
-    assert smoother.exact.nrFactors() < smoother.exact.size()
+def test_a_map_that_moves_as_a_whole_bends_nothing() -> None:
+    linear = on_a_ring(0.05).in_charts
+    assert linear is not None
+    for own in linear.joined:
+        begun = own.of.measured(SPACES, MODEL, linear.charts.begun())
+        own = LinearMeasurements.made(own.of, begun, begun)
+        steps = np.concatenate([shift_of(points) for points in (linear.charts.objects, linear.charts.robots)])
+        moved = linear.charts.located(steps.ravel())
+        np.testing.assert_allclose(own.off(own.of.measured(SPACES, MODEL, moved)), 0.0, atol=1e-9)
 
 
-def test_factors_are_in_the_slots_that_they_have_in_isam2() -> None:
-    smoother = on_a_ring(0.5)
-    held = smoother.isam.getFactorsUnsafe()
-    assert held.size() == smoother.exact.size()
-    for slot in range(held.size()):
-        assert held.exists(slot) == smoother.exact.exists(slot)
-        if held.exists(slot):
-            assert list(held.at(slot).keys()) == list(smoother.exact.at(slot).keys())
+def shift_of(points: Array) -> Array:
+    """(n, 3) steps of poses (n, 3) by 100 m along both axes of the map."""
+    cos, sin = np.cos(points[:, 2]), np.sin(points[:, 2])
+    return np.stack([100.0 * (cos + sin), 100.0 * (cos - sin), 0.0 * cos], axis=1)
+
+
+def test_measurements_are_in_the_slots_that_they_have_in_isam2() -> None:
+    ring = on_a_ring(0.5)
+    held, linear = ring.isam.getFactorsUnsafe(), ring.in_charts
+    assert linear is not None
+    assert held.size() == linear.num_slots
+    for own in linear.joined:
+        for (first, second, repeated), slot in zip(own.of.terms(), own.slots.tolist(), strict=True):
+            assert list(held.at(slot).keys()) == [first, second, *repeated[:1]]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 from worlds.drives.open_room import OBJECTS, Room, make_room
+from worlds.exact_graph import estimate_of, exact_graph
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Detection, Engine, Keyframe
@@ -182,10 +183,10 @@ def test_numbers_given_find_the_bias_of_a_robot_whose_ranges_repeat_their_errors
 
 
 def test_single_steps_end_near_the_optimum_of_their_graph_where_errors_repeat() -> None:
-    """Half the sum of squared errors is that of a batch solution; linearised as seldom as else it is 7 above it."""
+    """Half the sum of squared errors is that of a batch solution; made linear as seldom as else it is 7 above it."""
     _, engine = driven(biased_drive(1, 60))
     smoother = engine.pool._backends[0].held[next(iter(engine.live))].component.smoother
-    graph, estimate = smoother.exact, smoother.isam.calculateEstimate()
+    graph, estimate = exact_graph(smoother), estimate_of(smoother)
     optimum = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
     assert graph.error(estimate) < graph.error(optimum) + 0.5
 

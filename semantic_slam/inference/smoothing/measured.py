@@ -1,0 +1,115 @@
+"""What odometry and detections measure, many at once: residuals and their slopes, without a callback for each."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.smoothing.charts import Located, Variables
+from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
+from semantic_slam.inference.states.spaces import Spaces
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """B whitened residuals of m components at states of two variables each, and their slopes there."""
+
+    first: Variables  # B
+    second: Variables  # B
+    residual: Array  # (B, m)
+    by_first: Array  # (B, m, d) in its tangent space
+    by_second: Array  # (B, m, d)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motions:
+    """B motions of the robot by odometry, r dimensions each; p biases, linear in which they are."""
+
+    rows: Index  # (B,) of the robots after them
+    controls: Array  # (B, s)
+    roots: Array  # (B, r, r) which whiten
+    by_bias: Array  # (B, r, p) of whitened residuals
+    offset: Array  # (B, r) of residuals, by the biases where these have their charts
+
+    @classmethod
+    def one(cls, keyframe: int, control: Array, covariance: Array, by_bias: Array | None) -> "Motions":
+        """That to a keyframe; ``by_bias`` (r, p) is the change of the control."""
+        root = np.linalg.inv(np.linalg.cholesky(covariance))
+        slopes = np.zeros((len(root), 0)) if by_bias is None else -root @ by_bias
+        return cls(
+            rows=np.array([keyframe + 1]),
+            controls=control[None],
+            roots=root[None],
+            by_bias=slopes[None],
+            offset=np.zeros((1, len(root))),
+        )
+
+    def with_offsets(self, point: Callable[[int], Array]) -> "Motions":
+        """The motions where biases have their charts about each key's ``point``."""
+        if not self.by_bias.shape[2]:
+            return self
+        biases = np.array([point(bias_key(row - 1)) for row in self.rows.tolist()])
+        return replace(self, offset=(self.by_bias @ biases[..., None])[..., 0])
+
+    def measured(self, spaces: Spaces, model: ObservationModel, at: Located) -> Slopes:
+        """Residuals of controls without biases."""
+        space, first, second = spaces.robot, at.robots_of(self.rows - 1), at.robots_of(self.rows)
+        moved = space.between(first.states, second.states)
+        error = space.local(self.controls, moved)
+        by_second = self.roots @ np.linalg.inv(space.exp_and_jacobian(error)[1])
+        residual = (self.roots @ error[..., None])[..., 0]
+        return Slopes(first, second, residual, -by_second @ space.propagation(moved), by_second)
+
+    def terms(self) -> list[tuple[int, int, list[Any]]]:
+        """Keys of the two variables of each motion, and key and slope (r, p) of the biases."""
+        numbers = (self.rows - 1).tolist()
+        biases = self.by_bias if self.by_bias.shape[2] else ()
+        repeated: list[list[Any]] = [[bias_key(n), own] for n, own in zip(numbers, biases, strict=False)]
+        keys = [(robot_key(n - 1), robot_key(n)) for n in numbers]
+        return [(*pair, own) for pair, own in zip(keys, repeated or [[] for _ in keys], strict=True)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sightings:
+    """B detections of objects, whitened by what does not repeat, and linear in their errors that do."""
+
+    scale: float  # of residuals whitened by all of their error
+    seen: Any  # (B,) the observation model's arrays
+    rows: Index  # (B,) of the robots
+    ids: Index  # (B,) of the objects
+    by_error: Array  # (B, 2) slopes of range and bearing by own errors that repeat
+    keys: Index  # (B,) of the variables that hold those
+    firsts: Index  # (B,) where they are there
+    sizes: Index  # (B,) of these variables
+    offset: Array  # (B, 2) of residuals, by the errors where these have their charts
+
+    def with_offsets(self, point: Callable[[int], Array]) -> "Sightings":
+        """The sightings where errors have their charts about each key's ``point``."""
+        own, rows = np.unique(self.keys, return_inverse=True)
+        points = [point(key) for key in own.tolist()]
+        begins = np.cumsum([0, *(len(part) for part in points)])[rows] + self.firsts
+        errors = np.concatenate(points)[begins[:, None] + np.arange(2)]
+        return replace(self, offset=self.by_error * errors)
+
+    def measured(self, spaces: Spaces, model: ObservationModel, at: Located) -> Slopes:
+        """Residuals of range and bearing without the errors that repeat."""
+        first, second = at.robots_of(self.rows), at.objects_of(self.ids)
+        part = model.geometry(self.seen, first.states, second.states)
+        by = part.jacobian_robot, part.jacobian_object
+        return Slopes(first, second, self.scale * part.residual, *(self.scale * slopes for slopes in by))
+
+    def terms(self) -> list[tuple[int, int, list[Any]]]:
+        """Keys of the two variables of each sighting, and key and slope (2, q) of the errors."""
+        slopes, at = np.zeros((len(self.rows), 2, self.sizes.max(initial=0))), np.arange(len(self.rows))
+        slopes[at, 0, self.firsts], slopes[at, 1, self.firsts + 1] = self.by_error.T
+        robots, objects = [robot_key(n) for n in (self.rows - 1).tolist()], [object_key(n) for n in self.ids.tolist()]
+        repeated = [
+            [key, own[:, :size]] for key, own, size in zip(self.keys.tolist(), slopes, self.sizes.tolist(), strict=True)
+        ]
+        return list(zip(robots, objects, repeated, strict=True))
+
+
+Measured = Motions | Sightings
