@@ -64,7 +64,7 @@ class FirstAndMissed:
         return np.asarray(sightings.log_likelihoods(sightings.in_view(places), seen, first))
 
     def log_probability(self, births: int, log_likelihoods: Array) -> float:
-        """Of so many first detections, and of what (P,) weighs all others and misses."""
+        """Log probability of so many first detections, and of what (P,) weighs all others and misses."""
         _, which = self.rates.sensors
         false_alarms = len(self.regions) * self.rates.clutter_per_frame
         expected = self.expected_births + false_alarms

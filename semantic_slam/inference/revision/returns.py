@@ -34,7 +34,7 @@ class Returns:
         self._tried = Tried(patience)
 
     def histories(self, followed: Revised, ratio: float) -> list[Lineage]:
-        """Those that may weigh at least the ``ratio``-th part of the one that was ``followed``, likeliest first."""
+        """Histories that may weigh at least the ``ratio``-th part of the one ``followed``, likeliest first."""
         if self._settings.splits == 0:
             return []
         view = _View.of(self._replay, self._registry, followed)
@@ -115,7 +115,7 @@ class _View:
         return tuple(replace(step, association=tuple(own)) for step, own in zip(self.lineage, association, strict=True))
 
     def _name(self, first: int) -> int:
-        """Of an object that is seen first in this detection: the one that the history has from there on, or its own."""
+        """Id of an object that is seen first in this detection: what the history has from there on, or its own."""
         own = int(self.ids[first])
         begins = own not in self.map_ids and first == int(np.flatnonzero(self.ids == own)[0])
         return own if begins else int(self.born[first])

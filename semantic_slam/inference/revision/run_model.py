@@ -46,7 +46,7 @@ class RunModel:
         )
 
     def log_evidence(self, objects: Index) -> float:
-        """Of the history in which the atoms are of ``objects`` (A,), 0 to N - 1, objects being one per square metre."""
+        """Log evidence of the atoms being of ``objects`` (A,), 0 to N - 1, objects being one per square metre."""
         union = np.kron(np.eye(int(objects.max()) + 1)[objects], np.eye(2))
         root = np.linalg.cholesky(union.T @ self.information @ union)
         white = solve_triangular(root, union.T @ self.slope, lower=True)

@@ -37,7 +37,7 @@ class Runs:
 
     @classmethod
     def of(cls, objects: Index, keyframes: Index, num_mapped: int, num_keyframes: int) -> Self:
-        """Of n detections of ``objects`` at ``keyframes``, both (n,)."""
+        """Runs of n detections of ``objects`` at ``keyframes``, both (n,)."""
         atoms = np.zeros(len(objects), dtype=int)
         own, begins = list(range(num_mapped)), [0] * num_mapped
         for number in np.unique(objects).tolist():
