@@ -19,6 +19,8 @@ setup(
         "mujoco~=4.0",
         "numpy",
         "opencv-python-headless",
+        "pyyaml",
+        "rosbags",
         "scikit-learn",
         "scipy",
         "torch",
