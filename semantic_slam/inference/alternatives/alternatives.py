@@ -45,7 +45,7 @@ class NoAlternatives:
 
 
 class Alternatives:
-    """Of the histories of an open world; follows the engine keyframe by keyframe."""
+    """Remembers what histories of an open world leave out; follows the engine keyframe by keyframe."""
 
     def __init__(self, root_ids: Sequence[int]) -> None:
         self._lineages: dict[int, Lineage] = {number: () for number in root_ids}  # of the hypotheses that are followed

@@ -29,7 +29,7 @@ class Shares:
         self._rows = {changes: row for row, changes in enumerate(self.changes)}
 
     def of_children(self, parents: Index) -> "Shares":
-        """Those of hypotheses that grew from these: (H',) of which."""
+        """Alternatives of hypotheses that grew from these: (H',) of which each did."""
         return Shares(list(self.changes), self.values[:, parents])
 
     def give_up(self, share: float, changes: tuple[Change, ...], its: Array, heir: int) -> None:

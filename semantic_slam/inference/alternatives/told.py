@@ -18,7 +18,7 @@ Place = tuple[int, int]
 
 @dataclass(frozen=True)
 class Told:
-    """Of H hypotheses, by their ids, and R alternatives."""
+    """What H hypotheses tell, by their ids, of R alternatives."""
 
     lineages: Mapping[int, Lineage]  # H, as they are followed
     changes: Sequence[tuple[Change, ...]]  # R

@@ -94,7 +94,7 @@ def drive(seed: int, count: int) -> tuple[list[Keyframe], list[int]]:
     """
     random = np.random.default_rng(seed)
     places = np.array([[2.0 + x, side * 1.2] for x in range(4) for side in (-1.0, 1.0)])
-    twins = np.stack([places, places + [0.3, 0.0]], axis=1)
+    twins = np.stack([places, places + np.array([0.3, 0.0])], axis=1)
     keyframes, labels = [], list[int]()
     for index in range(count):
         pose = 0.12 * index
