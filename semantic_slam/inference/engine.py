@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.alternatives.alternatives import Alternatives, NoAlternatives
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import make_run_configuration, problem_of, reference_of
@@ -79,7 +80,9 @@ class Engine:
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names), self.problem.displaced)
         self.hypotheses = Hypotheses(self.problem.log_root_weights, pool.backend_ids[0])
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
-        self.copies = Copies(self.problem) if self.association.merges_copies else Distinct()
+        merges = self.association.merges_copies
+        self.copies = Copies(self.problem) if merges else Distinct()
+        self.alternatives = Alternatives(list(self.hypotheses.live)) if merges else NoAlternatives()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
         association = self.association(self.problem, self.registry)
@@ -105,9 +108,11 @@ class Engine:
         """Algorithm 4.1 for one keyframe; raises SemanticSlamError when no hypothesis survives it."""
         self.budget.begin()
         step = self.introduce(keyframe)
-        candidates = self.propagate_weights(keyframe, step)  # for every component with w > 0
+        weighed = self.propagate_weights(keyframe, step)  # for every component with w > 0
+        candidates = self.copies.merged(weighed)
         kept = self.prune_and_normalise(candidates)
         components, reported = self.add_observation_factors(step, candidates, kept)  # those with w > 0 alone
+        self.alternatives.follow(weighed, self.live, components)
         components, reported = self.revise(step, components, reported)
         self.budget.end(len(self.hypotheses))
         belief = self.weighted_components(step, components, reported, candidates, kept)
@@ -131,7 +136,7 @@ class Engine:
 
         Components are moved and weighed where they are held, see ``Expander.expand``.
         """
-        return self.copies.merged(self.rounds.expand(keyframe, step.index))
+        return self.rounds.expand(keyframe, step.index)
 
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize, over all parents at once, less while data are not explained; what goes is counted."""
@@ -176,6 +181,7 @@ class Engine:
         components = held_components(answers, reported)
         log_found = log_mass(together)
         self.hypotheses.enter(children, components, log_found)
+        self.alternatives.enter(self.live)
         self.log_evidence += log_found
         self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
         return components, reported
@@ -243,7 +249,7 @@ class Engine:
             parent_ids=[live.told_parent_id for live in self.live.values()],
             log_weights=np.array([live.log_weight for live in self.live.values()]),
             lineages=[live.lineage for live in self.live.values()],
-            changes=[(n, *change) for n, live in self.live.items() for change in live.changes()],
+            changes=self.alternatives.told(self.live),
             poses=np.array([own.pose for own in rows]),
             pose_covariances=np.array([own.covariance for own in rows]),
             objects=objects,

@@ -1,0 +1,122 @@
+"""Histories as beliefs tell them: some hypotheses tell alternatives, so that weights of what is told are posteriors.
+
+A belief names few histories, heaviest first, and whoever asks whether two detections are of one object adds up weights.
+Without this all histories would soon give one answer to every local question of long ago, whatever was known of it.
+What a hypothesis tells of the past is changed as revisions are told; what it holds is never touched.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.inference.alternatives.heirs import Heirs, Lineage
+from semantic_slam.inference.alternatives.shares import LEAST_SHARE, Shares
+from semantic_slam.inference.alternatives.telling import balanced
+from semantic_slam.inference.alternatives.told import Told, told_changes
+from semantic_slam.inference.candidate_table import CandidateTable
+from semantic_slam.inference.hypotheses import Hypothesis
+
+MOST_GIVEN_UP = 300
+"""Histories that are given up in one keyframe and count, the heaviest ones."""
+
+
+class Held(Protocol):
+    """What is asked of a component."""
+
+    @property
+    def covariance(self) -> Array:
+        """(6, 6) of the robot's pose."""
+
+
+class NoAlternatives:
+    """Histories told as they are: of known objects there are few local questions."""
+
+    def follow(self, weighed: CandidateTable, live: Mapping[int, Hypothesis], held: Mapping[int, Held]) -> None:
+        """Forget what is not followed."""
+
+    def enter(self, live: Mapping[int, Hypothesis]) -> None:
+        """Nothing is known of those that are revised, either."""
+
+    def told(self, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
+        """(hypothesis, keyframe, detection, object or -1) where a history differs from its told parent's: revisions."""
+        return [(number, *change) for number, own in live.items() for change in own.changes()]
+
+
+class Alternatives:
+    """Remembers what histories of an open world leave out; follows the engine keyframe by keyframe."""
+
+    def __init__(self, root_ids: Sequence[int]) -> None:
+        self._lineages: dict[int, Lineage] = {number: () for number in root_ids}  # of the hypotheses that are followed
+        self._shares = Shares(values=np.zeros((0, len(root_ids))))
+        self._known = 0  # alternatives that are older than the newest keyframe
+        self._told = Told.nothing(root_ids)  # as the newest belief has it
+        self._tells: Flags = np.zeros((0, len(root_ids)), dtype=bool)  # of the hypotheses that are followed
+        self._renamed: dict[int, dict[int, int]] = {}
+
+    def follow(self, weighed: CandidateTable, live: Mapping[int, Hypothesis], held: Mapping[int, Held]) -> None:
+        """The ``live`` ones of the candidates of a keyframe go on; the others go up in those that they are like."""
+        columns = {number: column for column, number in enumerate(self._lineages)}
+        parents = np.array([columns[own.parent_id] for own in live.values()], dtype=int)
+        before, self._known = self._shares, len(self._shares.changes)
+        self._shares, self._tells = before.of_children(parents), self._tells[:, parents]
+        self._renamed = {n: self._renamed[own.parent_id] for n, own in live.items() if own.parent_id in self._renamed}
+        place = {int(number): row for row, number in enumerate(weighed.ids)}
+        rows = np.array([place[number] for number in live], dtype=int)
+        covariances = np.array([held[number].covariance for number in live])
+        heirs = Heirs(weighed, rows, covariances, self._lineages)
+        weights = np.exp(weighed.log_weights - weighed.log_weights.max())
+        total = weights[rows]
+        for row in self._given_up(weights, rows):
+            found = heirs.of(row)
+            if found is None:
+                continue
+            heir, changes = found
+            total[heir] += weights[row]
+            its = before.values[:, columns[int(weighed.parent_ids[row])]]
+            self._shares.give_up(weights[row] / total[heir], changes, its, heir)
+        self._lineages = {number: own.lineage for number, own in live.items()}
+
+    def enter(self, live: Mapping[int, Hypothesis]) -> None:
+        """Some of the ``live`` ones are revised: what was likely of the one that each revises is of it, too."""
+        columns = {number: column for column, number in enumerate(self._lineages)}
+        by_lineage = {id(lineage): number for number, lineage in self._lineages.items()}
+        sources = {n: n if own.revises is None else by_lineage[id(own.revises.lineage)] for n, own in live.items()}
+        chosen = np.array([columns[source] for source in sources.values()], dtype=int)
+        self._shares, self._tells = self._shares.of_children(chosen), self._tells[:, chosen]
+        self._renamed = {n: _renamed(own, self._renamed.get(sources[n], {})) for n, own in live.items()}
+        self._lineages = {number: own.lineage for number, own in live.items()}
+
+    def told(self, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
+        """(hypothesis, keyframe, detection, object or -1) where a history as told differs from its told parent's."""
+        weights = np.exp([own.log_weight for own in live.values()])
+        known = self._shares.take(np.arange(self._known))
+        tells = balanced(self._tells, known, weights)
+        now = Told.of(self._lineages, known.changes, tells, self._renamed)
+        changes = told_changes(self._told, now, live)
+        self._told = now
+        new = len(self._shares.changes) - self._known
+        self._tells = np.concatenate([tells, np.zeros((new, tells.shape[1]), dtype=bool)])
+        self._forget()
+        return changes
+
+    def _given_up(self, weights: Array, rows: Array) -> list[int]:
+        """Rows of the candidates that are not followed and weigh something, heaviest first."""
+        others = np.setdiff1d(np.arange(len(weights)), rows)
+        others = others[np.argsort(-weights[others], kind="stable")][:MOST_GIVEN_UP]
+        return [int(row) for row in others if weights[row] >= LEAST_SHARE * weights[rows].min()]
+
+    def _forget(self) -> None:
+        """Alternatives that nobody tells, and that are likely in no history."""
+        kept = np.flatnonzero(self._shares.likely() | self._tells.any(axis=1) | self._told.tells_any(len(self._tells)))
+        self._shares, self._tells = self._shares.take(kept), self._tells[kept]
+        self._told = self._told.take(kept)
+
+
+def _renamed(own: Hypothesis, before: Mapping[int, int]) -> dict[int, int]:
+    """Object ids as a hypothesis has them, by what they were before its revisions."""
+    if own.revises is None:
+        return dict(before)
+    new = {own.revises.lineage[k].association[detection]: number for k, detection, number in own.changes()}
+    return {old: new.get(number, number) for old, number in before.items()} | new
