@@ -187,7 +187,7 @@ class LinearisedEvidence:
         by_object = part.jacobian_object[seen, objects]
         for place in range(n):
             jacobian[:, place, :, self.layout.block(1 + place)] = by_object[:, place]
-        stacked = jacobian.reshape(count, n * size, -1)
+        stacked = jacobian.reshape(count, n * size, self.layout.size(n))
         return residual.reshape(count, -1), stacked, part.log_normaliser[seen, objects]
 
     def _bend(self, seen: Index, change: Array, variances: Array) -> Array:

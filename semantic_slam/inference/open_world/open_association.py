@@ -143,7 +143,7 @@ class OpenAssociation:
             log_beyond=prediction.log_beyond,
             objects=objects,
         )
-        if self.settings.joint_ranking and may_be_more(options, weights.max_candidates):
+        if self.settings.joint_ranking and admitted.any() and may_be_more(options, weights.max_candidates):
             alone = np.concatenate([moving, log_new[:, None]], axis=1)
             linear = LinearisedEvidence.of(self.problem.spaces, prediction, pairs)
             costs = JointCosts.of(linear, admitted, log_detected, alone)

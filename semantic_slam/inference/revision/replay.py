@@ -17,6 +17,8 @@ from semantic_slam.inference.world.problem import Problem
 
 CHECKPOINT = 10
 """Keyframes from one component that is kept along a replay to the next."""
+CLOSE = 4
+"""That many of them at the end of a replay stay as close; before, as far apart as twice as long ago asks for."""
 
 Lineage = tuple[LineageStep, ...]
 
@@ -62,33 +64,35 @@ class Replay:
 
     def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
         """What each weighs; None for one that is impossible. The next round begins where the first of them was."""
-        known = dict(self._kept)
-        found = [self._replayed(lineage, known) for lineage in lineages]
-        self._kept = {number: known[number] for number in self._numbers(lineages[0]) if number in known}
-        return found
+        first, *others = lineages
+        kept = dict(self._kept)
+        found = [self._replayed(first, kept)]
+        self._kept = {
+            number: kept[number]
+            for number in self._numbers(first)
+            if number in kept and stays(kept[number].at, len(first))
+        }
+        return found + [self._replayed(lineage) for lineage in others]
 
     def forget(self) -> None:
         """Keep nothing of what was replayed: the next round begins at the prior."""
         self._kept.clear()
 
-    def _replayed(self, lineage: Lineage, known: dict[int, Progress]) -> Revised | None:
+    def _replayed(self, lineage: Lineage, kept: dict[int, Progress] | None = None) -> Revised | None:
         try:
-            return self._along(lineage, known)
+            return self.finished(self._to(lineage, kept))
         except LostComponentError:
             return None
 
-    def _along(self, lineage: Lineage, known: dict[int, Progress]) -> Revised:
-        return self.finished(self._to(lineage, known))
-
-    def _to(self, lineage: Lineage, known: dict[int, Progress]) -> Progress:
-        """A history up to where it ends."""
-        numbers = self._numbers(lineage)
+    def _to(self, lineage: Lineage, kept: dict[int, Progress] | None = None) -> Progress:
+        """A history up to where it ends, and along it what is to be ``kept``; None: nothing."""
+        known, numbers = self._kept if kept is None else kept, self._numbers(lineage)
         begin = max((at for at, number in enumerate(numbers) if number in known), default=0)
         own = replace(known[numbers[begin]], lineage=lineage) if begin else self.begun(lineage)
         while own.at < len(lineage):
             own = self.advanced(own, 1, in_place=own.number not in known)
-            if own.at % CHECKPOINT == 0:
-                known[own.number] = own
+            if kept is not None and own.at % CHECKPOINT == 0:
+                kept[own.number] = own
         return own
 
     def begun(self, lineage: Lineage) -> Progress:
@@ -120,9 +124,8 @@ class Replay:
 
     def continued(self, lineage: Lineage) -> Lineage | None:
         """A history with its likeliest continuation through all keyframes since; None where it is impossible."""
-        known = dict(self._kept)
         try:
-            return self.advanced(self._to(lineage, known), len(self.steps), in_place=False).lineage
+            return self.advanced(self._to(lineage), len(self.steps), in_place=False).lineage
         except LostComponentError:
             return None
 
@@ -146,3 +149,14 @@ class Replay:
             own = hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
             numbers.append(own)
         return numbers
+
+
+def stays(at: int, now: int) -> bool:
+    """Whether a component after ``at`` keyframes is kept when there are ``now``: a logarithmic number of them is.
+
+    A history that parts from the one they are along is then replayed from at most twice as long ago.
+    """
+    apart = CHECKPOINT
+    while now - at > CLOSE * apart:
+        apart *= 2
+    return at % apart == 0

@@ -20,6 +20,7 @@ from semantic_slam.inference.states.lineage import MOVES
 
 SHARE = 0.1
 SEEDS = range(3)
+COVARIANCE = np.diag([0.05**2, 0.02**2])
 
 
 def errors(beliefs: list[HybridBelief], truth: np.ndarray) -> np.ndarray:
@@ -191,3 +192,18 @@ def explanations(settings: Configuration, ranges: list[float]) -> dict[str, floa
         "moves": common * seen * SHARE * float(np.mean([moved(own) for own in driven])),
         "other": common * (1.0 - seen) * second * ranges[1],
     }
+
+
+def test_a_frame_may_show_nothing_but_what_moves() -> None:
+    """More joint assignments than are weighed, and none of them to an object that stands."""
+    engine = Engine(configuration(0.5, weights={"max_candidates": 6}))
+    for k in range(8):
+        places = np.array([[1.5 + 0.4 * k, side] for side in (-1.0, 0.0, 1.0)])
+        detections = [
+            Detection(range_m=float(np.hypot(*p)), bearing_rad=float(np.arctan2(p[1], p[0])), covariance=COVARIANCE)
+            for p in places
+        ]
+        belief = engine.process(Keyframe.planar(k, detections=detections, motion_sigmas=(1e-3,) * 3))
+    sure = belief.existence > 0.5
+    np.testing.assert_allclose(belief.moving[sure], 1.0, atol=0.05)
+    assert sure.sum() == len(places)
