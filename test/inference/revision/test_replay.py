@@ -1,5 +1,7 @@
 """Replays begin where histories part, from few components that are kept along the one before."""
 
+from itertools import pairwise
+
 from semantic_slam.inference.revision.replay import CHECKPOINT, CLOSE, stays
 
 
@@ -13,7 +15,7 @@ def kept_at(now: int) -> list[int]:
 
 def test_what_is_kept_grows_with_the_logarithm_of_the_drive() -> None:
     counts = [len(kept_at(CHECKPOINT * 2**power)) for power in range(4, 10)]
-    assert max(b - a for a, b in zip(counts, counts[1:], strict=False)) <= CLOSE
+    assert max(b - a for a, b in pairwise(counts)) <= CLOSE
     assert counts[-1] <= CLOSE * 8
 
 
