@@ -28,7 +28,7 @@ class GenuineObjects:
         self._odds: list[Array] = []  # of each keyframe (d,), those that are told
         self._kinds: ScoreKinds | None = None
         self._num_fitted = 0  # scores in them
-        self._of: dict[int, Array] = {}  # hypothesis -> (N, 3) sums of moments by object id
+        self._of: dict[int, Array] = {}  # hypothesis -> (N, 3) sums of moments by object id, each as far as it is news
 
     def note(self, step: Step) -> None:
         """Take in the scores of one more keyframe."""
@@ -70,7 +70,7 @@ class GenuineObjects:
         return float(1.0 - errors.correlated_share * np.exp(-motion))
 
     def _sums(self, own: Hypothesis) -> Array:
-        """(N, 3) of all ids so far, from the parent's where that was live."""
+        """(N, 3) of all ids so far, from the parent's where that was live; what repeats counts as little as it tells."""
         before = self._of.get(own.parent_id)
         earlier = np.zeros((0, 3)) if before is None else before
         since = 0 if before is None else len(own.lineage) - 1
@@ -79,7 +79,10 @@ class GenuineObjects:
         )
         sums = np.zeros((max(size, 1), 3))
         sums[: len(earlier)] = earlier
-        for taken, moments in zip(own.lineage[since:], self._moments[since:], strict=True):
-            ids = np.array(taken.association, dtype=int)
-            np.add.at(sums, ids[ids >= 0], moments[ids >= 0])
+        rows = zip(own.lineage[since:], self._moments[since:], self._news[since:], strict=True)
+        for taken, moments, news in rows:
+            associated = np.array(taken.association, dtype=int)
+            ids, told = associated[associated >= 0], moments[associated >= 0]
+            counts = np.where(sums[ids, :1] > 0.0, news, 1.0)  # the first score of an object repeats nothing
+            np.add.at(sums, ids, counts * told)
         return sums

@@ -86,11 +86,10 @@ class ScoreKinds:
     def genuine(self, moments: Array) -> Array:
         """(...,) probabilities that objects are what the detector looks for, from the ``moments`` (..., 3) of scores.
 
-        Moments are sums of :func:`moments_of`. All scores of an object tell as much as one, their mean log ratio: they
-        repeat, and what kinds there are is known from few objects. An object without any scores is genuine.
+        Moments are sums of :func:`moments_of`, of each score as far as it repeats no other. An object without any
+        scores is genuine.
         """
-        mean = moments / np.maximum(moments[..., :1], 1.0)
-        against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(mean)
+        against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(moments)
         genuine = 1.0 / (1.0 + np.exp(np.clip(against, -700.0, 700.0)))
         return np.asarray(np.where(moments[..., 0] > 0.0, 1.0 - self.probability * (1.0 - genuine), 1.0))
 

@@ -56,6 +56,24 @@ def test_what_scores_low_again_and_again_is_a_mistake() -> None:
     np.testing.assert_allclose(found, [[1.0, 1.0, 0.0, 1.0]], atol=0.1)
 
 
+def test_a_robot_that_hardly_moves_learns_little_from_more_scores() -> None:
+    """Of a doubtful score a slow robot hears the same again; a fast one hears others that say the same."""
+    found = {}
+    for pace in (0.01, 5.0):
+        genuine, rng = GenuineObjects(ON, replace(ERRORS, correlated_share=0.9)), np.random.default_rng(0)
+        for index in range(400):
+            odds = np.append(rng.normal([8.0, 0.0], [2.0, 1.0]), 2.2)
+            motion = Motion(np.array([pace, 0.0, 0.0]), np.eye(3))
+            genuine.note(replace(step_of(index, 1.0 / (1.0 + np.exp(-odds))), motion=motion))
+        steps = tuple(LineageStep((0, 1, DOUBTED if k < 4 else -1), (-1, -1, -1), mode=0) for k in range(400))
+        live = {500: Hypothesis(owner=0, log_weight=0.0, parent_id=499, lineage=steps)}
+        probabilities = genuine.probabilities(live, [0, 1, DOUBTED])
+        assert probabilities is not None
+        found[pace] = probabilities[0]
+    np.testing.assert_allclose([own[:DOUBTED] for own in found.values()], [[1.0, 0.0]] * 2, atol=0.05)
+    assert abs(found[5.0][DOUBTED] - 0.5) > abs(found[0.01][DOUBTED] - 0.5)
+
+
 def test_a_history_that_enters_late_knows_as_much_as_one_that_was_followed() -> None:
     genuine, found = followed()
     late = genuine.probabilities({9999: hypothesis(KEYFRAMES, 8888)}, [0, 1, DOUBTED, 7])

@@ -38,14 +38,15 @@ def test_views_that_repeat_count_as_few() -> None:
     assert ScoreKinds.of(odds, np.full(len(odds), 0.1)) is None
 
 
-def test_all_scores_of_an_object_tell_as_much_as_one() -> None:
+@pytest.mark.parametrize("counts", [(1.0, 1.0, 1.0), (1.0, 0.4, 0.4)])
+def test_scores_of_an_object_tell_as_much_as_they_do_not_repeat(counts: tuple[float, ...]) -> None:
     kinds = ScoreKinds(
         shares=np.array([0.4, 0.6]), means=np.array([0.0, 6.0]), sigmas=np.array([1.0, 3.0]), probability=0.9
     )
     odds = np.array([1.0, 2.5, 4.0])
-    ratio = (norm.logpdf(odds, 6.0, 3.0) - norm.logpdf(odds, 0.0, 1.0)).mean()
+    ratio = np.array(counts) @ (norm.logpdf(odds, 6.0, 3.0) - norm.logpdf(odds, 0.0, 1.0))
     genuine = 1.0 / (1.0 + 0.4 / 0.6 * np.exp(-ratio))
-    np.testing.assert_allclose(kinds.genuine(moments_of(odds).sum(axis=0)), 1.0 - 0.9 * (1.0 - genuine))
+    np.testing.assert_allclose(kinds.genuine(np.array(counts) @ moments_of(odds)), 1.0 - 0.9 * (1.0 - genuine))
 
 
 def test_without_scores_an_object_is_genuine() -> None:
