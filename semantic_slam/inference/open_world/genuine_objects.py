@@ -70,7 +70,7 @@ class GenuineObjects:
         return float(1.0 - errors.correlated_share * np.exp(-motion))
 
     def _sums(self, own: Hypothesis) -> Array:
-        """(N, 3) of all ids so far, from the parent's where that was live; what repeats counts as little as it tells."""
+        """(N, 3) of all ids so far, from the parent's where that was live; what repeats counts less."""
         before = self._of.get(own.parent_id)
         earlier = np.zeros((0, 3)) if before is None else before
         since = 0 if before is None else len(own.lineage) - 1
