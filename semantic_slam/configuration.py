@@ -5,17 +5,20 @@ field ``pruning.ratio`` is the ROS parameter ``pruning.ratio`` and the YAML key 
 """
 
 import dataclasses
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from semantic_slam.errors import InputError
 from semantic_slam.registry import ASSOCIATIONS, CLASS_MODELS, OBSERVATIONS, Registry
 from semantic_slam.text_files import parse_yaml, read_text
 
 REMEDY = "see config/default.yaml"
+LARGEST = 1e15
+"""Largest number that is not infinite: squares of larger ones leave no digit of others."""
 OUR_NODE = re.compile(r"(^|/)(hypothesis_manager|classifier|bag_player|bag_recorder|backend_\d+)$")
 
 
@@ -346,9 +349,9 @@ class ClosedWorldConfiguration:
 @dataclass(frozen=True)
 class InitialPoseConfiguration:
     mean: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else"
+        (0.0, 0.0, 0.0), "x, y [m], yaw [rad] in map, used when nothing on topic initialpose says else", lengths=(3,)
     )
-    sigma: tuple[float, ...] = parameter((0.1, 0.1, 0.05), "standard deviations of x, y [m], yaw [rad]")
+    sigma: tuple[float, ...] = parameter((0.1, 0.1, 0.05), "standard deviations of x, y [m], yaw [rad]", lengths=(3,))
 
 
 @dataclass(frozen=True)
@@ -572,7 +575,7 @@ def choices_of(item: Any) -> tuple[str, ...]:
 def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
     """``value`` in the type of the field ``item`` and inside its limits; raises InputError."""
     try:
-        result = _convert(default, value)
+        result = _convert(default, value, item.type)
     except (TypeError, ValueError, OverflowError):
         given = repr(value)[:80]
         raise InputError(
@@ -592,10 +595,13 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
             f"{origin}: parameter '{name}' is {result}; it must lie in"
             f" [{limits.get('minimum', '-inf')}, {limits.get('maximum', 'inf')}]"
         )
+    numbers = result if isinstance(result, tuple) else (result,)
+    if any(isinstance(number, float) and math.isfinite(number) and abs(number) > LARGEST for number in numbers):
+        raise InputError(f"{origin}: parameter '{name}' is {result}; give numbers of at most {LARGEST:g}, or .inf")
     return result
 
 
-def _convert(default: Any, value: Any) -> Any:
+def _convert(default: Any, value: Any, kind: Any) -> Any:
     if isinstance(default, bool):
         if not isinstance(value, bool):
             raise TypeError
@@ -603,8 +609,8 @@ def _convert(default: Any, value: Any) -> Any:
     if isinstance(default, tuple):
         if isinstance(value, str):
             raise TypeError
-        kind = type(default[0]) if default else None
-        return tuple(kind(item) if kind else item for item in value)
+        (of, *_) = get_args(kind)
+        return tuple(_convert(of(), item, of) for item in value)
     if isinstance(default, float) and (isinstance(value, bool) or value != value):
         raise TypeError
     if isinstance(default, str) and not isinstance(value, str):

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.enumeration import NoAssociationError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.build import problem_of
 from semantic_slam.inference.class_marginals import add_class_marginals
@@ -75,7 +76,10 @@ class Backend:
         if not self.held:
             return self._no_candidates(step)
         parents = sorted(self.held)
-        expansion = self.expander.expand(step, parents, [self.held[n] for n in parents])
+        try:
+            expansion = self.expander.expand(step, parents, [self.held[n] for n in parents])
+        except NoAssociationError:
+            return self._no_candidates(step, parents)
         self._expanded = (expansion, parents)
         return self._candidates(step, expansion, parents)
 
@@ -200,7 +204,8 @@ class Backend:
         covariances[:, expansion.used] = expansion.assignments.column("object_covariances")
         return states, covariances
 
-    def _no_candidates(self, step: Step) -> Candidates:
+    def _no_candidates(self, step: Step, expanded: Sequence[int] = ()) -> Candidates:
+        """Of no hypothesis, or of some that nothing continues."""
         detections = len(step.names)
         none, parents = np.zeros(0), np.zeros(0, dtype=np.uint64)
         return Candidates(
@@ -219,8 +224,8 @@ class Backend:
             pose_covariances=np.zeros((0, 6, 6)),
             object_poses=np.zeros((0, detections, 7)),
             object_covariances=np.zeros((0, detections, 6, 6)),
-            expanded_parent_ids=parents,
-            log_mass_not_enumerated=none,
+            expanded_parent_ids=np.array(expanded, dtype=np.uint64),
+            log_mass_not_enumerated=np.full(len(expanded), -np.inf),
         )
 
     def _report(self, keyframe: int, lost: dict[int, str]) -> Components:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.strategy import AssociationStrategy, Parents, PredictedKeyframe
 from semantic_slam.inference.evidence.assignments import Assignments
@@ -64,7 +65,18 @@ class Expander:
     def expand(
         self, step: Step, parent_ids: Sequence[int], held: Sequence[WeightedComponent], path: LineageStep | None = None
     ) -> Expansion:
-        """PropWeights of Algorithm 4.1 for every parent, or along ``path`` alone. Raises LostComponentError."""
+        """PropWeights of Algorithm 4.1 for every parent, or along ``path``. Raises LostComponentError, InputError."""
+        try:
+            return self._expanded(step, parent_ids, held, path)
+        except np.linalg.LinAlgError as fault:
+            raise InputError(
+                f"keyframe {step.index}: a covariance cannot be factorised ({fault}); check the standard deviations of"
+                " odometry, detections, initial pose and map, which are too large or too small beside each other"
+            ) from None
+
+    def _expanded(
+        self, step: Step, parent_ids: Sequence[int], held: Sequence[WeightedComponent], path: LineageStep | None
+    ) -> Expansion:
         parents = Parents.of(parent_ids, held)
         keyframe = self.association.predict(step, parents, path)  # by the motion model: Eqs. 4.11, 4.21
         candidates = keyframe.weigh(keyframe.associate())  # every beta_k, Eq. 4.20; classes and modes

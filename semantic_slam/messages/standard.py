@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.errors import MessageError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.typestore import message_class
 
@@ -81,8 +82,11 @@ def covariance_pose_message(pose: Array, covariance: Array) -> Any:
 
 
 def covariance_matrix(message: Any) -> Array:
-    """(6, 6) covariance of a geometry_msgs/PoseWithCovariance or TwistWithCovariance."""
-    return np.array(message.covariance, dtype=np.float64).reshape(6, 6)
+    """(6, 6) covariance of a geometry_msgs/PoseWithCovariance or TwistWithCovariance. Raises MessageError."""
+    flat = np.array(message.covariance, dtype=np.float64)
+    if flat.size != 36:
+        raise MessageError(f"a covariance has {flat.size} numbers in place of 36; whoever sends it has another message")
+    return flat.reshape(6, 6)
 
 
 def pose_estimate_to_message(value: PoseEstimate) -> Any:

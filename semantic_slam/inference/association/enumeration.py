@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
 from semantic_slam.inference.association.screening import ScreenedAssignments, screen
@@ -71,8 +72,12 @@ class EnumerationProblem:
         return self.collected if count == len(self.detections) else self.collected.take(slice(count))
 
 
+class NoAssociationError(SemanticSlamError):
+    """No association of a keyframe's detections is possible."""
+
+
 def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBelief) -> Candidates:
-    """All associations of the detections to the objects, as far as the gate admits."""
+    """All associations of the detections to the objects, as far as the gate admits. Raises NoAssociationError."""
     num_parents = len(predicted.mean)
     left_out = np.full(num_parents, -np.inf)
     prefixes = PartialAssignments.of_robots(setting.spaces, predicted)
@@ -82,6 +87,8 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
         seen, log_clutter = setting.first(number + 1), setting.first_clutter(number + 1)
         screened = screen(prefixes, mode, origin, objects, setting.model, seen, setting.gate, log_clutter)
         parents = screened.prefixes.rows.parents
+        if not len(parents):
+            raise NoAssociationError(f"detection {number} of the keyframe can be of nothing")
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:
             mode = find_modes(screened.stack, screened.mode.y, tolerance=WEIGHING_TOLERANCE)

@@ -14,6 +14,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
@@ -68,9 +69,15 @@ class Smoother:
     def of(
         cls, spaces: Spaces, semantics: SemanticFactorMaker, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
     ) -> "Smoother":
-        """A smoother of the factors ``graph`` at ``values``, without semantic measurements."""
+        """A smoother of the factors ``graph`` at ``values``, without semantic measurements. Raises InputError."""
         isam = new_isam(spaces, semantics.descriptor_threshold)
-        isam.update(graph, values)
+        try:
+            isam.update(graph, values)
+        except RuntimeError as fault:
+            raise InputError(
+                f"initial pose and map make no system that can be solved ({first_line(fault)});"
+                " give them covariances of ordinary size"
+            ) from None
         return cls(
             spaces=spaces,
             semantics=semantics,
