@@ -134,7 +134,9 @@ class WeightsConfiguration:
 
 @dataclass(frozen=True)
 class PruningConfiguration:
-    ratio: float = parameter(150.0, "a hypothesis is kept from max weight / ratio on (Sec. 4.4)", minimum=1.0)
+    ratio: float = parameter(
+        150.0, "a hypothesis is kept from max weight / ratio on (Sec. 4.4)", minimum=1.0, maximum=1e300
+    )
     max_hypotheses: int = parameter(60, "hypotheses kept at most", minimum=1)
 
 
@@ -596,8 +598,9 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
             f" [{limits.get('minimum', '-inf')}, {limits.get('maximum', 'inf')}]"
         )
     numbers = result if isinstance(result, tuple) else (result,)
-    if any(isinstance(number, float) and math.isfinite(number) and abs(number) > LARGEST for number in numbers):
-        raise InputError(f"{origin}: parameter '{name}' is {result}; give numbers of at most {LARGEST:g}, or .inf")
+    largest = limits.get("maximum", LARGEST)
+    if any(isinstance(number, float) and math.isfinite(number) and abs(number) > largest for number in numbers):
+        raise InputError(f"{origin}: parameter '{name}' is {result}; give numbers of at most {largest:g}, or .inf")
     return result
 
 

@@ -205,7 +205,7 @@ class Backend:
         return states, covariances
 
     def _no_candidates(self, step: Step, expanded: Sequence[int] = ()) -> Candidates:
-        """Of no hypothesis, or of some that nothing continues."""
+        """Candidates of no hypothesis, or of some that nothing continues."""
         detections = len(step.names)
         none, parents = np.zeros(0), np.zeros(0, dtype=np.uint64)
         return Candidates(
