@@ -11,8 +11,8 @@ from semantic_slam.geometry.arrays import Array
 
 LEAST_TRUSTED = 1e-3
 """Power that weights count by at least, before the next limit."""
-LARGEST_LOG_RATIO = 500.0
-"""Nats between hypotheses that are kept, at most."""
+LARGEST_LOG_RATIO = 700.0
+"""Nats between hypotheses that are kept, at most: beyond any ratio that can be configured."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,20 +9,11 @@ import cv2
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from semantic_slam_lab.simulation.detector_bag import DEFINITIONS as VISION_4
 
 SECOND = 1_000_000_000
 WIDTH, HEIGHT, FOCAL = 160, 120, 100.0
 
-VISION_4 = {
-    "Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
-    "Detection2D": "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
-    "vision_msgs/BoundingBox2D bbox\nstring id",
-    "ObjectHypothesisWithPose": "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose",
-    "ObjectHypothesis": "string class_id\nfloat64 score",
-    "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
-    "Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
-    "Point2D": "float64 x\nfloat64 y",
-}
 VISION_2 = {
     "Detection2DArray": VISION_4["Detection2DArray"],
     "Detection2D": "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"

@@ -159,6 +159,10 @@ def test_data_that_nothing_explains_prune_less(unexplained: float, power: float)
     assert kept.tolist() == tempered.tolist()
 
 
+def test_what_is_explained_is_pruned_as_configured_whatever_the_ratio() -> None:
+    assert widened(PruningConfiguration(1e300, 10), 0.0).ratio == pytest.approx(1e300)
+
+
 def test_data_that_say_nothing_at_all_prune_by_number_alone() -> None:
     weights = -30.0 * np.arange(20.0)
     limits = widened(PruningConfiguration(4.0, 10), 1.0)
