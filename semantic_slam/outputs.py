@@ -21,6 +21,7 @@ LEAVE_OF_NODES = "overwrite:=true"
 OUR_FOLDER = "out"
 CHECKOUT = Path(__file__).parents[1]
 OLD = ".old"
+UNFINISHED = ".unfinished_"
 BAG_SUFFIXES = frozenset({".mcap", ".db3", ".db3-shm", ".db3-wal"})
 BAG_FILES = frozenset({"metadata.yaml", "objects.json"})
 WRITER_KEY, WRITER = "written_by", "semantic_slam"
@@ -57,6 +58,22 @@ def claimed(
     with _beside(out) as staged:
         yield staged
         _swap(staged, out.resolve())
+
+
+@contextmanager
+def claimed_again(out: Path, place: Path) -> Iterator[Path]:
+    """Where a killed process has begun ``out``: there, or in one of :func:`staged_places`, swapped at the end."""
+    yield place
+    if place != out:
+        _swap(place, out.resolve())
+        shutil.rmtree(place.parent)
+
+
+def staged_places(out: Path) -> list[Path]:
+    """Where killed processes have begun to replace ``out``, the newest first."""
+    real = out.resolve()
+    folders = sorted(real.parent.glob(f"{real.name}{UNFINISHED}*"), key=lambda folder: folder.stat().st_mtime)
+    return [folder / real.name for folder in reversed(folders)]
 
 
 @contextmanager
@@ -123,6 +140,17 @@ def claimed_folder(
         yield staged
         for item in sorted(staged.iterdir()):
             _put(item, out.resolve() / item.name)
+
+
+@contextmanager
+def claimed_folder_again(out: Path) -> Iterator[Path]:
+    """Where a killed process has begun to write the files of ``out``: there, or in a folder inside."""
+    place = next(iter(staged_places(out / out.resolve().name)), out)
+    yield place
+    if place != out:
+        for item in sorted(place.iterdir()):
+            _put(item, out.resolve() / item.name)
+        shutil.rmtree(place.parent)
 
 
 @contextmanager
@@ -218,7 +246,7 @@ def _beside(out: Path) -> Iterator[Path]:
     """
     real = out.resolve()
     try:
-        folder = Path(mkdtemp(prefix=f"{real.name}.unfinished_", dir=real.parent))
+        folder = Path(mkdtemp(prefix=f"{real.name}{UNFINISHED}", dir=real.parent))
     except OSError as fault:
         raise InputError(f"{out}: cannot be written ({fault.strerror}); name another output") from None
     folder.chmod(0o755)

@@ -76,6 +76,7 @@ CLASS_MODELS = Registry(
         gp_correlated="semantic_slam.class_models.viewpoint_models:GP_CORRELATED",
         latent="semantic_slam.class_models.latent_space:LATENT",
         detector="semantic_slam.class_models.detector:DETECTOR",
+        embedding="semantic_slam.class_models.embedding:EMBEDDING",
     ),
 )
 """Values of ``semantic_model.kind``: a ClassModelKind of semantic_slam/class_models/kind.py each."""
@@ -101,6 +102,7 @@ SEMANTICS = Registry(
         descriptor_views="semantic_slam.inference.semantics.descriptor_views:DescriptorViews",
         descriptor_tables="semantic_slam.inference.semantics.descriptor_tables:DescriptorTables",
         detector_labels="semantic_slam.inference.semantics.detector_labels:DetectorLabels",
+        embedding_views="semantic_slam.inference.semantics.embedding_views:EmbeddingViews",
     ),
 )
 """How views weigh and are recorded: classes as inference/semantics/interface.py describes them."""

@@ -10,8 +10,16 @@ from prerequisites import DATA, PREREQUISITES
 FIRST_DOMAIN, DOMAINS = 51, 50
 """Those of demos lie below: one that a test starts must not hear what another test says."""
 
+
+def domain_id() -> int:
+    """A ROS domain for this process, another one for each worker of the same run."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "")
+    run, number = (os.getppid(), int(worker.removeprefix("gw"))) if worker else (os.getpid(), 0)
+    return FIRST_DOMAIN + (run + number) % DOMAINS
+
+
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ["ROS_DOMAIN_ID"] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
+os.environ["ROS_DOMAIN_ID"] = str(domain_id())
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 # As in the nodes, and before NumPy is loaded: its threads wait for each other by spinning, and the matrices are small.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

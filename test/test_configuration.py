@@ -14,7 +14,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.ros.parameters import changed_parameters, declare_configuration, leaves, refuse_undeclared
 
 CONFIG = Path(__file__).parents[1] / "config"
-SHIPPED = sorted(path for path in CONFIG.glob("*.yaml") if path.stem != "labels_example")
+SHIPPED = sorted(path for path in CONFIG.glob("*.yaml") if not path.stem.endswith("_example"))
 
 
 def flattened(values: dict, prefix: str = "") -> dict:

@@ -26,6 +26,8 @@ def _model(settings: SemanticModelConfiguration) -> LabelModel:
         )
     if not settings.repeat_shares or not 0.0 <= min(settings.repeat_shares) <= max(settings.repeat_shares) < 1.0:
         raise InputError("semantic_model.repeat_shares must be in [0, 1), one at least; correct them")
+    if not settings.count_factors or min(settings.count_factors) <= 0.0:
+        raise InputError("semantic_model.count_factors must be above 0, one at least; correct them")
     return LabelModel(
         labels=labels,
         accuracy=settings.label_accuracy,
@@ -33,6 +35,7 @@ def _model(settings: SemanticModelConfiguration) -> LabelModel:
         outlier_share=settings.outlier_share,
         repeat_shares=settings.repeat_shares,
         repeat_rad=settings.repeat_rad,
+        count_factors=settings.count_factors,
     )
 
 

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from semantic_slam.configuration import SemanticModelConfiguration
     from semantic_slam.latent.model import DescriptorModel
     from semantic_slam.perception.collaborators import FeatureExtractor
+    from semantic_slam.viewpoint.appearance import KnownAppearance
+    from semantic_slam.viewpoint.embedding_model import EmbeddingModel
     from semantic_slam.viewpoint.label_model import LabelModel
     from semantic_slam.viewpoint.model import ViewpointModel
 
@@ -26,7 +28,11 @@ class ClassModelKind:
     viewpoint: "Callable[[SemanticModelConfiguration], ViewpointModel] | None" = None  # P(z | c, viewpoint)
     descriptors: "Callable[[SemanticModelConfiguration], DescriptorModel] | None" = None  # P(f | viewpoint, e) instead
     labels: "Callable[[SemanticModelConfiguration], LabelModel] | None" = None  # a detector's words instead
+    embeddings: "Callable[[SemanticModelConfiguration], EmbeddingModel] | None" = None  # vectors of appearance instead
     extractor: "Callable[[SemanticModelConfiguration], FeatureExtractor] | None" = None  # f, None: class probabilities
+    appearance: "Callable[[SemanticModelConfiguration], KnownAppearance | None] | None" = (
+        None  # of what it was fitted to
+    )
     semantics: str = "independent_views"  # where a map, or a class that is enumerated, tells how objects are turned
     carried: str | None = "class_tables"  # where nothing tells that; None: the models do not go with such associations
     has_factors: bool = True  # views enter the graphs under classes that hypotheses enumerate

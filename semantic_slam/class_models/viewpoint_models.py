@@ -6,10 +6,11 @@ from pathlib import Path
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.appearance import KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.parametric import ParametricModel
-from semantic_slam.viewpoint.store import read_model
+from semantic_slam.viewpoint.store import read_appearance, read_model
 
 SHIPPED_MODELS = "viewpoint_models.safetensors"
 
@@ -17,6 +18,12 @@ SHIPPED_MODELS = "viewpoint_models.safetensors"
 def load_model(settings: SemanticModelConfiguration) -> ViewpointModel | None:
     """The models of Eq. 4.2, or None where there are no classes, or descriptors instead. Raises InputError."""
     load = class_model_kind(settings).viewpoint
+    return load(settings) if load is not None else None
+
+
+def load_appearance(settings: SemanticModelConfiguration) -> KnownAppearance | None:
+    """What the fitted objects look like, or None where the models do not tell. Raises InputError."""
+    load = class_model_kind(settings).appearance
     return load(settings) if load is not None else None
 
 
@@ -35,11 +42,24 @@ def _parametric(settings: SemanticModelConfiguration) -> ParametricModel:
 
 
 def _gaussian_process(settings: SemanticModelConfiguration) -> GaussianProcessModel:
-    return read_model(Path(settings.path) if settings.path else shipped_models())
+    return read_model(_file(settings))
+
+
+def _appearance(settings: SemanticModelConfiguration) -> KnownAppearance | None:
+    return read_appearance(_file(settings))
+
+
+def _file(settings: SemanticModelConfiguration) -> Path:
+    return Path(settings.path) if settings.path else shipped_models()
 
 
 PARAMETRIC = ClassModelKind(viewpoint=_parametric, repeats_errors=False)  # exact by definition
-GP_INDEPENDENT = ClassModelKind(viewpoint=_gaussian_process)
+GP_INDEPENDENT = ClassModelKind(viewpoint=_gaussian_process, appearance=_appearance)
 GP_CORRELATED = ClassModelKind(
-    viewpoint=_gaussian_process, semantics="correlated_views", carried=None, has_factors=False, repeats_errors=False
+    viewpoint=_gaussian_process,
+    appearance=_appearance,
+    semantics="correlated_views",
+    carried=None,
+    has_factors=False,
+    repeats_errors=False,
 )

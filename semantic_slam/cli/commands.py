@@ -42,7 +42,7 @@ COMMANDS = Group(
         "demo": Command("semantic_slam.ros.demo:main", "replay a bag through the ROS nodes and report it"),
         "train": TRAIN,
         "fit": Command("semantic_slam.cli.fit_viewpoint_models:main", "fit class models over the direction of view"),
-        "find": Command("semantic_slam.cli.find_lookalike:main", "rank the objects of a map by how a crop looks"),
+        "find": Command("semantic_slam.cli.find:main", "objects of a map by class, vector, text or picture"),
         "calibrate": Command("semantic_slam.cli.calibrate:main", "a robot's noise, by the evidence of a drive"),
         "study": Command("semantic_slam.cli.laboratory:study", "run an experiment (laboratory)"),
         "bench": Command("semantic_slam.cli.laboratory:bench", "measure against peers (laboratory)"),

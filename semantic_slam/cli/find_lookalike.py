@@ -23,18 +23,27 @@ def parse(words: list[str] | None = None) -> Namespace:
     )
     parser.add_argument("belief", type=Path, metavar="REPORT_OR_BELIEF_BAG", help="folder of a report, or belief bag")
     parser.add_argument("crop", type=Path, metavar="CROP", help="picture of the object, png or jpeg")
+    add_view(parser)
+    return parser.parse_args(words)
+
+
+def add_view(parser: CommandParser) -> None:
+    """What is known of the picture."""
     parser.add_argument(
         "--box", type=float, nargs=4, metavar=("X0", "Y0", "X1", "Y1"), help="pixels of the object (default: all)"
     )
     parser.add_argument(
         "--elevation-deg", type=float, default=14.3, help="how far the camera looked down (default: %(default)s)"
     )
-    return parser.parse_args(words)
 
 
 def command() -> None:
     """Parse, ask, print; raises InputError."""
-    arguments = parse()
+    ask(parse())
+
+
+def ask(arguments: Namespace) -> None:
+    """Print what the picture shows; raises InputError."""
     import numpy as np
 
     from semantic_slam.configuration import from_dict

@@ -9,6 +9,7 @@ from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.cli.needs import need_training
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, claimed_files
 
@@ -19,9 +20,12 @@ def parse() -> argparse.Namespace:
         description="Fit a Gaussian process per class and feature over the direction of view.",
     )
     source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--turntables", type=Path, help="folder with one BigBIRD-format folder per class")
+    source.add_argument(
+        "--turntables", type=Path, help="folder with one BigBIRD-format folder per class, or photographs"
+    )
     source.add_argument("--avd", type=Path, metavar="SCENE", help="AVD-format scene: views along a drive through it")
     source.add_argument("--bag", type=Path, help="bag with images, detections and the /ground_truth topics")
+    add_photographs(parser)
     parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")
     parser.add_argument("--weights", type=Path, help="network to fit the models of; default: the shipped one")
     parser.add_argument(
@@ -53,6 +57,7 @@ def command() -> None:
         raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
     if arguments.classes and not arguments.turntables:
         raise InputError("--classes: only for --turntables; leave it out")
+    check_photographs(arguments, [arguments.turntables] if arguments.turntables else [])
     if arguments.seed < 0:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
     need_training()
@@ -71,13 +76,14 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.weights import load_network
-    from semantic_slam.training.viewpoint.fit import fit_samples
+    from semantic_slam.training.viewpoint.fit import appearance_of, fit_samples
     from semantic_slam.training.viewpoint.page import write_page
     from semantic_slam.viewpoint.store import save_model
 
     perception = PerceptionConfiguration(network=str(arguments.weights or ""))
     samples, left_out = _samples(arguments, perception)
-    fitted = fit_samples(samples, load_network(perception).class_names)
+    network = load_network(perception)
+    fitted = fit_samples(samples, network.class_names)
     model, report = fitted.model, fitted.report
     provenance = {
         "command": "fit_viewpoint_models",
@@ -86,7 +92,8 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
         "report": report,
         "left_out": left_out,
     }
-    save_model(model, model_path, provenance)
+    appearance = appearance_of(samples, network)
+    save_model(model, model_path, provenance, appearance)
     report_path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     write_page(page, fitted, samples)
     lines = [f"left out: {reason} ({count})" for reason, count in sorted(left_out.items())]
@@ -97,6 +104,8 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
             f" {numbers['fraction_within_1_sigma']:.2f} and {numbers['fraction_within_2_sigma']:.2f}, mean squared"
             f" whitened residual {numbers['mean_squared_whitened_residual']:.2f} of {model.num_features}"
         )
+    if appearance is None:
+        lines.append("pictures of other things: not told, for lack of turntable views")
     return [*lines, f"{len(model.class_names)} classes"]
 
 
@@ -104,10 +113,10 @@ def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, 
     """Samples of each class by name from whichever source was given, and what was left out."""
     if arguments.turntables:
         from semantic_slam.perception.weights import load_network
-        from semantic_slam.training.turntables import load_views, with_classes
+        from semantic_slam.training.turntables import with_classes
         from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
 
-        views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
+        views = object_views(arguments, arguments.turntables)
         if arguments.classes:
             views = with_classes(views, arguments.classes)
         settings = FitSettings(draws=arguments.draws, seed=arguments.seed)

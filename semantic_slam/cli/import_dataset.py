@@ -20,6 +20,10 @@ FORMATS = {
     "g2o": ("semantic_slam.datasets.drives.g2o_import", "a landmark graph, such as that of the DLR data set"),
     "kitti_tracking": ("semantic_slam.datasets.drives.kitti_tracking_import", "a drive of KITTI tracking"),
     "csv": ("semantic_slam.datasets.drives.csv_import", "tables of odometry and of detections as range and bearing"),
+    "images": (
+        "semantic_slam.datasets.image_folders.images_import",
+        "pictures and depth of a hand-held camera, levelled by gravity",
+    ),
     "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
 }
 """Name -> (module with ``add_arguments(parser)`` and ``run(arguments, bag)``, description).
@@ -50,7 +54,7 @@ def command() -> None:
     max_keyframes = getattr(arguments, "max_keyframes", None)
     if max_keyframes is not None and max_keyframes < 1:
         raise InputError(f"--max-keyframes {max_keyframes}: must be at least 1; leave it out to import everything")
-    inputs = [getattr(arguments, name, None) for name in ("source", "path", "labels")]
+    inputs = [getattr(arguments, name, None) for name in ("source", "path", "labels", "detector", "odometry")]
     with claimed_bag(arguments.out, inputs, arguments.overwrite) as bag:
         fault = module.run(arguments, bag)
     if fault is not None:

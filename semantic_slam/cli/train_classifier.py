@@ -7,14 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, check_output, claimed
 
 
 def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
-    parser = CommandParser(description="Train the compact network on turntable views (BigBIRD's format).")
-    parser.add_argument("--turntables", type=Path, required=True, help="folder with one folder per class")
+    parser = CommandParser(
+        description="Train the compact network on turntable views (BigBIRD's format, or photographs)."
+    )
+    parser.add_argument(
+        "--turntables", type=Path, required=True, help="folder with one folder per class, or photographs"
+    )
+    add_photographs(parser)
     parser.add_argument("--out", type=Path, required=True, help="weights to write (.safetensors)")
     parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
     parser.add_argument("--epochs", type=int, help="passes over the drawn crops (default: 14)")
@@ -39,11 +45,12 @@ def command() -> None:
     """Parse, train, save and say how well the network does around the objects. Raises InputError."""
     arguments = parse()
     chosen = _chosen(arguments)
+    check_photographs(arguments, [arguments.turntables])
     inputs = [arguments.turntables, arguments.classes]
     check_output(arguments.out, inputs, arguments.overwrite)
-    from semantic_slam.training.turntables import class_names_of, load_views, with_classes
+    from semantic_slam.training.turntables import class_names_of, with_classes
 
-    views = load_views(arguments.turntables, tuple(arguments.cameras.split(",")))
+    views = object_views(arguments, arguments.turntables)
     if arguments.classes:
         views = with_classes(views, arguments.classes)
     from semantic_slam.perception.weights import save_compact_network

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.cli.needs import need_training
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, check_output, claimed
 
@@ -24,6 +25,7 @@ SHOWN = {
     "identification": "identified from one view",
     "identification_5_views": "from 5 views, orientation uncertain",
     "nees": "NEES",
+    "nees_of_new": "of new objects",
     "nees_untempered": "untempered",
 }
 
@@ -32,11 +34,12 @@ def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
         description="Learn a descriptor space and a viewpoint-dependent model over it from turntables (BigBIRD's"
-        " format), one folder per instance. No classes are needed; --tags grounds the space with some.",
+        " format, one folder per instance, or photographs). No classes are needed; --tags grounds the space with some.",
     )
     parser.add_argument(
         "--turntables", type=Path, required=True, nargs="+", metavar="DIR", help="folders with one folder per instance"
     )
+    add_photographs(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="model to write (.safetensors)")
     parser.add_argument(
         "--formulation",
@@ -57,6 +60,12 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
     parser.add_argument(
+        "--new-objects",
+        action="store_true",
+        help="learn how wrong the model is about objects that it was not trained on: trains three times more, each time"
+        " without a third of the instances",
+    )
+    parser.add_argument(
         "--effort", type=float, default=1.0, help="factor of the passes over the data (default: %(default)s)"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
@@ -69,12 +78,13 @@ def command() -> None:
     arguments = parse()
     if arguments.effort <= 0.0 or arguments.held_out < 0 or arguments.seed < 0:
         raise InputError(f"{program()}: --effort must be positive, --held-out and --seed not negative")
+    check_photographs(arguments, arguments.turntables)
     need_training()
     inputs = [*arguments.turntables, *(arguments.tags or ())]
     check_output(arguments.out, inputs, arguments.overwrite)
     views, classes = _views(arguments)
     from semantic_slam.latent.store import save_latent_model
-    from semantic_slam.training.latent.fit import TrainingSettings, train
+    from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
     from semantic_slam.training.latent.report import training_report
     from semantic_slam.training.latent.turntable_split import choose_held_out, split
     from semantic_slam.training.turntables import class_names_of, read_classes
@@ -87,6 +97,8 @@ def command() -> None:
     )
     settings = _with_effort(settings, arguments.effort)
     trained = train(parts, settings, tags or None)
+    if arguments.new_objects:
+        trained = knowing_new_instances(trained, parts, settings)
     report = training_report(trained, parts, arguments.seed)
     provenance = {
         "command": "train_latent_model",
@@ -109,11 +121,11 @@ def command() -> None:
 def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, str]]":
     """Views of all folders, and {instance: class} where a folder tells; raises InputError."""
     from semantic_slam.training.latent.turntable_split import wanted_angle
-    from semantic_slam.training.turntables import load_views, read_classes
+    from semantic_slam.training.turntables import read_classes
 
     views, classes = [], {}
     for root in arguments.turntables:
-        views += load_views(root, tuple(arguments.cameras.split(",")), wanted_angle)
+        views += object_views(arguments, root, wanted_angle)
         if (root / CLASSES_FILE).is_file():
             classes.update(read_classes(root / CLASSES_FILE))
     # An instance whose class nobody tells is one of its own.

@@ -94,13 +94,13 @@ class SemanticsContract(AssociationStrategyContract):
             assert len(evidence.robot) == len(weighed.records) == count
             assert np.isfinite(evidence.log_weights).all()
 
-    def test_records_are_of_objects_that_the_candidate_sees(
+    def test_records_are_of_objects_that_the_candidate_sees_or_has_seen(
         self, asked: list[tuple[Weighed, Weighed, Weighed]]
     ) -> None:
         for weighed, _, _ in asked:
-            ids, rows = weighed.given.candidates.object_ids, weighed.given.candidates.assignments.objects
-            for row, records in zip(rows, weighed.records, strict=True):
-                assert set(records) <= set(ids[row[row >= 0]].tolist())
+            ids, rows = weighed.given.candidates.object_ids, weighed.given.candidates.assignments
+            for row, parent, records in zip(rows.objects, rows.parents.tolist(), weighed.records, strict=True):
+                assert set(records) <= set(ids[row[row >= 0]].tolist()) | set(weighed.given.parents[parent].views)
 
     def test_records_say_how_likely_each_class_is(self, asked: list[tuple[Weighed, Weighed, Weighed]]) -> None:
         for weighed, _, _ in asked:

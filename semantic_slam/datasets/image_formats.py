@@ -36,9 +36,13 @@ def compress_depth(message: Any, topic: str) -> Any:
     """sensor_msgs/CompressedImage (16-bit png, mm, 0 invalid) of any depth image; raises InputError."""
     depth_m = decode_depth(message, topic)
     check_unit(depth_m, topic)
-    millimetres = to_millimetres(depth_m)
+    return encoded_depth(depth_m, message.header)
+
+
+def encoded_depth(depth_m: NDArray[np.float32], header: Any) -> Any:
+    """sensor_msgs/CompressedImage (16-bit png, mm, 0 invalid) of (height, width) metres."""
     fast = [cv2.IMWRITE_PNG_COMPRESSION, 1]
-    return _compressed(message.header, DEPTH_FORMAT, cv2.imencode(".png", millimetres, fast))
+    return _compressed(header, DEPTH_FORMAT, cv2.imencode(".png", to_millimetres(depth_m), fast))
 
 
 def to_millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:

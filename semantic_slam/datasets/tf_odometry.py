@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose
-from semantic_slam.messages.sensor import TransformTree, plain_frame
+from semantic_slam.messages.sensor import TransformTree, plain_frame, transform_vector
 from semantic_slam.messages.standard import OdometryEstimate, stamp_ns
 
 
@@ -29,7 +29,7 @@ class TfOdometry:
             self.seen.add((parent, child))
             T_child_base = self._from_base(child) if parent == self.odom_frame else None
             if T_child_base is not None:
-                T_odom_base = compose(_transform_vector(row.transform), T_child_base)
+                T_odom_base = compose(transform_vector(row.transform), T_child_base)
                 stamp = stamp_ns(row.header.stamp)
                 estimates.append(OdometryEstimate(stamp, parent, self.base_frame, T_odom_base, np.zeros((6, 6))))
         return estimates
@@ -40,9 +40,3 @@ class TfOdometry:
             return self._fixed.lookup(frame, self.base_frame)
         except InputError:
             return None
-
-
-def _transform_vector(transform: Any) -> Array:
-    """(7,) pose vector of a geometry_msgs/Transform."""
-    t, q = transform.translation, transform.rotation
-    return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)

@@ -52,27 +52,53 @@ class Backend:
         self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names), self.problem.displaced)
         self.association: AssociationStrategy = self.problem.association(self.problem, self.registry)
         self.expander = Expander(self.problem, self.association)
-        self.held: dict[int, WeightedComponent] = {
-            ROOT_ID + number: WeightedComponent(self.association.root(number), log_weight)
-            for number, log_weight in enumerate(self.problem.log_root_weights)
-        }
         self.steps: list[Step] = []
         self._trunks = Trunks()
-        self.committed = -1
-        self._expanded: tuple[Expansion, list[int]] | None = None
-        self._asked: set[int] = set()  # what the newest commit gave to this backend
-        self._answer: Components | None = None
+        self._stand_before(0)
 
-    def expand(self, keyframe: Keyframe) -> Candidates:
-        """Round one for a keyframe: the next one, or the newest again. Raises SemanticSlamError on a gap."""
+    def _stand_before(self, index: int) -> None:
+        """Hold what there is before a keyframe without those before it: the roots of all hypotheses, or nothing."""
+        self.held: dict[int, WeightedComponent] = {}
+        if index == 0:
+            self.held = {
+                ROOT_ID + number: WeightedComponent(self.association.root(number), log_weight)
+                for number, log_weight in enumerate(self.problem.log_root_weights)
+            }
+        self.committed = index - 1
+        self._expanded: tuple[Expansion, list[int]] | None = None
+        self._offered: Candidates | None = None  # the newest answer to round one, as long as it holds
+        self._asked: set[int] = set()  # what the newest commit gave to this backend
+        self._answer: Components | None = None  # to the newest commit
+
+    def learn(self, keyframe: Keyframe) -> Step:
+        """Know a keyframe, the next one or one before: lineages that go through it can be rebuilt.
+
+        Raises SemanticSlamError on a gap.
+        """
         step = self.problem.reader.step(keyframe)
-        if step.index == len(self.steps):
-            self.steps.append(step)
-        elif step.index != len(self.steps) - 1:
+        if step.index > len(self.steps):
             raise SemanticSlamError(
                 f"backend {self.backend_id}: keyframe {len(self.steps)} is missing; start the run again"
             )
-        self.association.introduce(self.registry, step)
+        if step.index == len(self.steps):
+            self.steps.append(step)
+            self.association.introduce(self.registry, step)
+        return step
+
+    def expand(self, keyframe: Keyframe) -> Candidates:
+        """Round one for a keyframe: the next one, or one that is asked for again. Raises SemanticSlamError on a gap.
+
+        A backend that has not taken part in the keyframe before holds nothing that it could continue.
+        """
+        step = self.learn(keyframe)
+        if step.index != self.committed + 1:
+            self._stand_before(step.index)
+        if self._offered is None or self._offered.keyframe != step.index:
+            self._offered = self._offer(step)
+        return self._offered
+
+    def _offer(self, step: Step) -> Candidates:
+        """The candidates that continue what is held."""
         if not self.held:
             return self._no_candidates(step)
         parents = sorted(self.held)
@@ -84,7 +110,10 @@ class Backend:
         return self._candidates(step, expansion, parents)
 
     def commit(self, commit: Commit) -> Components | None:
-        """Round two; None for a commit older than the newest one (stale). A repeated commit changes nothing."""
+        """Round two; None for a commit older than the newest one (stale). A repeated commit changes nothing.
+
+        Survivors that can neither be continued nor rebuilt, for want of a lineage, are left out of the answer.
+        """
         mine = {int(n) for n in commit.ids[commit.owners == self.backend_id]}
         if commit.keyframe < self.committed:
             return None
@@ -95,10 +124,10 @@ class Backend:
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
         kept = {number: outcome for number, outcome in grown.items() if isinstance(outcome, Component)}
         self.held = {number: WeightedComponent(outcome, weights[number]) for number, outcome in kept.items()}
-        self.committed, self._expanded = commit.keyframe, None
+        self.committed, self._expanded, self._offered = commit.keyframe, None, None
         self._keep_trunk()
         lost = {number: str(outcome) for number, outcome in grown.items() if number not in kept}
-        self._asked, self._answer = mine, self._report(commit.keyframe, lost)
+        self._asked, self._answer = set(grown), self._report(commit.keyframe, lost)
         return self._answer
 
     def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
@@ -112,7 +141,7 @@ class Backend:
                 survivors[number] = self.held[number].component
             elif number in at and parent in self.held:
                 growing[number] = at[number]
-            else:
+            elif commit.lineages[row] or commit.keyframe == 0:
                 lineage = (*commit.lineages[row], commit.steps[row])
                 try:
                     survivors[number] = self._rebuild(lineage, commit.keyframe + 1)
@@ -240,7 +269,7 @@ class Backend:
                 del self.held[number]
         components = [self.held[number].component for number in marginals]
         poses, covariances, existence = self._in_map(list(marginals.values()), len(reported.ids))
-        descriptors = [descriptor_marginals(component, reported) for component in components]
+        descriptors = [descriptor_marginals(component, reported, self.problem.embeddings) for component in components]
         objects = without_views(
             len(components),
             reported.class_prior,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.class_models.embedding import load_embedding_model
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
@@ -36,6 +37,7 @@ from semantic_slam.inference.world.starts import Starts
 from semantic_slam.inference.world.unmapped import unmapped_objects
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.registry import OBSERVATIONS, SEMANTICS
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
 from semantic_slam.viewpoint.outliers import OutlierScores
@@ -71,8 +73,9 @@ def make_run_configuration(
     _check_revision(configuration, association)
     _check_moving(configuration, association)
     latent = load_latent_model(configuration.semantic_model)
-    if latent is not None:  # so that backends, reports and queries know the space of the descriptors
-        noted = replace(configuration.semantic_model, space=latent.space)
+    described = latent or load_embedding_model(configuration.semantic_model)
+    if described is not None:  # so that backends, reports and queries know the space of the descriptors
+        noted = replace(configuration.semantic_model, space=described.space)
         configuration = replace(configuration, semantic_model=noted)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
@@ -209,8 +212,8 @@ def problem_of(run: RunConfiguration) -> Problem:
     settings = configuration.semantic_model
     tempering = _tempering(settings)
     model, descriptors, labels = load_model(settings), load_latent_model(settings), load_label_model(settings)
-    outliers = _outliers(model, settings)
-    sensing = _sensing(configuration, model, descriptors, outliers, labels)
+    outliers, embeddings = _outliers(model, settings), load_embedding_model(settings)
+    sensing = _sensing(configuration, model, descriptors, outliers, labels, embeddings)
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
     clutter = _clutter(configuration, model, labels)
     unmapped = _unmapped(configuration, association, prior) if clutter is not None else ()
@@ -242,9 +245,12 @@ def problem_of(run: RunConfiguration) -> Problem:
                 tempering=tempering,
                 outliers=outliers,
                 labels=labels,
+                embeddings=embeddings,
+                appearances={} if embeddings is None else _appearances(embeddings, prior),
             )
         ),
         latent=latent,
+        embeddings=embeddings,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
         pruning=configuration.pruning,
@@ -337,6 +343,7 @@ def _sensing(
     descriptors: DescriptorModel | None,
     outliers: OutlierScores | None,
     labels: LabelModel | None,
+    embeddings: EmbeddingModel | None,
 ) -> Sensing:
     """The state space, and the observation model over it, with the class models where views enter by factors."""
     explained = model or descriptors
@@ -351,6 +358,7 @@ def _sensing(
             num_features=explained.num_features if explained is not None else 0,
             feature_names=feature_names(model) if model is not None else (),
             labels=labels.labels if labels is not None else (),
+            vector_dimensions=embeddings.dimensions if embeddings is not None else 0,
         )
     )
 
@@ -359,23 +367,40 @@ def _latent(
     model: DescriptorModel, tempering: float, prior: MapPrior, objects: tuple[ObjectEntry, ...]
 ) -> LatentObservation:
     """With what a map tells of its objects: their descriptors, or else their classes. Raises InputError."""
-    if prior.descriptor_space != model.space and any(len(item.descriptor) for item in prior.objects):
-        raise InputError(
-            f"map prior: its descriptors are of the latent space '{prior.descriptor_space}', the model's is"
-            f" '{model.space}'; use the semantic_model.path that the map was made with"
-        )
+    _check_space(prior, model.space, "semantic_model.path")
     known = {entry.object_id: prior_of_classes(model, entry.class_prior) for entry in objects}
     known |= {item.object_id: _descriptor(item, model) for item in prior.objects if len(item.descriptor)}
     return LatentObservation(model, tempering, known)
 
 
-def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
-    """Raises InputError for a descriptor of another length."""
-    if len(item.descriptor) != model.num_dimensions:
+def _appearances(model: EmbeddingModel, prior: MapPrior) -> dict[int, EmbeddingRecord]:
+    """Object id -> what the map tells of its looks. Raises InputError."""
+    _check_space(prior, model.space, "semantic_model.kind and embedding_dimensions")
+    described = [item for item in prior.objects if len(item.descriptor)]
+    for item in described:
+        _check_length(item, model.dimensions)
+    return {item.object_id: model.start(item.descriptor, float(item.descriptor_variance.sum())) for item in described}
+
+
+def _check_space(prior: MapPrior, space: str, parameters: str) -> None:
+    if prior.descriptor_space != space and any(len(item.descriptor) for item in prior.objects):
+        raise InputError(
+            f"map prior: its descriptors are of the latent space '{prior.descriptor_space}', the model's is"
+            f" '{space}'; use the {parameters} that the map was made with"
+        )
+
+
+def _check_length(item: ObjectPrior, dimensions: int) -> None:
+    if len(item.descriptor) != dimensions:
         raise InputError(
             f"map prior: object {item.object_id} has a descriptor of {len(item.descriptor)} components, the latent"
-            f" space has {model.num_dimensions}; write the map anew"
+            f" space has {dimensions}; write the map anew"
         )
+
+
+def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
+    """Raises InputError for a descriptor of another length."""
+    _check_length(item, model.num_dimensions)
     return DescriptorBelief(item.descriptor[None], np.sqrt(item.descriptor_variance)[None])
 
 

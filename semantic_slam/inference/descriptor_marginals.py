@@ -1,4 +1,4 @@
-"""What one hypothesis knows of the objects' descriptors."""
+"""What one hypothesis knows of the objects' descriptors: in a learned latent space, or of where their vectors lie."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,26 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import descriptor_key
 from semantic_slam.inference.world.objects import ReportedObjects
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel
 
 
 @dataclass(frozen=True)
 class DescriptorMarginals:
-    """Descriptor marginals of O objects in the order of the report; L is 0 without a learned latent space."""
+    """Descriptor marginals of O objects in the order of the report; L is 0 where objects have none."""
 
     mean: Array  # (O, L)
     variance: Array  # (O, L) NaN where the component has no such object
 
 
-def descriptor_marginals(component: Component, reported: ReportedObjects) -> DescriptorMarginals:
-    """Means as the smoother has them now, variances of the newest view, and the prior where nothing was seen."""
+def descriptor_marginals(
+    component: Component, reported: ReportedObjects, embeddings: EmbeddingModel | None = None
+) -> DescriptorMarginals:
+    """Means as the smoother has them now, variances of the newest view, and the prior where nothing was seen.
+
+    With ``embeddings``: the mean directions of the objects' views, NaN where nothing was seen.
+    """
+    if embeddings is not None:
+        return _mean_directions(component, reported, embeddings)
     latent = component.smoother.semantics.latent
     if latent is None:
         none = np.zeros((len(reported.ids), 0))
@@ -35,4 +43,17 @@ def descriptor_marginals(component: Component, reported: ReportedObjects) -> Des
         elif number in component.object_ids:
             prior = latent.prior_of(number)
             mean[row], variance[row] = prior.mean[0], prior.sigma[0] ** 2
+    return DescriptorMarginals(mean, variance)
+
+
+def _mean_directions(
+    component: Component, reported: ReportedObjects, embeddings: EmbeddingModel
+) -> DescriptorMarginals:
+    """Their variances share evenly in what is expected of the squared error."""
+    size = embeddings.dimensions
+    mean, variance = np.full((2, len(reported.ids), size), np.nan)
+    for row, number in enumerate(reported.ids):
+        if number in component.views:
+            mean[row], spread = component.views[number].recent[0].mean_direction()
+            variance[row] = spread / size
     return DescriptorMarginals(mean, variance)

@@ -40,11 +40,12 @@ def of_the_best(weights: Array, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def diagonal_moments(weights: Array, means: Array, variances: Array) -> tuple[Array, Array]:
-    """(O, L) means and variances of mixtures of Gaussians (H, O, L); NaN where a hypothesis has no such object."""
+    """(O, L) means and variances of mixtures of Gaussians (H, O, L), NaN where a hypothesis has none; or all have."""
     if not means.shape[-1]:
         return means[0], variances[0]
     share = weights[:, None, None] * np.isfinite(means)
-    share /= np.maximum(share.sum(axis=0), 1e-300)
+    total = share.sum(axis=0)
+    share /= np.where(total > 0.0, total, np.nan)
     known, spread = np.nan_to_num(means), np.nan_to_num(variances)
     centre = (share * known).sum(axis=0)
     return centre, np.asarray((share * (spread + (known - centre) ** 2)).sum(axis=0))

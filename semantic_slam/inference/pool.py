@@ -18,6 +18,11 @@ class InProcessPool:
         for backend in self._backends:
             backend.start(run)
 
+    def tell(self, keyframe: Keyframe) -> None:
+        """Let the backends know a keyframe that they do not; nobody answers."""
+        for backend in self._backends:
+            backend.learn(keyframe)
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
         return [backend.expand(keyframe) for backend in self._backends]

@@ -18,6 +18,9 @@ from semantic_slam.inference.object_table import ObjectTable, over, table_row
 from semantic_slam.inference.protocol import LOST, BackendPool, Candidates, Components
 from semantic_slam.inference.world.objects import ReportedObjects
 
+MOST_REPEATS = 3
+"""A round is repeated so often: each time backends died in it, or were started again and hold nothing yet."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class HeldComponent:
@@ -39,18 +42,21 @@ class Rounds:
     def expand(self, keyframe: Keyframe, index: int) -> CandidateTable:
         """Round one: the candidates of every live hypothesis (Eqs. 4.11, 4.18)."""
         answers = self._pool.expand(keyframe)
-        if not self._missing(answers):
-            return CandidateTable.of(answers)
-        self._rebuild_elsewhere(index)
-        answers = self._pool.expand(keyframe)
+        for _ in range(MOST_REPEATS):
+            if not self._missing(answers):
+                return CandidateTable.of(answers)
+            self._rebuild_elsewhere(index)
+            answers = self._pool.expand(keyframe)
         if self._missing(answers):
-            raise SemanticSlamError("backends lost hypotheses twice in a row; see their logs")
+            raise SemanticSlamError(f"backends lost hypotheses {MOST_REPEATS + 1} times in a row; see their logs")
         return CandidateTable.of(answers)
 
     def commit(self, index: int, children: dict[int, Hypothesis]) -> tuple[dict[int, Hypothesis], list[Components]]:
         """Round two: the components of the survivors (Eqs. 4.9, 4.10); and the survivors with their owners now."""
         answers = self._pool.commit(self._hypotheses.commit(self._run_id, index, children))
-        if _unanswered(children, answers) and self._pool.backend_ids:
+        for _ in range(MOST_REPEATS):
+            if not (_unanswered(children, answers) and self._pool.backend_ids):
+                break
             children = redistributed(children, self._pool.backend_ids)
             again = self._hypotheses.commit(self._run_id, index, children, always_lineage=True)
             answers = self._pool.commit(again)
@@ -62,9 +68,11 @@ class Rounds:
         return set(self._hypotheses.live) - {int(n) for answer in answers for n in answer.expanded_parent_ids}
 
     def _rebuild_elsewhere(self, index: int) -> None:
-        """Have the backends that are left rebuild what is missing from its lineage."""
-        if index == 0 or not self._pool.backend_ids:
-            raise SemanticSlamError("no backend holds the first hypothesis; start the backends and run again")
+        """Have the backends that are left, or are there again, rebuild what is missing from its lineage."""
+        if not self._pool.backend_ids:
+            raise SemanticSlamError("no backend is left; start the backends and run again")
+        if index == 0:  # every backend has the roots
+            return
         self._hypotheses.live = redistributed(self._hypotheses.live, self._pool.backend_ids)
         commit = self._hypotheses.commit(self._run_id, index - 1, self._hypotheses.live, always_lineage=True)
         self._pool.commit(commit)

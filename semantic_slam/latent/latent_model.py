@@ -49,6 +49,7 @@ class LatentModel:
     instances: Instances
     grounding: Grounding | None = None
     changes: ChangeModel | None = None  # the alternative without object poses (Sec. 5.1); inference has no use for it
+    new_factor: float | None = None  # of sigma, for objects that the model was not fitted to; None: not known
     formulation: str = "map"
     provenance: dict[str, object] = field(default_factory=dict)
     space: str = ""  # identifies extractor and decoder; empty for a model that no file holds
@@ -63,6 +64,8 @@ class LatentModel:
         for noise in (self.noise, self.turntable_noise):
             if noise.sigma.shape != (features,) or not np.all(noise.tempered > 0.0):
                 raise ValueError("sigma does not fit the features or is not positive")
+        if self.new_factor is not None and not 0.0 < self.new_factor < np.inf:
+            raise ValueError("the factor of new objects is not positive")
         if len(self.instances.names) != len(self.instances.descriptors):
             raise ValueError("an instance without a name or without a descriptor")
 
@@ -86,6 +89,12 @@ class LatentModel:
     def on_turntable(self) -> "LatentModel":
         """The model for clean turntable pictures, whose features are more certain than those of a detection."""
         return replace(self, noise=self.turntable_noise)
+
+    def on_new_instances(self) -> "LatentModel":
+        """The model for objects that it was not fitted to, as far as it knows how wrong it is about them."""
+        if self.new_factor is None:
+            return self
+        return replace(self, noise=replace(self.noise, temper=self.noise.temper * self.new_factor))
 
     def mean(self, viewpoints: Viewpoints, descriptors: Array) -> Array:
         """(B, F) predicted mean features alone, without their noise, for rasters."""

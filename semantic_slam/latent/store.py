@@ -41,6 +41,8 @@ def save_latent_model(model: LatentModel, extractor: Mapping[str, NDArray[Any]],
     for name, noise in (("noise", model.noise), ("turntable_noise", model.turntable_noise)):
         arrays[f"{name}.sigma"] = np.asarray(noise.sigma, dtype=np.float64)
         arrays[f"{name}.temper"] = np.array(noise.temper, dtype=np.float64)
+    if model.new_factor is not None:
+        arrays["new_factor"] = np.array(model.new_factor, dtype=np.float64)
     arrays["instances.descriptors"] = np.ascontiguousarray(model.instances.descriptors, dtype=np.float64)
     if model.grounding is not None:
         arrays["grounding.mean"] = np.ascontiguousarray(model.grounding.mean)
@@ -70,6 +72,7 @@ def read_latent_model(path: Path) -> LatentModel:
             instances=Instances(names, _array(arrays, "instances.descriptors", 2)),
             grounding=_grounding(arrays, description["class_names"]),
             changes=ChangeModel(_network(arrays, "changes")) if "changes.0.weight" in arrays else None,
+            new_factor=float(_array(arrays, "new_factor", 0)) if "new_factor" in arrays else None,
             formulation=str(description["formulation"]),
             provenance=dict(description["provenance"]),
             space=space_of(arrays),

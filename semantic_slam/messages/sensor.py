@@ -43,6 +43,12 @@ def odometry_sample(message: Any, topic: str) -> OdometrySample:
     return OdometrySample(stamp, pose)
 
 
+def transform_vector(transform: Any) -> Array:
+    """(7,) pose vector of a geometry_msgs/Transform."""
+    t, q = transform.translation, transform.rotation
+    return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)
+
+
 class TransformTree:
     """Fixed transforms between frames, as /tf_static gives them."""
 
@@ -52,9 +58,8 @@ class TransformTree:
     def add(self, message: Any) -> None:
         """Remember the transforms of a tf2_msgs/TFMessage; a later one of the same child replaces the earlier."""
         for item in message.transforms:
-            t, q = item.transform.translation, item.transform.rotation
-            T_parent_child = np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)
-            self._parents[plain_frame(item.child_frame_id)] = (plain_frame(item.header.frame_id), T_parent_child)
+            parent = plain_frame(item.header.frame_id)
+            self._parents[plain_frame(item.child_frame_id)] = (parent, transform_vector(item.transform))
 
     @property
     def is_known(self) -> bool:

@@ -51,6 +51,11 @@ class AlexNet(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
         """Dropout and linear layers, (N, 9216) to (N, 1000)."""
         return self.classifier
 
+    def appearance(self, images: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The descriptors, and their (N, 256) means over the 6 x 6 map."""
+        descriptors = self.trunk(images)
+        return descriptors, descriptors.unflatten(1, (256, 36)).mean(dim=-1)
+
     def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, 224, 224, 3) RGB bytes with ImageNet's channel means and deviations."""
         return normalised(crops, (0.485, 0.456, 0.406), (0.229, 0.224, 0.225))

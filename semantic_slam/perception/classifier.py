@@ -8,14 +8,21 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.perception import uncertainty
-from semantic_slam.perception.collaborators import CoverageCheck, FeatureExtractor, RangeBearingSensor, crop_features
+from semantic_slam.perception.collaborators import (
+    AppearanceCheck,
+    CoverageCheck,
+    FeatureExtractor,
+    RangeBearingSensor,
+    crop_features,
+)
 from semantic_slam.perception.crops import box_fault, square_crop
-from semantic_slam.perception.frame import Frame
+from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
-from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
+from semantic_slam.perception.mc_dropout import dropout_generator, samples_of_head, seen
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.network import ClassifierNetwork
-from semantic_slam.perception.range_bearing import RangeBearing, elevation
+from semantic_slam.perception.places_geometry import Places, told_places
+from semantic_slam.perception.range_bearing import elevation
 
 
 class Classifier:
@@ -33,14 +40,17 @@ class Classifier:
         range_bearing_sensor: RangeBearingSensor,
         extractor: FeatureExtractor | None = None,
         coverage: CoverageCheck | None = None,
+        appearance: AppearanceCheck | None = None,
     ) -> None:
-        """Without ``extractor`` the class probabilities are the feature; without ``coverage`` all views count as known.
+        """Without ``extractor`` the class probabilities are the feature; a view that neither ``coverage`` nor
+        ``appearance`` takes for unknown is in coverage.
 
         ``seed`` is that of every dropout mask. Without ``network`` the boxes' places alone are measured, and what their
         detector says of them is passed on.
         """
         self._network, self._settings, self._seed = network, settings, seed
-        self._range_bearing_sensor, self._extractor, self._coverage = range_bearing_sensor, extractor, coverage
+        self._range_bearing_sensor, self._extractor = range_bearing_sensor, extractor
+        self._coverage, self._appearance = coverage, appearance
         self.dropped: Counter[str] = Counter()
 
     @property
@@ -53,16 +63,16 @@ class Classifier:
         """F, components of the semantic feature: one per reported class, or those of a learned extractor."""
         if self._extractor is not None:
             return self._extractor.num_features
-        return len(self._network.components) if self._network is not None else 0
+        return len(self._network.class_names) if self._network is not None else 0
 
     def measure(self, frame: Frame, sequence: int, T_base_camera: Array) -> SemanticMeasurements:
         """Measurements of the frame's usable detections; ``T_base_camera`` is the (7,) pose of the optical frame."""
         kept = self._usable_detections(frame)
         rows = frame.detections.take(np.array(kept, dtype=np.intp))
         boxes = rows.boxes.reshape(-1, 4)
-        samples, total_entropy, model_part = self._dropout_samples(frame, kept)
+        samples, total_entropy, model_part, recognised = self._dropout_samples(frame, kept)
         features, covariances = self._features(frame, boxes, samples)
-        sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
+        places, are_told = self._places(frame, rows, T_base_camera)
         return SemanticMeasurements(
             stamp_ns=frame.stamp_ns,
             sequence=sequence,
@@ -78,17 +88,35 @@ class Classifier:
             feature_covariances=covariances,
             predictive_entropy=total_entropy,
             mutual_information=model_part,
-            ranges_m=np.array([item.range_m for item in sensed], dtype=np.float64),
-            bearings_rad=np.array([item.bearing_rad for item in sensed], dtype=np.float64),
-            geometric_covariances=_stacked_covariances(sensed),
+            ranges_m=places.ranges_m,
+            bearings_rad=places.bearings_rad,
+            geometric_covariances=places.covariances[:, :2, :2],
             sensor_position=np.asarray(T_base_camera[:3], dtype=np.float64),
-            in_coverage=self._in_coverage(features, covariances),
+            in_coverage=recognised & self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
             free_range_scan=_free_range_scan(frame, T_base_camera),
-            elevations_rad=np.array([elevation(box, frame.camera, T_base_camera) for box in boxes]),
+            elevations_rad=places.elevations_rad,
+            place_covariances=np.where(are_told[:, None, None], places.covariances, np.nan),
             class_scores=left_out() if self._network is not None else rows.class_scores,
             embeddings=rows.embeddings,
         )
+
+    def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags]:
+        """Places that detections tell themselves, with a range, else what box and depth show; and which are told."""
+        boxes = rows.boxes.reshape(-1, 4)
+        sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
+        covariances = np.full((len(boxes), 3, 3), np.nan)
+        covariances[:, :2, :2] = np.array([item.covariance for item in sensed], dtype=np.float64).reshape(-1, 2, 2)
+        shown = Places(
+            np.array([item.range_m for item in sensed], dtype=np.float64),
+            np.array([item.bearing_rad for item in sensed], dtype=np.float64),
+            np.array([elevation(box, frame.camera, T_base_camera) for box in boxes], dtype=np.float64),
+            covariances,
+        )
+        told = told_places(rows)
+        is_told = np.isfinite(told.bearings_rad) & (told.ranges_m > 0.0) & (told.ranges_m < np.inf)
+        is_told &= told.are_covariances_usable()
+        return told.where(is_told, shown), is_told
 
     def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
         """(D, F) semantic features and (D, F, F) their covariances: over the passes, none with a learned extractor."""
@@ -121,23 +149,29 @@ class Classifier:
         known = self._settings.labels
         return f"unknown label '{label}'" if known and label not in known else ""
 
-    def _dropout_samples(self, frame: Frame, kept: list[int]) -> tuple[Array, Array, Array]:
-        """(D, T, C) samples of the reported components, and the two (D,) uncertainties over all outputs."""
+    def _dropout_samples(self, frame: Frame, kept: list[int]) -> tuple[Array, Array, Array, Flags]:
+        """(D, T, C) samples of the reported classes, the two (D,) uncertainties over all outputs, and (D,) whether the
+        crops look like those of known objects.
+        """
+        recognised = np.ones(len(kept), dtype=np.bool_)
         if self._network is None:
             names = len(frame.detections.class_names)
-            return np.zeros((len(kept), 0, names)), np.full(len(kept), np.nan), np.full(len(kept), np.nan)
-        network, columns = self._network.network, list(self._network.components)
+            return np.zeros((len(kept), 0, names)), np.full(len(kept), np.nan), np.full(len(kept), np.nan), recognised
+        network = self._network.network
         passes = self._settings.num_passes
-        samples = np.empty((len(kept), passes, len(columns)))
+        samples = np.empty((len(kept), passes, len(self.class_names)))
         total_entropy, model_part = np.empty(len(kept)), np.empty(len(kept))
         for row, index in enumerate(kept):
             crop = square_crop(frame.image, frame.detections.boxes[index], network.input_size)
             generator = dropout_generator(self._seed, frame.stamp_ns, index)
-            whole = class_probability_samples(network, crop, passes, generator)
-            samples[row] = whole[:, columns]
+            once = seen(network, crop)
+            whole = samples_of_head(network, once.descriptor, passes, generator)
+            samples[row] = self._network.reported(whole)
             total_entropy[row] = uncertainty.predictive_entropy(whole)
             model_part[row] = uncertainty.mutual_information(whole)
-        return samples, total_entropy, model_part
+            if self._appearance is not None:
+                recognised[row] = self._appearance.recognise(once.appearance)
+        return samples, total_entropy, model_part, recognised
 
 
 def _free_range_scan(frame: Frame, T_base_camera: Array) -> Array:
@@ -145,7 +179,3 @@ def _free_range_scan(frame: Frame, T_base_camera: Array) -> Array:
     if frame.depth_m is None:
         return np.zeros((0, 2))
     return farthest_free_ranges(frame.depth_m, frame.camera, T_base_camera)
-
-
-def _stacked_covariances(sensed: list[RangeBearing]) -> Array:
-    return np.array([item.covariance for item in sensed], dtype=np.float64).reshape(-1, 2, 2)

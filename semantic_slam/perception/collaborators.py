@@ -37,6 +37,13 @@ class CoverageCheck(Protocol):
         """Whether some class shows a feature (F,) with its dropout covariance (F, F) in some direction."""
 
 
+class AppearanceCheck(Protocol):
+    """Whether a picture looks like those of known objects: novelty that shows whatever classes the network names."""
+
+    def recognise(self, feature: Array) -> bool:
+        """Whether the trunk's features (K,) of a crop are like those of known objects."""
+
+
 def crop_features(extractor: FeatureExtractor, image: Bytes, boxes: Array) -> Array:
     """(D, F) learned features of the objects in (D, 4) boxes of an RGB image."""
     size = extractor.input_size

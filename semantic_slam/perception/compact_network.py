@@ -43,6 +43,18 @@ class CompactNetwork(nn.Module):  # type: ignore[misc]  # torch is not followed 
         """Dropout and linear layers, (N, 1536) to (N, C)."""
         return self.classifier
 
+    def appearance(self, images: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The descriptors, and the (N, 576) means and standard deviations over the maps of the four convolutions.
+
+        Its last map alone tells its few classes apart, and little else: what is no furniture shows before.
+        """
+        parts = []
+        for layer in self.features:
+            images = layer(images)
+            if isinstance(layer, nn.ReLU):
+                parts += [images.mean(dim=(2, 3)), images.std(dim=(2, 3))]
+        return torch.flatten(images, 1), torch.cat(parts, dim=1)
+
     def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, 64, 64, 3) RGB bytes to about zero mean and unit spread."""
         return normalised(crops, (0.5, 0.5, 0.5), (0.25, 0.25, 0.25))

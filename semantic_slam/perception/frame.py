@@ -73,3 +73,4 @@ class Frame:
     depth_m: NDArray[np.float32] | None  # (height, width) along the optical axis, NaN where invalid; None: no depth
     camera: CameraModel
     detections: Detections
+    T_base_camera: Array | None = None  # (7,) pose of the optical frame then; None: it is fixed to the body

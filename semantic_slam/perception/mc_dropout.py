@@ -1,6 +1,7 @@
 """Monte Carlo dropout: the trunk once, the head T times in one batch, every draw keyed."""
 
 import hashlib
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -20,21 +21,59 @@ def dropout_generator(seed: int, stamp_ns: int, detection_index: int) -> np.rand
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What the trunk makes of a picture, once for all dropout passes; no dropout lies in it."""
+
+    descriptor: torch.Tensor  # (1, ...) what the head is given
+    appearance: Array  # (K,) non-negative means over the trunk's maps
+
+
 def class_probability_samples(
     network: DropoutNetwork, crop: Bytes, num_passes: int, generator: np.random.Generator
 ) -> Array:
-    """(T, C) class probabilities of one (size, size, 3) crop, one row per dropout pass.
+    """(T, C) class probabilities of one (size, size, 3) crop, one row per dropout pass."""
+    with torch.inference_mode():
+        descriptor = network.trunk(network.normalise(crop[None]))
+    return samples_of_head(network, descriptor, num_passes, generator)
+
+
+def seen(network: DropoutNetwork, crop: Bytes) -> Seen:
+    """What the trunk makes of one (size, size, 3) crop.
 
     One detection at a time: a matrix product over several detections rounds differently with their number.
     """
     with torch.inference_mode():
-        descriptor = network.trunk(network.normalise(crop[None]))
-        logits = _head_with_dropout(network.head(), descriptor.expand(num_passes, -1), generator)
+        descriptor, appearance = network.appearance(network.normalise(crop[None]))
+        return Seen(descriptor, np.asarray(appearance[0].double().numpy()))
+
+
+def samples_of_head(
+    network: DropoutNetwork, descriptor: torch.Tensor, num_passes: int, generator: np.random.Generator
+) -> Array:
+    """(T, C) class probabilities that the head makes of a (1, ...) descriptor, one row per dropout pass."""
+    with torch.inference_mode():
+        passes = descriptor.expand(num_passes, *descriptor.shape[1:])
+        logits = _head_with_dropout(network.head(), passes, generator)
         return np.asarray(torch.softmax(logits.double(), dim=-1).numpy())
 
 
+def trunk_features(network: DropoutNetwork, crops: Bytes) -> Array:
+    """(N, K) non-negative means over the trunk's maps, of (N, size, size, 3) RGB crops: what is seen, classes apart."""
+    rows = [seen(network, crop).appearance for crop in crops]
+    return np.array(rows) if rows else np.zeros((0, 0))
+
+
+def probe_features(network: DropoutNetwork) -> Array:
+    """(K,) features of a picture that is the same everywhere, a fan of colours: they tell one network from another."""
+    ramp = np.linspace(0.0, 255.0, network.input_size)
+    columns, rows = np.meshgrid(ramp, ramp)
+    picture = np.stack([columns, rows, (columns * rows / 255.0 * 7.0) % 256.0], axis=-1)
+    return seen(network, picture.astype(np.uint8)).appearance
+
+
 def _head_with_dropout(head: nn.Sequential, values: torch.Tensor, generator: np.random.Generator) -> torch.Tensor:
-    """(T, K) to (T, C): what the head computes in training mode, with masks from ``generator``."""
+    """(T, ...) to (T, C): what the head computes in training mode, with masks from ``generator``."""
     for layer in head:
         values = _dropped(values, layer.p, generator) if isinstance(layer, nn.Dropout) else layer(values)
     return values

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from semantic_slam.geometry.arrays import Bytes
+from semantic_slam.geometry.arrays import Array, Bytes
 
 
 class DropoutNetwork(Protocol):
@@ -19,10 +19,13 @@ class DropoutNetwork(Protocol):
     input_size: int  # pixels, crops are input_size x input_size
 
     def trunk(self, images: torch.Tensor) -> torch.Tensor:
-        """(N, 3, size, size) normalised images to (N, K) descriptors; deterministic."""
+        """(N, 3, size, size) normalised images to (N, ...) descriptors; deterministic."""
 
     def head(self) -> nn.Sequential:
         """Layers from a descriptor to the logits; its nn.Dropout layers are the source of model uncertainty."""
+
+    def appearance(self, images: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The descriptors, and (N, K) what pictures look like: non-negative means over maps of the trunk."""
 
     def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, size, size, 3) RGB bytes to the (N, 3, size, size) input of the trunk."""
@@ -33,8 +36,17 @@ class ClassifierNetwork:
     """A loaded network and the meaning of its outputs."""
 
     network: DropoutNetwork
-    class_names: tuple[str, ...]  # (C,) names of the components that are reported
-    components: tuple[int, ...]  # (C,) indices into the network's outputs
+    class_names: tuple[str, ...]  # (C,) names of the classes that are reported
+    members: tuple[tuple[int, ...], ...]  # (C,) the network's outputs whose probabilities each of them sums up
+
+    def reported(self, probabilities: Array) -> Array:
+        """(..., C) probabilities of the reported classes of (..., outputs) of the network."""
+        return np.stack([probabilities[..., list(outputs)].sum(axis=-1) for outputs in self.members], axis=-1)
+
+
+def each_alone(outputs: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
+    """Members of classes that are one output each."""
+    return tuple((index,) for index in outputs)
 
 
 def normalised(crops: Bytes, mean: tuple[float, ...], scale: tuple[float, ...]) -> torch.Tensor:

@@ -16,7 +16,7 @@ from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.crops import IN_SHARES, is_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.places_geometry import Places, places_of_boxes, places_of_positions, places_of_ranges
+from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
 
 NO_PLACE = "detection without a place: neither range and bearing, nor position, nor a box that a known camera saw"
 BAD_RANGE = "range that is not above zero"
@@ -106,8 +106,7 @@ def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) 
 
 def _places(detections: Detections, camera: CameraModel | None, T_base_camera: Array | None) -> tuple[Places, Array]:
     """The places of all detections, and the (3,) point in the body frame from which those without range are seen."""
-    ranged, positioned = places_of_ranges(detections), places_of_positions(detections)
-    places = ranged.where(np.isfinite(ranged.bearings_rad), positioned)
+    places = told_places(detections)
     if np.isfinite(places.bearings_rad).any() or camera is None or T_base_camera is None:
         return places, np.zeros(3)
     return places_of_boxes(detections.boxes, camera, T_base_camera), np.asarray(T_base_camera[:3], dtype=np.float64)

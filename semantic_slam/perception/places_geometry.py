@@ -43,6 +43,12 @@ class Places:
         return np.asarray(np.isnan(block).all(axis=(1, 2)) | are_covariances(block) | bearing_alone)
 
 
+def told_places(detections: Detections) -> Places:
+    """What detections tell of their places themselves: range and bearing, which count before a position."""
+    ranged, positioned = places_of_ranges(detections), places_of_positions(detections)
+    return ranged.where(np.isfinite(ranged.bearings_rad), positioned)
+
+
 def places_of_ranges(detections: Detections) -> Places:
     """From distances, bearings and elevations; without an elevation a line of sight counts as level.
 

@@ -4,13 +4,15 @@ from functools import partial
 
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_extractor
-from semantic_slam.class_models.viewpoint_models import load_model
-from semantic_slam.configuration import Configuration, SemanticModelConfiguration
+from semantic_slam.class_models.viewpoint_models import load_appearance, load_model
+from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.perception.classifier import Classifier
-from semantic_slam.perception.collaborators import CoverageCheck
+from semantic_slam.perception.collaborators import AppearanceCheck, CoverageCheck
+from semantic_slam.perception.mc_dropout import probe_features
 from semantic_slam.perception.network import ClassifierNetwork
 from semantic_slam.perception.range_bearing import range_and_bearing
 from semantic_slam.perception.weights import load_network
+from semantic_slam.viewpoint.appearance import KnownPictures
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.novelty import KnownViews
 
@@ -19,7 +21,7 @@ def build_classifier(configuration: Configuration) -> Classifier:
     """Load the network and the class models. Raises InputError when their files are missing or wrong."""
     settings, semantic_model = configuration.perception, configuration.semantic_model
     network, extractor = _network(configuration), load_extractor(semantic_model)
-    num_features = len(network.components) if network is not None else 0
+    num_features = len(network.class_names) if network is not None else 0
     if extractor is not None:
         num_features = extractor.num_features
     return Classifier(
@@ -29,13 +31,25 @@ def build_classifier(configuration: Configuration) -> Classifier:
         range_bearing_sensor=partial(range_and_bearing, configuration=settings),
         extractor=extractor,
         coverage=_coverage(semantic_model, num_features),
+        appearance=_appearance(semantic_model, settings, network),
     )
 
 
 def _network(configuration: Configuration) -> ClassifierNetwork | None:
-    """The network, or None where the detector's own words are the evidence of classes. Raises InputError."""
-    is_asked = class_model_kind(configuration.semantic_model).labels is None
+    """The network, or None where the detector's own words or vectors are the evidence. Raises InputError."""
+    kind = class_model_kind(configuration.semantic_model)
+    is_asked = kind.labels is None and kind.embeddings is None
     return load_network(configuration.perception) if is_asked else None
+
+
+def _appearance(
+    settings: SemanticModelConfiguration, perception: PerceptionConfiguration, network: ClassifierNetwork | None
+) -> AppearanceCheck | None:
+    """What tells pictures of other things; None where the models do not tell, or were fitted with another network."""
+    known = load_appearance(settings) if network is not None and perception.novelty_false_alarms else None
+    if network is None or known is None or not known.is_about(probe_features(network.network)):
+        return None
+    return KnownPictures(known, perception.novelty_false_alarms)
 
 
 def _coverage(settings: SemanticModelConfiguration, num_features: int) -> CoverageCheck | None:

@@ -16,9 +16,10 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.images import check_unit, decode_depth, decode_image, size_of
-from semantic_slam.messages.sensor import camera_model, plain_frame
+from semantic_slam.messages.sensor import TransformTree, camera_model, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
+from semantic_slam.pipeline.moving_camera import MovingCamera
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 
 MAX_IMAGES_WAITING = 300
@@ -31,11 +32,20 @@ class FrameAssembler:
     ``dropped`` counts, by reason, every message that could not be used; images between detections are not among them.
     """
 
-    def __init__(self, configuration: Configuration, has_depth: bool) -> None:
-        """``has_depth``: whether this run has a depth topic; without it every frame is bearing only."""
+    def __init__(
+        self, configuration: Configuration, has_depth: bool, fixed_transforms: TransformTree | None = None
+    ) -> None:
+        """``has_depth``: whether this run has a depth topic; without it every frame is bearing only.
+
+        ``fixed_transforms``: those of /tf_static, where /tf may tell how the camera moves on the robot.
+        """
         self.dropped: Counter[str] = Counter()
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
         self._has_depth = has_depth
+        self._base_frame = configuration.perception.base_frame
+        self._moving: MovingCamera | None = None
+        if fixed_transforms is not None and not configuration.perception.extrinsics:
+            self._moving = MovingCamera(self._base_frame, fixed_transforms, self.dropped)
         self._tolerance_ns = round(configuration.perception.sync_tolerance_s * NANOSECONDS)
         self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self.dropped)
         self._images: StampedBuffer[Any] = StampedBuffer(topics.IMAGE, self.dropped, MAX_IMAGES_WAITING)
@@ -54,6 +64,11 @@ class FrameAssembler:
         """sensor_msgs/Image or CompressedImage with depth."""
         self._depths.add(header_stamp_ns(message), message)
 
+    def add_transforms(self, message: Any) -> None:
+        """tf2_msgs/TFMessage with transforms that move."""
+        if self._moving is not None:
+            self._moving.add(message)
+
     def add_detections(self, message: Any) -> None:
         """semantic_slam_msgs/DetectionArray."""
         try:
@@ -69,7 +84,8 @@ class FrameAssembler:
 
         A lossless replay that waited for them would keep back the very message that judges the held one.
         """
-        return 0 if self._images.is_holding or self._depths.is_holding else len(self._detections)
+        holds = self._moving is not None and self._moving.is_holding
+        return 0 if holds or self._images.is_holding or self._depths.is_holding else len(self._detections)
 
     def take(self) -> list[Frame]:
         """Frames that are complete by now, in the order of their stamps."""
@@ -79,6 +95,8 @@ class FrameAssembler:
         """All that is left, once no more messages will come."""
         for buffer in (self._detections, self._images, self._depths):
             buffer.release()
+        if self._moving is not None:
+            self._moving.release()
         return self._frames(at_end=True)
 
     def _frames(self, at_end: bool) -> list[Frame]:
@@ -90,11 +108,16 @@ class FrameAssembler:
                 frames.append(frame)
             self._images.forget_before(detections.stamp_ns - self._tolerance_ns)
             self._depths.forget_before(detections.stamp_ns - self._tolerance_ns)
+            if self._moving is not None:
+                self._moving.forget_before(detections.stamp_ns - self._tolerance_ns)
         return frames
 
     def _is_decided(self, stamp_ns: int) -> bool:
         buffers = [self._images, self._depths] if self._has_depth else [self._images]
-        return self.camera is not None and all(buffer.has_reached(stamp_ns) for buffer in buffers)
+        if self.camera is None or not all(buffer.has_reached(stamp_ns) for buffer in buffers):
+            return False
+        moving = self._moving_camera(self.camera)
+        return moving is None or moving.is_known(self.camera.frame_id, stamp_ns)
 
     def _frame(self, detections: Detections) -> Frame | None:
         """The frame of these detections; None, counted, when image, camera or frame id are missing or wrong."""
@@ -106,7 +129,17 @@ class FrameAssembler:
         pixels = self._pixels(decode_image, image, topics.IMAGE, camera)
         if pixels is None:
             return None
-        return Frame(detections.stamp_ns, pixels, self._depth(detections.stamp_ns, camera), camera, detections)
+        stamp_ns, moving = detections.stamp_ns, self._moving_camera(camera)
+        T_base_camera = None if moving is None else moving.pose(camera.frame_id, stamp_ns, self._tolerance_ns)
+        if moving is not None and T_base_camera is None:
+            base_frame = self._base_frame
+            self.dropped[f"{topics.DETECTIONS}: no {topics.TF} from {base_frame} to '{camera.frame_id}' then"] += 1
+            return None
+        return Frame(stamp_ns, pixels, self._depth(stamp_ns, camera), camera, detections, T_base_camera)
+
+    def _moving_camera(self, camera: CameraModel) -> MovingCamera | None:
+        """What tells where the camera is, None where that is fixed."""
+        return None if self._moving is None or self._moving.is_fixed(camera.frame_id) else self._moving
 
     def _depth(self, stamp_ns: int, camera: CameraModel) -> NDArray[np.float32] | None:
         """Depth for the frame of this stamp; None where it is missing or broken, counted: those are bearing only."""

@@ -24,6 +24,7 @@ class InputTopics:
     camera_info: str
     depth: str
     identities: str
+    transforms: str = ""
 
     @property
     def has_images(self) -> bool:
@@ -61,6 +62,7 @@ def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:
         camera_info=names[topics.CAMERA_INFO],
         depth=names[topics.DEPTH_COMPRESSED] or names[topics.DEPTH],
         identities=names[topics.GROUND_TRUTH_ASSOCIATIONS],
+        transforms=names[topics.TF],
     )
 
 

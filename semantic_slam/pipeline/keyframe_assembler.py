@@ -28,6 +28,7 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.same_outline import joined
 from semantic_slam.perception.usable_measurements import usable
 from semantic_slam.pipeline.motion import (
     OdometryPoint,
@@ -99,7 +100,11 @@ class KeyframeAssembler:
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
         """The measurements of one frame; detections that are no measurements are dropped."""
-        self._measurements.add(measurements.stamp_ns, usable(measurements, topics.MEASUREMENTS, self.dropped))
+        told = usable(measurements, topics.MEASUREMENTS, self.dropped)
+        found = joined(told, self._configuration.perception.same_outline)
+        if len(found) < len(told):
+            self.dropped[f"{topics.MEASUREMENTS}: boxes joined to one with the same outline"] += len(told) - len(found)
+        self._measurements.add(measurements.stamp_ns, found)
 
     def add_identities(self, identities: GroundTruthAssociations) -> None:
         """Object ids of the detections of one frame, used with ``association: given``."""

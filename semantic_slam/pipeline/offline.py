@@ -133,7 +133,11 @@ class OfflineRun:
         self.max_keyframes: int | None = None
         self._perception, self._found, self._preamble = configuration.perception, found, preamble
         self._inference, self._writer = inference, writer
-        self._frames = FrameAssembler(configuration, has_depth=bool(found.depth))
+        self._frames = FrameAssembler(
+            configuration,
+            has_depth=bool(found.depth),
+            fixed_transforms=preamble.transforms if found.transforms else None,
+        )
         self._keyframes = KeyframeAssembler(configuration, has_identities=bool(found.identities))
         self._classifier = build_classifier(configuration) if found.has_images else None
         self._places = PlacesAssembler(configuration, self._camera_pose)
@@ -150,6 +154,8 @@ class OfflineRun:
                 found.camera_info: self._frames.add_camera_info,
                 found.detections: self._frames.add_detections,
             }
+            if found.transforms:
+                handlers[found.transforms] = self._frames.add_transforms
             if found.depth:
                 handlers[found.depth] = self._frames.add_depth
         elif not found.has_places_alone:
@@ -219,7 +225,9 @@ class OfflineRun:
         for frame in frames:
             if self._classifier is None or self.is_done:
                 return
-            T_base_camera = self._camera_pose(frame.camera.frame_id)
+            T_base_camera = frame.T_base_camera
+            if T_base_camera is None:
+                T_base_camera = self._camera_pose(frame.camera.frame_id)
             measured = self._classifier.measure(frame, self.num_frames, T_base_camera)
             dropped = self._frames.dropped.total() + self._classifier.dropped.total()
             self._add_measurements(replace(measured, dropped=dropped))

@@ -29,7 +29,8 @@ class DescriptorFigures:
 def descriptor_figures(analysis: Analysis) -> DescriptorFigures | None:
     """Descriptor figures of the last belief; None for a run without descriptors."""
     last = analysis.record.beliefs[-1]
-    seen = [row for row, n in enumerate(last.object_ids) if analysis.detection_counts[int(n)]]
+    has_one = np.asarray(np.isfinite(last.descriptors).all(axis=1))
+    seen = [row for row, n in enumerate(last.object_ids) if analysis.detection_counts[int(n)] and has_one[row]]
     if not last.descriptors.shape[1] or not seen:
         return None
     mean, sigma = last.descriptors[seen], np.sqrt(last.descriptor_covariances[seen])

@@ -10,6 +10,7 @@ import numpy as np
 from semantic_slam.evaluation.evaluate import Evaluation, evaluate
 from semantic_slam.evaluation.history import associated_objects, best_history, best_index, lineage
 from semantic_slam.evaluation.record import Record, json_object
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
@@ -153,8 +154,7 @@ def map_prior(record: Record) -> MapPrior:
                 covariance=last.object_covariances[row],
                 class_probabilities=dict(zip(last.class_names, last.class_probabilities[row].tolist(), strict=True)),
                 existence=float(last.existence[row]),
-                descriptor=last.descriptors[row],
-                descriptor_variance=last.descriptor_covariances[row],
+                **_descriptor(last, row),
             )
             for row, number in enumerate(last.object_ids)
             if np.isfinite(last.object_poses[row]).all() and np.isfinite(last.object_covariances[row]).all()
@@ -162,6 +162,12 @@ def map_prior(record: Record) -> MapPrior:
         ),
         str(settings.get("space", "")),
     )
+
+
+def _descriptor(belief: HybridBelief, row: int) -> dict[str, Array]:
+    """What is known of an object's descriptor; nothing where that is not a number."""
+    mean, variance = belief.descriptors[row], belief.descriptor_covariances[row]
+    return {"descriptor": mean, "descriptor_variance": variance} if np.isfinite([mean, variance]).all() else {}
 
 
 def tum_lines(analysis: Analysis) -> str:

@@ -1,5 +1,6 @@
 """The objects of a map: the table's rows and how their class probabilities came about."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.charts import time_plot
 from semantic_slam.report.document import MOVES, Analysis
 from semantic_slam.report.ellipse import ellipses
+from semantic_slam.report.frames import CropView
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
@@ -41,6 +43,7 @@ class ObjectView:
     detections: int
     course: Markup | None
     doubt: Markup | None  # mutual information against keyframe, None where the run does not state it
+    crop: CropView | None  # what it looks like, None without pictures
 
     @property
     def certain(self) -> bool:
@@ -52,8 +55,10 @@ class ObjectView:
         return not self.existence < EXISTS
 
 
-def object_views(analysis: Analysis, colours: list[str]) -> list[ObjectView]:
-    """All objects of the last belief, by id."""
+def object_views(
+    analysis: Analysis, colours: list[str], crops: Mapping[int, CropView] | None = None
+) -> list[ObjectView]:
+    """All objects of the last belief, by id, with what those look like of which ``crops`` has a picture."""
     last = analysis.record.beliefs[-1]
     drawn = set(_worth_a_picture(analysis))
     return [
@@ -63,12 +68,20 @@ def object_views(analysis: Analysis, colours: list[str]) -> list[ObjectView]:
             row,
             courses_svg(analysis, int(number), colours) if int(number) in drawn else None,
             doubt_svg(analysis, int(number)) if int(number) in drawn else None,
+            (crops or {}).get(int(number)),
         )
         for row, number in enumerate(last.object_ids)
     ]
 
 
-def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | None, doubt: Markup | None) -> ObjectView:
+def _view(
+    analysis: Analysis,
+    last: HybridBelief,
+    row: int,
+    course: Markup | None,
+    doubt: Markup | None,
+    crop: CropView | None,
+) -> ObjectView:
     number = int(last.object_ids[row])
     probabilities = last.class_probabilities[row]
     best = int(np.argmax(probabilities)) if len(probabilities) else -1
@@ -91,6 +104,7 @@ def _view(analysis: Analysis, last: HybridBelief, row: int, course: Markup | Non
         detections=analysis.detection_counts[number],
         course=course,
         doubt=doubt,
+        crop=crop,
     )
 
 

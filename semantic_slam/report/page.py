@@ -1,7 +1,7 @@
 """The page: one HTML file with everything inside, readable without a network."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from semantic_slam.report.comparison import Run
 from semantic_slam.report.comparison_view import comparison_view
 from semantic_slam.report.descriptors import descriptor_figures
 from semantic_slam.report.explanation_charts import explanation_charts
-from semantic_slam.report.frames import frame_views
+from semantic_slam.report.frames import FrameView, picture_views
 from semantic_slam.report.metrics_table import metric_rows
 from semantic_slam.report.noise_charts import noise_charts
 from semantic_slam.report.objects import object_views
@@ -31,8 +31,8 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
     last = record.beliefs[-1]
     colours = colours_by_weight(np.nan_to_num(last.existence) @ last.class_probabilities)
     classes = list(zip(last.class_names, colours, strict=True))
-    objects = object_views(analysis, colours)
-    frames, no_frames = frame_views(analysis, source_bag, colours)
+    pictures = picture_views(analysis, source_bag, colours)
+    objects = object_views(analysis, colours, pictures.crops)
     return (
         environment()
         .get_template("report.html")
@@ -58,14 +58,35 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
             noise_charts=noise_charts(record.beliefs),
             truth_charts=truth_charts(evaluation, record.beliefs) if evaluation else [],
             metrics=metric_rows(evaluation.metrics) if evaluation else [],
-            frames=frames,
-            no_frames=no_frames,
+            frames=pictures.frames,
+            no_frames=pictures.why_none,
+            has_crops=bool(pictures.crops),
+            judges_models=any(view.mutual_information == view.mutual_information for view in objects)
+            or not all(view.in_coverage for view in objects),
+            has_words=any(box.told for frame in pictures.frames for box in frame.boxes),
             configuration=flat(analysis.configuration),
             dropped=record.dropped,
-            scene=plain(scene(analysis, colours)),
+            scene=plain({**scene(analysis, colours), "pictures": slider_pictures(pictures.slider)}),
             moments=[(place, record.beliefs[place].keyframe) for place in moments(record.beliefs)],
         )
     )
+
+
+def slider_pictures(views: Mapping[int, FrameView]) -> list[dict[str, Any]]:
+    """The slider's pictures as the page's script shows them, by the place ``i`` of their keyframe."""
+    return [
+        {
+            "i": row,
+            "data": view.data,
+            "width": view.width,
+            "height": view.height,
+            "boxes": [
+                [box.left, box.top, box.width, box.height, box.colour, box.verdict, box.places, box.text, box.told]
+                for box in view.boxes
+            ],
+        }
+        for row, view in sorted(views.items())
+    ]
 
 
 def environment() -> jinja2.Environment:

@@ -47,7 +47,7 @@ class BackendNode(PipelineNode):
 
     def _follow(self, topic: str, profile: QoSProfile) -> None:
         def handle(data: bytes) -> None:
-            self._send(self._rounds.take(data, topics.TYPES[topic]))
+            self._send(self._rounds.take(data, topics.TYPES[topic], more=self.worker.has_more))
             self._status = dropped_status(self._rounds.dropped)
 
         self.listen(topic, handle, profile)

@@ -1,5 +1,8 @@
 """Node ``bag_player``: any rosbag2 onto the topics, in real time, faster, or losslessly in lock-step.
 
+It begins where the hypothesis manager stands: at the bag's start, or in a run that goes on shortly before the newest
+frame done with.
+
 Parameters:
   bag                   rosbag2 folder, .mcap or .db3
   rate                  0 (default): lossless lock-step; 1: real time; more: faster
@@ -22,18 +25,28 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import decode, encode
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.standard import time_message
-from semantic_slam.messages.topics import CLASSIFIER_PROGRESS, CLOCK, MANAGER_PROGRESS, PLAYER_PROGRESS, TYPES
+from semantic_slam.messages.topics import (
+    CAMERA_INFO,
+    CLASSIFIER_PROGRESS,
+    CLOCK,
+    MANAGER_PROGRESS,
+    PLAYER_PROGRESS,
+    TYPES,
+)
 from semantic_slam.messages.typestore import message_class, serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.flow_control import Credit
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.playlist import Playlist, parse_remaps
+from semantic_slam.ros.resumption import FROM_THE_START, Resumption, resumption
 from semantic_slam.ros.transport import Outlet, is_installed, private_name, receive, relative_name
 
 STALL_S = 30.0
-GONE_S = 10.0
+GONE_S = 30.0
 """A manager that is missing for so long, besides the time that DDS needs to notice, does not come back."""
+GRACE_S = 1.0
+"""For which a manager may be unknown although somebody listens to the inputs."""
 RECORDERS = ("bag_recorder",)
 SECOND = 1_000_000_000
 
@@ -53,6 +66,8 @@ class BagPlayer(PipelineNode):
             raise InputError("bag_player: parameter bag is empty; name the bag to replay")
         self._bag = Path(bag)
         self._finished = threading.Event()
+        self._stands = threading.Event()  # the manager has said where
+        self._done_stamp_ns = 0  # of the newest frame done with
         self._sent = 0
         self._stamp_ns = 0
         self._had_manager = False
@@ -77,16 +92,20 @@ class BagPlayer(PipelineNode):
     def _manager_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, TYPES[MANAGER_PROGRESS])
         self._credit.done(progress.frames)
+        self._done_stamp_ns = progress.stamp_ns
+        self._stands.set()
         if progress.finished:
             self._finished.set()
 
     def _play(self, _: None) -> None:
         self._wait_for_listeners()
+        self._wait_for_manager()
         damage = None
         with BagReader(self._bag) as bag, self._progress_bar(bag) as bar:
+            start = self._start(bag)
             self._send_latched(bag)
             try:
-                self._send_rest(bag, bar)
+                self._send_rest(bag, bar, start)
             except InputError as fault:  # the part before the damage is replayed to its end
                 damage = fault
             self._end_of_bag(bar)
@@ -110,6 +129,24 @@ class BagPlayer(PipelineNode):
                 return
             time.sleep(0.02)
 
+    def _wait_for_manager(self) -> None:
+        """Until the manager has said where it stands; there may be none."""
+        since_s = time.monotonic()
+        while rclpy.ok() and not self._stands.wait(0.05):
+            waited_s = time.monotonic() - since_s
+            if waited_s > GRACE_S and (waited_s > self._wait_s or not self.count_publishers(self._manager_topic)):
+                return
+
+    def _start(self, bag: BagReader) -> Resumption:
+        """Where to begin; the frames before count as sent."""
+        if not self._done_stamp_ns:
+            return FROM_THE_START
+        frames = [topic for topic, item in self._playlist.items.items() if item.is_frame]
+        start = resumption(bag.messages(frames), self._done_stamp_ns)
+        self._sent = start.frame
+        self.get_logger().info(f"{self._bag}: goes on with frame {start.frame}")
+        return start
+
     def _send_latched(self, bag: BagReader) -> None:
         """What later messages are understood by (initial pose, static transforms) goes first and arrives first."""
         latched = [topic for topic, item in self._playlist.items.items() if item.is_latched]
@@ -118,12 +155,19 @@ class BagPlayer(PipelineNode):
         for topic in latched:
             self._outlets[topic].wait_for_acknowledgement()
 
-    def _send_rest(self, bag: BagReader, bar: tqdm) -> None:
-        pace = Pace(self._rate)
+    def _send_rest(self, bag: BagReader, bar: tqdm, start: Resumption) -> None:
+        pace, frame, cameras = Pace(self._rate), -1, set[str]()
         for message in bag.messages([topic for topic, item in self._playlist.items.items() if not item.is_latched]):
             if not rclpy.ok():
                 return
-            if self._playlist.items[message.topic].is_frame:
+            item = self._playlist.items[message.topic]
+            frame += item.is_frame
+            # The first camera_info counts, wherever a replay goes on.
+            is_first_camera = item.name == CAMERA_INFO and message.topic not in cameras
+            cameras.add(message.topic)
+            if not (is_first_camera or start.takes(message, frame if item.is_frame else None)):
+                continue
+            if item.is_frame:
                 self._wait_for_credit(bar)
                 self._sent += 1
             pace.wait(message.stamp_ns)

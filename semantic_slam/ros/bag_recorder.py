@@ -3,6 +3,7 @@
 Parameters:
   bag        folder of the belief bag
   overwrite  true: an old bag is replaced once the new one is whole (default false)
+  resume     true: go on with a bag whose recorder was killed (default false)
   lossless   true in a replay by bag_player at rate 0 (default false)
 """
 
@@ -11,21 +12,27 @@ from pathlib import Path
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
 
+from semantic_slam.bag.continuation import Continuation, unfinished_bag
+from semantic_slam.bag.mcap_stream import RawMessage
+from semantic_slam.bag.names import absolute
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.outputs import LEAVE_OF_NODES, claimed_bag
+from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
 from semantic_slam.ros import qos
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.transport import is_installed
 
 RESULTS = (topics.MEASUREMENTS, topics.BELIEF, topics.POSE)
 FLUSH_S = 0.5
 """How often what was recorded is handed to the operating system: no more is lost when this process is killed."""
+STAMP_END = 12
+"""Bytes of a serialised message up to the end of its header's stamp."""
 NEWEST = (topics.RUN_CONFIGURATION, topics.PATH, topics.MARKERS)
 
 
@@ -36,14 +43,14 @@ class BagRecorder(PipelineNode):
         super().__init__("bag_recorder")
         path = str(self.declare_parameter("bag", "").value)
         overwrite = bool(self.declare_parameter("overwrite", False).value)
+        resume = bool(self.declare_parameter("resume", False).value)
         refuse_undeclared(self)
         if not path:
             raise InputError("bag_recorder: parameter bag is empty; name the bag to write")
-        self._claim = claimed_bag(Path(path), (), overwrite, LEAVE_OF_NODES)
-        self._writer = BagWriter(self._claim.__enter__())
-        self._writer.__enter__()
+        self._repeats = Repeats()
         self._stamp_ns = 0  # the newest stamp so far, for messages without one
-        self._num_beliefs = 0
+        self._num_beliefs, self._belief_stamp_ns = 0, -1
+        self._begin(Path(path), overwrite, unfinished_bag(Path(path)) if resume else None)
         for topic in RESULTS:
             self._record(topic, qos.result(self.lossless))
         for topic in NEWEST:
@@ -53,6 +60,33 @@ class BagRecorder(PipelineNode):
             self._record(topic, qos.sensor_input(topic, self.lossless))
         self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched())
         self.create_timer(FLUSH_S, self._queue_flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _begin(self, path: Path, overwrite: bool, unfinished: Path | None) -> None:
+        """Open the bag, and take over what a recorder left that was killed."""
+        self._is_resumed = unfinished is not None
+        if unfinished is None:
+            self._claim = claimed_bag(path, (), overwrite, LEAVE_OF_NODES)
+            self._writer = BagWriter(self._claim.__enter__())
+            self._writer.__enter__()
+            return
+        self._claim = claimed_again(path, unfinished)
+        earlier = Continuation(self._claim.__enter__())
+        self._writer = BagWriter(unfinished)
+        self._writer.__enter__()
+        for message, definition in earlier.messages():
+            self._take_over(message, definition)
+        self._writer.flush()
+        earlier.done()
+        self.get_logger().info(f"{path}: goes on after keyframe {self._num_beliefs - 1}")
+
+    def _take_over(self, message: RawMessage, definition: str) -> None:
+        if self._repeats.is_known(message.topic, _key(message.topic, message.cdr)):
+            return
+        if message.topic == topics.BELIEF:
+            belief = deserialize(message.cdr, message.type_name)
+            self._num_beliefs, self._belief_stamp_ns = int(belief.keyframe) + 1, header_stamp_ns(belief)
+        self._stamp_ns = max(self._stamp_ns, message.stamp_ns)
+        self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns, definition)
 
     def close(self) -> None:
         """Write the bag's index; what was received is readable from then on, and takes an old bag's place if whole."""
@@ -71,21 +105,45 @@ class BagRecorder(PipelineNode):
 
     def _write(self, topic: str, data: bytes) -> None:
         message = deserialize(data, topics.TYPES[topic])
-        if topic == topics.BELIEF:
-            self._check_sequence(int(message.keyframe))
         stamp_ns = header_stamp_ns(message) if hasattr(message, "header") else 0
+        if self._is_repeated(topic, data) or (topic == topics.BELIEF and not self._is_due(message.keyframe, stamp_ns)):
+            return
         self._stamp_ns = max(self._stamp_ns, stamp_ns)
         if self._stamp_ns:  # before the first stamp there are but diagnostics of nodes that wait, which repeat
             self._writer.write_raw(topic, topics.TYPES[topic], data, stamp_ns or self._stamp_ns)
 
-    def _check_sequence(self, keyframe: int) -> None:
-        if keyframe != self._num_beliefs:
+    def _is_repeated(self, topic: str, data: bytes) -> bool:
+        """Whether a replay that goes on after a death brings what is recorded."""
+        is_of_replay = self.lossless and topic != topics.DIAGNOSTICS
+        return is_of_replay and self._repeats.is_known(absolute(topic), _key(topic, data))
+
+    def _is_due(self, keyframe: int, stamp_ns: int) -> bool:
+        """Whether a belief is new; raises SemanticSlamError when some before it were lost."""
+        if keyframe < self._num_beliefs:  # of a manager that was started again
+            return False
+        if keyframe != self._num_beliefs and not (self._is_resumed and not self.lossless):
             raise SemanticSlamError(f"keyframe {keyframe} came where {self._num_beliefs} was due: beliefs were lost")
-        self._num_beliefs += 1
+        if keyframe != self._num_beliefs:
+            self.get_logger().warning(f"keyframes {self._num_beliefs} to {keyframe - 1} were not recorded")
+        self._num_beliefs, self._belief_stamp_ns = keyframe + 1, stamp_ns
+        return True
 
     def _manager_progress(self, data: bytes) -> None:
-        if decode(data, topics.TYPES[topics.MANAGER_PROGRESS]).finished:
-            self.when_drained(lambda _: self.end(), None)
+        progress = decode(data, topics.TYPES[topics.MANAGER_PROGRESS])
+        if progress.finished:
+            self.when_drained(self._end, progress.stamp_ns)
+
+    def _end(self, last_stamp_ns: int) -> None:
+        """End with the last belief, which may still be on its way to a recorder that was started again."""
+        if self._belief_stamp_ns >= last_stamp_ns:
+            self.end()
+        else:
+            self.when_drained(self._end, last_stamp_ns)
+
+
+def _key(topic: str, data: bytes) -> bytes:
+    """By what a message is known: a classifier that was started again measures the same, and counts from zero."""
+    return data[:STAMP_END] if topic == topics.MEASUREMENTS else data
 
 
 main = main_of(BagRecorder, __doc__ or "")

@@ -39,17 +39,25 @@ class BeliefPublisher:
             except InputError:
                 return  # counted where keyframes are assembled
 
-    def publish(self, belief: HybridBelief, T_previous_current: Array) -> None:
-        """``T_previous_current`` is the odometry of the belief's keyframe."""
-        self._belief.send(encode(belief))
+    def publish(self, belief: HybridBelief, T_previous_current: Array, *, is_repeated: bool = False) -> None:
+        """``T_previous_current`` is the odometry of the belief's keyframe.
+
+        Of a belief that ``is_repeated`` only what shows the newest state is published.
+        """
         estimate = pose_view(belief)
-        self._pose.send(encode(estimate))
+        if not is_repeated:
+            self._belief.send(encode(belief))
+            self._pose.send(encode(estimate))
         self._path.send(serialize(self._path_view.extended(estimate)))
         self._markers.send(serialize(self._markers_view.of(belief)))
         if self._T_odom_body is not None:
             self._T_odom_body = compose(self._T_odom_body, T_previous_current)
             if self._tf is not None:
                 self._tf.send(serialize(map_to_odom_view(estimate, self._T_odom_body)))
+
+    def repeat(self, belief: HybridBelief) -> None:
+        """Publish a belief whose publication may have been lost; whoever had it knows its keyframe."""
+        self._belief.send(encode(belief))
 
     def wait_for_acknowledgement(self) -> None:
         for outlet in (self._belief, self._pose, self._path, self._markers):

@@ -5,6 +5,7 @@ Without images it takes detections by the places that they tell, loads no networ
 Parameters, besides those of config/default.yaml:
   has_images       classify what is in the boxes (default true); false: detections tell places, or boxes of camera_info
   has_depth        wait for the depth of each image (default true); false: bearing only
+  has_moving_camera wait for the transform of /tf that moves the camera on its robot (default false)
   compressed       listen to image/compressed, else to image; not given: to the one that has a publisher
   depth_compressed listen to depth/compressed, else to depth; not given: to the one that has a publisher
   detections_type  type of topic detections; vision_msgs/msg/Detection2DArray or, without images, Detection3DArray
@@ -36,6 +37,7 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
 from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.transport import Outlet, is_installed, private_name, ros_type
 
 OURS = topics.TYPES[topics.DETECTIONS]
@@ -51,10 +53,12 @@ class ClassifierNode(PipelineNode):
         has_images = bool(self.declare_parameter("has_images", True).value)
         has_depth = bool(self.declare_parameter("has_depth", True).value)
         self._classifier = build_classifier(configuration) if has_images else None
-        self._frames = FrameAssembler(configuration, has_depth)
-        self._places = PlacesAssembler(configuration, self._sensor_pose)
         self._transforms = TransformTree()
+        moves = bool(self.declare_parameter("has_moving_camera", False).value) and is_installed(topics.TYPES[topics.TF])
+        self._frames = FrameAssembler(configuration, has_depth, self._transforms if moves else None)
+        self._places = PlacesAssembler(configuration, self._sensor_pose)
         self._dropped: Counter[str] = Counter()
+        self._repeats = Repeats()
         self._received = 0  # detection messages
         self._measured = 0
         self._announced = 0
@@ -63,6 +67,7 @@ class ClassifierNode(PipelineNode):
         self._progress = self._outlet(topics.CLASSIFIER_PROGRESS, qos.latched())
         self._listen(
             has_depth=has_depth,
+            has_moving_camera=moves,
             detections_type=str(self.declare_parameter("detections_type", OURS).value),
         )
         refuse_undeclared(self)
@@ -77,7 +82,7 @@ class ClassifierNode(PipelineNode):
     def _outlet(self, topic: str, profile: Any) -> Outlet:
         return Outlet(self, private_name(topic), topics.TYPES[topic], profile)
 
-    def _listen(self, *, has_depth: bool, detections_type: str) -> None:
+    def _listen(self, *, has_depth: bool, has_moving_camera: bool, detections_type: str) -> None:
         has_images = self._classifier is not None
         camera_info = self._decoded(topics.CAMERA_INFO, self._assembler.add_camera_info)
         profile = qos.sensor_input(topics.CAMERA_INFO, self.lossless)
@@ -95,6 +100,9 @@ class ClassifierNode(PipelineNode):
         if is_installed(topics.TYPES[topics.TF_STATIC]):
             handle = self._decoded(topics.TF_STATIC, self._transforms.add)
             self.listen(topics.TF_STATIC, handle, qos.sensor_input(topics.TF_STATIC, self.lossless))
+        if has_images and has_moving_camera:
+            handle = self._decoded(topics.TF, self._frames.add_transforms)
+            self.listen(topics.TF, handle, qos.sensor_input(topics.TF, self.lossless), required=True)
         self.listen(topics.PLAYER_PROGRESS, self._player_progress, qos.latched())
 
     def _look_for(
@@ -111,8 +119,9 @@ class ClassifierNode(PipelineNode):
 
     def _decoded(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
         def handle(data: bytes) -> None:
-            add(deserialize(data, topics.TYPES[topic]))
-            self._work()
+            if not self._is_repeated(topic, data):
+                add(deserialize(data, topics.TYPES[topic]))
+                self._work()
 
         return handle
 
@@ -123,6 +132,8 @@ class ClassifierNode(PipelineNode):
         foreign = None if type_name == OURS else ros_type(type_name)
 
         def add(data: bytes) -> None:
+            if self._is_repeated(topics.DETECTIONS, data):
+                return
             self._received += 1
             if foreign is None:
                 message = deserialize(data, OURS)
@@ -137,6 +148,10 @@ class ClassifierNode(PipelineNode):
             self._work()
 
         return add
+
+    def _is_repeated(self, topic: str, data: bytes) -> bool:
+        """Whether a player that was started again sends what this node has had."""
+        return self.lossless and self._repeats.is_known(topic, data)
 
     def _sensor_pose(self, frame_id: str) -> Array:
         """(7,) pose of a camera's optical frame, or of another sensor's, in the body frame; raises InputError."""
@@ -156,7 +171,9 @@ class ClassifierNode(PipelineNode):
         for frame in frames:
             assert self._classifier is not None
             try:
-                T_base_camera = self._sensor_pose(frame.camera.frame_id)
+                T_base_camera = frame.T_base_camera
+                if T_base_camera is None:
+                    T_base_camera = self._sensor_pose(frame.camera.frame_id)
             except InputError as fault:  # the transform may still come
                 self._dropped[str(fault)] += 1
                 continue

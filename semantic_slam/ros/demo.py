@@ -2,18 +2,21 @@
 
 import argparse
 import os
+import shutil
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from semantic_slam.cli.exit_codes import FAULT, CommandParser, program, run_main
 from semantic_slam.cli.needs import need_ros
 from semantic_slam.errors import InputError, SemanticSlamError
-from semantic_slam.outputs import add_overwrite, claimed_report
+from semantic_slam.outputs import add_overwrite, claimed_folder_again, claimed_report
 from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 DOMAINS = 50
 """ROS domains of demos that are told none, from 1 on; what runs beside them, such as tests, keeps to those above."""
 LAST_DOMAIN = 232
+JOURNAL = "journal"
 REPLAY_TIMEOUT_S = 3600.0
 
 
@@ -34,6 +37,7 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--rate", type=float, default=0.0, help="0 (default): lossless, 1: real time")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="default: %(default)s")
     add_overwrite(parser)
+    parser.add_argument("--resume", action="store_true", help="go on with a demo in --out that was broken off")
     return parser.parse_args(words)
 
 
@@ -41,20 +45,36 @@ def command() -> None:
     """Replay, record, report; raises SemanticSlamError with the last lines of a node that died."""
     arguments = parse()
     need_ros()
-    with claimed_report(arguments.out, [arguments.bag, arguments.config], arguments.overwrite) as out:
-        replay(arguments, out / "belief")
+    from semantic_slam.bag.continuation import METADATA
+
+    with output_of(arguments) as out:
+        if not (arguments.resume and (out / "belief" / METADATA).exists()):
+            replay(arguments, out / "belief")
         from semantic_slam.report.make import make_report
 
         paths = make_report(out / "belief", out, source_bag=arguments.bag)
+    shutil.rmtree(arguments.out / JOURNAL, ignore_errors=True)
     print(f"belief bag   {arguments.out / 'belief'}")
     for path in paths:
         print(f"{path.suffix[1:]:12} {arguments.out / path.name}")
+
+
+def output_of(arguments: argparse.Namespace) -> AbstractContextManager[Path]:
+    """Where to write; raises InputError."""
+    if not arguments.resume:
+        return claimed_report(arguments.out, [arguments.bag, arguments.config], arguments.overwrite)
+    from semantic_slam.pipeline.journal import FILE
+
+    if not (arguments.out / JOURNAL / FILE).exists():
+        raise InputError(f"{arguments.out}: no demo was broken off there; leave out --resume")
+    return claimed_folder_again(arguments.out)
 
 
 def replay(arguments: argparse.Namespace, belief: Path) -> None:
     """Run the nodes until the recorder has everything."""
     from semantic_slam.ros.node_set import node_set
     from semantic_slam.ros.processes import NodeProcesses, loopback_environment
+    from semantic_slam.ros.supervisor import Supervisor
     from semantic_slam.ros.transport import is_installed
 
     specs = node_set(
@@ -64,10 +84,12 @@ def replay(arguments: argparse.Namespace, belief: Path) -> None:
         arguments.rate,
         str(belief),
         has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
+        journal=str(arguments.out / JOURNAL),
+        resume=arguments.resume,
     )
     domain_id = domain()
     print(f"{arguments.bag}: {len(specs)} nodes in ROS domain {domain_id}, on this machine only", file=sys.stderr)
-    with NodeProcesses(arguments.out / "log", loopback_environment(domain_id)) as nodes:
+    with NodeProcesses(arguments.out / "log", loopback_environment(domain_id), Supervisor(specs)) as nodes:
         for spec in specs:
             nodes.start(spec, show_errors=spec.name == "bag_player")
         nodes.wait("bag_recorder", REPLAY_TIMEOUT_S)

@@ -1,6 +1,6 @@
 """Which nodes a replay consists of, with which parameters: the launch file and the demo both start these."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,21 @@ LOSSLESS = 0.0
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One process: an executable of this package, the node's name, and the parameters that are not at their default."""
+    """One process: an executable of this package, the node's name, and the parameters that are not at their default.
+
+    When it dies it is started again with the parameters of ``again`` besides; None: the run ends. ``followers`` are
+    nodes that are then started anew, too.
+    """
 
     executable: str
     name: str
     parameters: dict[str, Any] = field(default_factory=dict)
+    again: dict[str, Any] | None = field(default_factory=dict)
+    followers: tuple[str, ...] = ()
+
+    def anew(self) -> "NodeSpec":
+        """The process in place of one that died."""
+        return replace(self, parameters=self.parameters | (self.again or {}))
 
 
 def node_set(
@@ -37,18 +47,23 @@ def node_set(
     *,
     has_tf2: bool,
     overwrite: bool = False,
+    journal: str = "",
+    resume: bool = False,
 ) -> list[NodeSpec]:
     """Nodes that replay ``bag``; those that listen come first. Raises InputError.
 
-    ``record`` names the belief bag to write, "" for none; an old one is replaced with ``overwrite`` alone. Without
-    tf2_msgs (``has_tf2``) nobody can publish /tf_static here, and the classifier is given the extrinsics that the bag's
-    transforms say.
+    ``record`` names the belief bag to write, "" for none; an old one is replaced with ``overwrite`` alone. ``journal``
+    is the manager's, "" for none: then its death ends the run. With ``resume`` journal and belief bag of a run that was
+    broken off are gone on with. Without tf2_msgs (``has_tf2``) nobody can publish /tf_static here, and the classifier
+    is given the extrinsics that the bag's transforms say.
     """
     if backends < 1 or rate < LOSSLESS:
         raise InputError(f"backends {backends}, rate {rate:g}: give at least one backend and a rate of 0 or more")
-    if record:
+    if record and not resume:
         check_bag_output(Path(record), [bag, configuration_file, map_prior_path(bag)], overwrite, LEAVE_OF_NODES)
     configuration = load_configuration(configuration_file)
+    if configuration.open_world.time_budget_ms > 0:  # what is found in time cannot be repeated
+        journal, resume = "", False
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
         extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
@@ -58,13 +73,20 @@ def node_set(
         "backends": backends,
         "map_prior": str(map_prior_path(bag) or ""),
         "source_bag": str(bag),
+        "journal": journal,
+        "resume": resume,
     }
-    nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager)]
+    restarts = {"resume": True} if journal else None
+    nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager, again=restarts)]
     nodes += [NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)]
     if not found.measurements:
-        nodes.append(NodeSpec("classifier_node", "classifier", configured | _classifier_parameters(found, extrinsics)))
+        parameters = configured | _classifier_parameters(found, extrinsics)
+        # What was on the way to a classifier that died, its successor is sent by a player that begins there.
+        followers = ("bag_player",) if rate == LOSSLESS else ()
+        nodes.append(NodeSpec("classifier_node", "classifier", parameters, followers=followers))
     if record:
-        nodes.append(NodeSpec("bag_recorder", "bag_recorder", common | {"bag": record, "overwrite": overwrite}))
+        recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
+        nodes.append(NodeSpec("bag_recorder", "bag_recorder", recorder, again={"resume": True}))
     return [*nodes, NodeSpec("bag_player", "bag_player", {"bag": str(bag), "rate": rate})]
 
 
@@ -72,6 +94,7 @@ def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[
     parameters: dict[str, Any] = {
         "has_images": found.has_images,
         "has_depth": bool(found.depth),
+        "has_moving_camera": found.has_images and bool(found.transforms) and not extrinsics,
         "compressed": found.image == absolute(topics.IMAGE_COMPRESSED),
         "depth_compressed": found.depth == absolute(topics.DEPTH_COMPRESSED),
     }
@@ -89,7 +112,7 @@ def _extrinsics(reader: BagReader, found: InputTopics, configuration: Configurat
     try:
         pose = sensor_pose((), perception.base_frame, tree, camera.header.frame_id)
     except InputError:
-        if found.has_images:
+        if found.has_images and not found.transforms:
             raise
-        return []  # detections that tell places need no camera
+        return []  # detections that tell places need no camera, and one that moves is told of at every instant
     return [float(value) for value in pose]

@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -62,18 +63,19 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
             self._arrivals += ends
             for monitor in monitors:
                 monitor.arrived(time.monotonic())
-            self.worker.submit(guarded, data)
-
-        def guarded(data: bytes) -> None:
-            try:
-                handle(data)
-            except MessageError as fault:  # what one message holds ends no node
-                self.refused[f"{topic}: {fault.kind}"] += 1
-                self.get_logger().warning(f"{topic}: {fault}", throttle_duration_sec=SAY_AGAIN_S)
+            self.worker.submit(lambda data: self.guarded(topic, partial(handle, data)), data)
 
         name = receive(self, topic, queue_message, qos, type_name, self.health.incompatible)
         if required:
             monitors.append(self.health.monitor(name))
+
+    def guarded(self, topic: str, handle: Callable[[], None]) -> None:
+        """Call ``handle`` for a message of this topic; what one message holds ends no node, and is counted."""
+        try:
+            handle()
+        except MessageError as fault:
+            self.refused[f"{topic}: {fault.kind}"] += 1
+            self.get_logger().warning(f"{topic}: {fault}", throttle_duration_sec=SAY_AGAIN_S)
 
     def listen_to_one_of(
         self, handlers: Mapping[str, Callable[[bytes], None]], profile_of: Callable[[str], QoSProfile]

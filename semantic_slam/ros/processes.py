@@ -15,6 +15,7 @@ from typing import Self
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.ros.node_set import NodeSpec
+from semantic_slam.ros.supervisor import Supervisor
 
 GRACE_S = 10.0
 PR_SET_PDEATHSIG = 1
@@ -25,13 +26,18 @@ TAIL_LINES = 12
 class NodeProcesses:
     """A context in which nodes run; at its end all of them are ended, and when this process is killed, too.
 
-    Their output goes to ``logs/<name>.log``.
+    Their output goes to ``logs/<name>.log``. With a ``supervisor`` those that die are started again while somebody
+    waits; without, their end is a fault.
     """
 
-    def __init__(self, logs: Path, environment: Mapping[str, str]) -> None:
+    def __init__(self, logs: Path, environment: Mapping[str, str], supervisor: Supervisor | None = None) -> None:
         self._logs = logs
         self._environment = dict(environment)
+        self._supervisor = supervisor
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._commands: dict[str, tuple[Sequence[str], bool]] = {}
+        self._settled: set[int] = set()  # ids of processes whose end has been seen to
+        self._due: dict[str, tuple[float, NodeSpec]] = {}  # what is to be started, and when
 
     def __enter__(self) -> Self:
         self._logs.mkdir(parents=True, exist_ok=True)
@@ -44,12 +50,14 @@ class NodeProcesses:
 
     def start(self, spec: NodeSpec, command: Sequence[str] = (), *, show_errors: bool = False) -> None:
         """Start a node; ``command`` replaces its executable, ``show_errors`` leaves its stderr on the terminal."""
+        self._commands[spec.name] = (command, show_errors)
         parameters = self._logs / f"{spec.name}.yaml"
         # JSON is YAML; written with the node's name so that nothing else takes these parameters.
         parameters.write_text(json.dumps({f"/{spec.name}": {"ros__parameters": _nested(spec.parameters)}}), "utf-8")
         options = ["-r", f"__node:={spec.name}", "--params-file", str(parameters)]
         words = [*(command or [spec.executable]), "--ros-args", *options]
-        with self._log(spec.name).open("wb") as log:
+        mode = "ab" if spec.name in self._processes else "wb"
+        with self._log(spec.name).open(mode) as log:
             self._processes[spec.name] = subprocess.Popen(
                 words,
                 stdout=log,
@@ -62,6 +70,10 @@ class NodeProcesses:
         """How a node ended; None while it runs."""
         return self._processes[name].poll()
 
+    def pids(self) -> dict[str, int]:
+        """Ids of the processes that run, by node."""
+        return {name: process.pid for name, process in self._processes.items() if process.poll() is None}
+
     def kill(self, name: str) -> None:
         """End a node at once, as a crash would."""
         self._processes[name].kill()
@@ -70,7 +82,7 @@ class NodeProcesses:
     def wait(self, name: str, timeout_s: float) -> None:
         """Wait until the node has ended well. Raises SemanticSlamError, with its last lines, when any node dies."""
         give_up = time.monotonic() + timeout_s
-        while self.exit_code(name) is None:
+        while self.exit_code(name) != 0:
             self.check()
             if time.monotonic() > give_up:
                 raise SemanticSlamError(f"{name} has not ended after {timeout_s:.0f} s\n{self._all_tails()}")
@@ -78,10 +90,33 @@ class NodeProcesses:
         self.check()
 
     def check(self) -> None:
-        """Raises SemanticSlamError with the last lines of a node that died."""
-        for name, process in self._processes.items():
-            if process.poll():
-                raise SemanticSlamError(f"{name} ended with exit code {process.returncode}:\n{self.tail(name)}")
+        """See to nodes that have ended. Raises SemanticSlamError with the last lines of one that ends the run."""
+        now_s = time.monotonic()
+        for name, process in list(self._processes.items()):
+            code = process.poll()
+            if code is not None and process.pid not in self._settled:
+                self._settle(name, code, now_s)
+                self._settled.add(process.pid)
+        for name, (at_s, spec) in list(self._due.items()):
+            if now_s >= at_s:
+                del self._due[name]
+                command, show_errors = self._commands[name]
+                self.start(spec, command, show_errors=show_errors)
+
+    def _settle(self, name: str, code: int, now_s: float) -> None:
+        if self._supervisor is None:
+            if code:
+                raise SemanticSlamError(f"{name} ended with exit code {code}:\n{self.tail(name)}")
+            return
+        verdict = self._supervisor.ended(name, code, now_s)
+        if code and verdict.ends_run:
+            raise SemanticSlamError(f"{verdict.text}:\n{self.tail(name)}")
+        if code and verdict.text:
+            print(verdict.text, file=sys.stderr)
+        for other in verdict.kill:
+            self._processes[other].kill()
+        if verdict.again is not None:
+            self._due[name] = (now_s + verdict.after_s, verdict.again)
 
     def tail(self, name: str) -> str:
         """The last lines of a node's output."""

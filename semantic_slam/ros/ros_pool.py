@@ -20,6 +20,10 @@ from semantic_slam.ros.liveliness import Watch
 from semantic_slam.ros.transport import Outlet, private_name, receive
 
 CHECK_S = 0.2
+ASK_AGAIN_S = 5.0
+"""A backend that is there and does not answer for so long is asked again: an answer to a manager that it did not know
+yet is lost, and a repeated question costs it nothing.
+"""
 PATIENCE_S = 0.5
 """For which a sign of life may be missing: after a pause of the whole machine all are, and return at once."""
 
@@ -28,7 +32,8 @@ class RosPool:
     """A ``BackendPool`` over topics. Its rounds run on the worker's thread, the answers arrive on the executor's.
 
     A backend whose sign of life is missing for ``PATIENCE_S``, or that does not answer within ``timeout_s``, is given
-    up: the manager rebuilds its hypotheses elsewhere.
+    up: the manager rebuilds its hypotheses elsewhere. The last one is waited for, it may be started again. One that
+    answers again, and so knows all keyframes, takes part from then on.
     """
 
     def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
@@ -36,7 +41,8 @@ class RosPool:
         self._timeout_s = timeout_s
         self._run_id = ""
         self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and kind
-        self._given_up: tuple[int, ...] = ()
+        self._given_up: frozenset[int] = frozenset()
+        self._back: set[int] = set()  # of those given up, the ones that answer again
         self._logger = node.get_logger()
         self._watch = Watch(node, backend_ids)
         self._awaited: tuple[int, ...] = ()
@@ -53,15 +59,28 @@ class RosPool:
         self._run_id = run.run_id
         self._run.send(encode(run))
 
+    def tell(self, keyframe: Keyframe) -> None:
+        """Publish a keyframe for those backends that do not know it; no answer is waited for."""
+        self._keyframes.send(encode(keyframe, run_id=self._run_id))
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
-        self._keyframes.send(encode(keyframe, run_id=self._run_id))
-        return self._collect(self._candidates, topics.CANDIDATES, keyframe.index)
+        request = encode(keyframe, run_id=self._run_id)
+        answers = self._ask(self._keyframes, request, self._candidates, topics.CANDIDATES, keyframe.index)
+        self._welcome()
+        return answers
 
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: the survivors forked, updated and reported."""
-        self._commits.send(encode(commit))
-        return self._collect(self._components, topics.COMPONENTS, commit.keyframe)
+        return self._ask(self._commits, encode(commit), self._components, topics.COMPONENTS, commit.keyframe)
+
+    def _welcome(self) -> None:
+        """Let backends that are back take part; they are given hypotheses as ownership has it."""
+        for number in sorted(self._back):
+            self._logger.info(f"backend_{number} is back")
+        self._given_up -= self._back
+        self.backend_ids = tuple(sorted({*self.backend_ids, *self._back}))
+        self._back = set()
 
     def statuses(self) -> list[Status]:
         """Which backends are silent or given up."""
@@ -78,8 +97,12 @@ class RosPool:
                 for n in silent
             ),
             *(
-                Status(f"backend_{n}", Level.ERROR, f"backend_{n} was given up; its hypotheses moved to other backends")
-                for n in self._given_up
+                Status(
+                    f"backend_{n}",
+                    Level.ERROR,
+                    f"backend_{n} was given up; its hypotheses moved to other backends; start it again",
+                )
+                for n in sorted(self._given_up)
             ),
         ]
 
@@ -90,39 +113,56 @@ class RosPool:
             return Status(name, Level.WARN, f"{name} is not there; start it")
         missing_s = self._watch.missing_s(number)
         if missing_s > PATIENCE_S:
-            return Status(name, Level.WARN, f"{name} has been gone for {missing_s:.0f} s; start the replay again")
+            return Status(name, Level.WARN, f"{name} has been gone for {missing_s:.0f} s; start it again")
         return Status(name, Level.OK, "answering")
 
-    def _collect(self, answers: "queue.SimpleQueue[bytes]", topic: str, index: int) -> list[Any]:
+    def _ask(
+        self, outlet: Outlet, request: bytes, answers: "queue.SimpleQueue[bytes]", topic: str, index: int
+    ) -> list[Any]:
         """One answer of every backend, in the order of their ids; what belongs to another round is ignored."""
         collected: dict[int, Any] = {}
         self._what, self._since_s = f"{topic.rsplit('/', 1)[-1]} of keyframe {index}", time.monotonic()
         self._awaited = self.backend_ids
+        outlet.send(request)
+        asked_s = self._since_s
         while self._awaited:
-            try:
-                answer = decode(answers.get(timeout=CHECK_S), topics.TYPES[topic])
-            except queue.Empty:
+            answer = self._next(answers, topic)
+            if answer is None:
                 self._check()
-                continue
-            except MessageError as fault:
-                self.refused[f"{topic}: {fault.kind}"] += 1
-                continue
-            if (answer.run_id, answer.keyframe) == (self._run_id, index) and answer.backend_id in self._awaited:
+                if time.monotonic() - asked_s > ASK_AGAIN_S:
+                    outlet.send(request)
+                    asked_s = time.monotonic()
+            elif answer.keyframe == index and answer.backend_id in self._awaited:
                 collected[answer.backend_id] = answer
                 self._awaited = tuple(n for n in self._awaited if n != answer.backend_id)
+            elif topic == topics.CANDIDATES and answer.keyframe >= index - 1 and answer.backend_id in self._given_up:
+                self._back.add(answer.backend_id)
         return [collected[n] for n in sorted(collected)]
+
+    def _next(self, answers: "queue.SimpleQueue[bytes]", topic: str) -> Any:
+        """The next answer of this run; None when none comes for a while."""
+        try:
+            answer = decode(answers.get(timeout=CHECK_S), topics.TYPES[topic])
+        except queue.Empty:
+            return None
+        except MessageError as fault:
+            self.refused[f"{topic}: {fault.kind}"] += 1
+            return None
+        return answer if answer.run_id == self._run_id else None
 
     def _check(self) -> None:
         if not rclpy.ok():
             raise SemanticSlamError("interrupted while waiting for backends")
         late = time.monotonic() - self._since_s > self._timeout_s
         gone = {n for n in self._awaited if self._watch.missing_s(n) > PATIENCE_S}
-        for number in [n for n in self._awaited if late or n in gone]:
+        for number in self._awaited:
+            if not late and (number not in gone or len(self.backend_ids) == 1):
+                continue
             reason = "is gone" if number in gone else f"has not answered for {self._timeout_s:.0f} s"
             self._logger.warning(f"backend_{number} {reason}; its hypotheses move to other backends")
-            self._given_up += (number,)
+            self._given_up |= {number}
             self._awaited = tuple(n for n in self._awaited if n != number)
-        self.backend_ids = tuple(n for n in self.backend_ids if n not in self._given_up)
+            self.backend_ids = tuple(n for n in self.backend_ids if n != number)
 
     @staticmethod
     def _outlet(node: Node, topic: str, profile: Any) -> Outlet:

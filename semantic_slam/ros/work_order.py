@@ -1,8 +1,10 @@
 """The order of a backend's work: announcement, then keyframe and commit in turn, whatever the order of arrival.
 
 Each topic keeps its own order, different topics have none: a commit may arrive before the keyframe it belongs to, and
-after a restart all of them arrive at once. What does not belong to the run, or cannot be, is counted and changes
-nothing: a backend serves whoever announced a run, and another announcement silences nobody. Nothing here knows ROS.
+after a restart all of them arrive at once. Whoever asks for a keyframe has done with those before: their commits are
+not waited for, and of a heap of keyframes all but the newest are only learnt. What does not belong to the run, or
+cannot be, is counted and changes nothing: a backend serves whoever announced a run, and another announcement silences
+nobody. Nothing here knows ROS.
 """
 
 from collections import Counter
@@ -33,10 +35,14 @@ class _Run:
 
     announced: RunConfiguration
     backend: Backend
-    stamps_ns: list[int] = field(default_factory=list)  # of the keyframes expanded
-    num_expanded: int = 0  # keyframes expanded
-    num_committed: int = 0
+    stamps_ns: list[int] = field(default_factory=list)  # of the keyframes that are known
+    repeated: int = -1  # the keyframe that came last, when it was known before
     is_announced_again: bool = False
+
+    @property
+    def num_known(self) -> int:
+        """Keyframes that are known."""
+        return len(self.stamps_ns)
 
 
 @dataclass
@@ -52,19 +58,30 @@ class WorkOrder:
     _keyframes: dict[tuple[str, int], Keyframe] = field(default_factory=dict)
     _commits: dict[tuple[str, int], Commit] = field(default_factory=dict)
 
-    def take(self, data: bytes, type_name: str) -> list[Answer]:
-        """The answers to a message of the wire; one that cannot be used is counted."""
+    def take(self, data: bytes, type_name: str, *, more: bool = False) -> list[Answer]:
+        """The answers to a message of the wire; one that cannot be used is counted.
+
+        With ``more``, messages that have arrived already, nothing new is begun before they are taken, too.
+        """
         try:
-            message = deserialize(data, type_name)
-            value = from_message(message)
-            if isinstance(value, Keyframe):
-                return self.keyframe(str(message.run_id), value)
-            return self.start(value) if isinstance(value, RunConfiguration) else self.commit(value)
+            answers = self._taken(data, type_name)
         except MessageError as fault:
             self.dropped[f"{type_name}: {fault.kind}"] += 1
-            return []
+            answers = []
+        return answers if more else answers + self.advance()
 
-    def start(self, run: RunConfiguration) -> list[Answer]:
+    def _taken(self, data: bytes, type_name: str) -> list[Answer]:
+        """What is answered at once."""
+        message = deserialize(data, type_name)
+        value = from_message(message)
+        if isinstance(value, Keyframe):
+            return self.keyframe(str(message.run_id), value)
+        if isinstance(value, RunConfiguration):
+            self.start(value)
+            return []
+        return self.commit(value)
+
+    def start(self, run: RunConfiguration) -> None:
         """A run is announced; a second announcement may come from a manager that was started anew.
 
         Raises MessageError where no run can be made of it.
@@ -72,38 +89,40 @@ class WorkOrder:
         known = self._runs.get(run.run_id)
         if known is not None:
             known.is_announced_again = True
-            return []
+            return
         self._runs[run.run_id] = _Run(run, self._started(run))
         if len(self._runs) > MOST_RUNS:
-            idle = [name for name, other in self._runs.items() if not other.num_expanded and name != run.run_id]
+            idle = [name for name, other in self._runs.items() if not other.num_known and name != run.run_id]
             del self._runs[idle[0] if idle else next(iter(self._runs))]
-        return self._advance(run.run_id)
 
     def keyframe(self, run_id: str, keyframe: Keyframe) -> list[Answer]:
-        """Round one. The newest keyframe is answered again; older ones are stale."""
+        """Round one; the answer where the keyframe is known, and is asked for again."""
         fault = fault_of_keyframe(keyframe)
         if fault:
             self.dropped[f"{topics.KEYFRAMES}: {fault}"] += 1
             return []
         run = self._runs.get(run_id)
-        if run is not None and keyframe.index < run.num_expanded:
-            if keyframe.index == 0 and run.is_announced_again:
-                self._begin_anew(run)
-            elif keyframe.index == run.num_expanded - 1 == run.num_committed and keyframe.index > 0:
-                return [self._expanded(run, keyframe)]
-            else:
+        if run is not None and keyframe.index < run.num_known:
+            if keyframe.stamp_ns == run.stamps_ns[keyframe.index]:
+                return self._asked_again(run, keyframe)
+            if keyframe.index or not run.is_announced_again:
                 self.dropped[f"{topics.KEYFRAMES}: of an earlier keyframe"] += 1
                 return []
+            self._begin_anew(run)
         self._keep(self._keyframes, (run_id, keyframe.index), keyframe, topics.KEYFRAMES)
-        return self._advance(run_id)
+        return []
 
     def commit(self, commit: Commit) -> list[Answer]:
-        """Round two. One that was already followed is idempotent in the backend, and ignored there when stale."""
+        """Round two; the answer where its keyframe is known. In the backend a repeated one is idempotent."""
         run = self._runs.get(commit.run_id)
-        if run is not None and commit.keyframe < run.num_committed:
+        if run is not None and commit.keyframe < run.num_known:
             return self._followed(run, commit)
         self._keep(self._commits, (commit.run_id, commit.keyframe), commit, topics.COMMITS)
-        return self._advance(commit.run_id)
+        return []
+
+    def advance(self) -> list[Answer]:
+        """Do all that can be done by now, in turn."""
+        return [answer for run_id, run in self._runs.items() for answer in self._advanced(run_id, run)]
 
     def _started(self, run: RunConfiguration) -> Backend:
         told = (run.configuration, run.map_prior, run.initial_pose, run.initial_covariance, run.class_names)
@@ -119,11 +138,22 @@ class WorkOrder:
             ) from None
         return backend
 
-    def _begin_anew(self, run: _Run) -> None:
-        """A manager that was started anew goes through its keyframes again."""
+    @staticmethod
+    def _asked_again(run: _Run, keyframe: Keyframe) -> list[Answer]:
+        """A keyframe that is due is answered again; another one when it comes twice in succession.
+
+        A manager that goes on after a restart repeats all keyframes once, for those backends that know none of them.
+        Where it asks for one a second time, there it stands: it lost what this backend has done since.
+        """
+        is_due = keyframe.index in (run.backend.committed + 1, run.repeated)
+        run.repeated = keyframe.index
+        return [run.backend.expand(keyframe)] if is_due else []
+
+    @staticmethod
+    def _begin_anew(run: _Run) -> None:
+        """A manager that was started anew has other keyframes."""
         run.backend.start(run.announced)
-        run.num_expanded = run.num_committed = 0
-        run.is_announced_again, run.stamps_ns = False, []
+        run.is_announced_again, run.stamps_ns, run.repeated = False, [], -1
 
     def _keep(self, waiting: dict[tuple[str, int], Any], key: tuple[str, int], value: Any, topic: str) -> None:
         waiting[key] = value
@@ -131,34 +161,31 @@ class WorkOrder:
             del waiting[next(iter(waiting))]
             self.dropped[f"{topic}: of no run that goes on"] += 1
 
-    def _advance(self, run_id: str) -> list[Answer]:
-        """Do all that can be done by now, in turn."""
+    def _advanced(self, run_id: str, run: _Run) -> list[Answer]:
         answers: list[Answer] = []
-        run = self._runs.get(run_id)
-        while run is not None:
-            if run.num_committed == run.num_expanded:
-                keyframe = self._keyframes.pop((run_id, run.num_expanded), None)
-                if keyframe is None:
-                    break
-                answers.append(self._expanded(run, keyframe))
-                run.num_expanded += 1
+        while True:
+            keyframe = self._keyframes.pop((run_id, run.num_known), None)
+            commit = self._commits.pop((run_id, run.num_known - 1), None)
+            if keyframe is not None:
+                answers += self._began(run, keyframe, (run_id, keyframe.index + 1) in self._keyframes)
+            elif commit is not None:
+                answers += self._followed(run, commit)
             else:
-                commit = self._commits.pop((run_id, run.num_committed), None)
-                if commit is None:
-                    break
-                followed = self._followed(run, commit)
-                answers += followed
-                run.num_committed += bool(followed)
-        return answers
+                return answers
 
     @staticmethod
-    def _expanded(run: _Run, keyframe: Keyframe) -> Candidates:
-        del run.stamps_ns[keyframe.index :]
+    def _began(run: _Run, keyframe: Keyframe, has_successor: bool) -> list[Answer]:
+        """Round one of a keyframe that was not known; nobody waits for it when there is one after it."""
         run.stamps_ns.append(keyframe.stamp_ns)
-        return run.backend.expand(keyframe)
+        run.repeated = -1
+        if has_successor:
+            run.backend.learn(keyframe)
+            return []
+        return [run.backend.expand(keyframe)]
 
     def _followed(self, run: _Run, commit: Commit) -> list[Answer]:
         """The answer to a commit; none to one that contradicts itself, which is counted, or to a stale one."""
+        run.repeated = -1
         fault = fault_of_commit(commit, run.stamps_ns[commit.keyframe])
         if fault:
             self.dropped[f"{topics.COMMITS}: {fault}"] += 1

@@ -23,6 +23,11 @@ class Worker:
         """Have ``function(item)`` called after all that was submitted before."""
         self._items.put((function, item))
 
+    @property
+    def has_more(self) -> bool:
+        """Whether something else waits to be done."""
+        return not self._items.empty()
+
     def stop(self, timeout_s: float = 2.0) -> None:
         """Let what was submitted before be done, for at most ``timeout_s``."""
         self._items.put(STOP)

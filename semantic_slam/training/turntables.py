@@ -1,14 +1,18 @@
-"""Views of objects from a folder of turntables in BigBIRD's format."""
+"""Views of objects from turntables: folders in BigBIRD's format, and photographs that tell their direction."""
 
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import radians
 from pathlib import Path
 
+import numpy as np
 from tqdm import tqdm
 
 from semantic_slam.datasets.bigbird import object_folders, turntable_views
+from semantic_slam.datasets.turntables.photographs import Photograph
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.training.views import ObjectView, cut_out
 
 
@@ -29,6 +33,26 @@ def load_views(
                 views.append(ObjectView(view.object_name, azimuth, elevation, range_m, cutout, alpha, view.angle_deg))
     if not views:
         raise InputError(f"{root}: every mask is empty; restore the masks of the data set")
+    return views
+
+
+def views_of(photographs: Sequence[Photograph]) -> list[ObjectView]:
+    """A view for each photograph, in their order; an object's class is its name. Raises InputError.
+
+    Pictures without an object in them are left out.
+    """
+    views = []
+    for photograph in tqdm(photographs, desc="reading photographs", unit="picture"):
+        image, mask = photograph.pixels()
+        if mask.any():
+            cutout, alpha = cut_out(image, mask)
+            azimuth = float(wrap_angle(np.array(radians(photograph.azimuth_deg))))
+            elevation = radians(photograph.elevation_deg)
+            angle = round(photograph.azimuth_deg) % 360
+            name, range_m = photograph.object_name, photograph.range_m
+            views.append(ObjectView(name, azimuth, elevation, range_m, cutout, alpha, angle))
+    if not views:
+        raise InputError("photographs: no object in any of them; give masks, or pictures before a plain background")
     return views
 
 

@@ -11,13 +11,17 @@ of view or the logarithm of the distance differ. Of the answers that are new a s
     P(word | c, earlier) = rho [word = that of the nearest earlier view] + (1 - rho) ((1 - e) theta_c(word) + e / W).
 
 Scores say how sure an answer is: q(w), in place of [w = word], in sum_w theta_c(w) q(w). They are densities relative to
-that of scores under any class. How large rho is from the same place, and whether scores tell more than the word, is
-decided by evidence, in settings that are as likely before the first view.
+that of scores under any class.
+
+How large rho is from the same place, whether scores tell more than the word, and how many counts a row has (few: each
+object is confused in a way of its own; many: any box may be confused) is decided by evidence, in settings that are as
+likely before the first view: by that of all objects, for the detector is one.
 
 Given theta the recursion is exact, and given which answers are new and what they mean so are the counts. Together they
 are not: an answer counts by the probability that it is new and means the word (assumed-density filtering).
 """
 
+import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,9 +29,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
 
-NONE_OF_THESE = "none of these"
-"""The class of what no label means."""
 HIDDEN_NONE = 2
 """Rows that are this class: called by other words, and by any word."""
 DIRECTIONS = 72
@@ -49,6 +52,15 @@ class LabelRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Settings:
+    """R ways that the detector may have."""
+
+    repeat_shares: Array  # (R, 1) rho from the same place
+    by_score: Array  # (R, 1) 1 where scores count besides the word, else 0
+    factors: Array  # (R, 1, 1) on the Dirichlet counts of each row before any view
+
+
+@dataclass(frozen=True, kw_only=True)
 class LabelModel:
     """P(words of an object | class), the confusion of its class integrated out; L labels, W = L + 1 words."""
 
@@ -58,6 +70,7 @@ class LabelModel:
     outlier_share: float  # e
     repeat_shares: tuple[float, ...]  # rho from the same place
     repeat_rad: float
+    count_factors: tuple[float, ...] = (1.0,)  # on ``counts``
 
     @property
     def class_names(self) -> tuple[str, ...]:
@@ -78,14 +91,18 @@ class LabelModel:
         return np.asarray(self.counts * np.vstack([spread, np.full((1, size), 1.0 / size)]))
 
     @cached_property
-    def _settings(self) -> tuple[Array, Array]:
-        """(R, 1) rho from the same place, and whether scores count besides the word."""
-        shares = np.array(self.repeat_shares)
-        return np.tile(shares, 2)[:, None], np.repeat([0.0, 1.0], len(shares))[:, None]
+    def _settings(self) -> "_Settings":
+        every = itertools.product(self.count_factors, (0.0, 1.0), self.repeat_shares)
+        factors, by_score, shares = np.array(list(every)).T
+        return _Settings(
+            repeat_shares=shares[:, None],
+            by_score=by_score[:, None],
+            factors=factors[:, None, None],
+        )
 
     def start(self) -> LabelRecord:
         """Nothing seen yet."""
-        size = (len(self._settings[0]), len(self.prior))
+        size = (self.num_settings, len(self.prior))
         return LabelRecord(
             log_likelihood=np.zeros(size),
             words=(),
@@ -117,35 +134,45 @@ class LabelModel:
             log_ranges=log_ranges,
         )
 
+    @property
+    def num_settings(self) -> int:
+        """R, of which the detector has one."""
+        return len(self._settings.repeat_shares)
+
+    def by_setting(self, record: LabelRecord) -> Array:
+        """(R, C) log likelihood of all views under each setting, over what none of these may be."""
+        told = record.log_likelihood
+        none = finite_log_sum_exp(told[:, -HIDDEN_NONE:], axis=1) - np.log(HIDDEN_NONE)
+        return np.column_stack([told[:, :-HIDDEN_NONE], none])
+
     def class_log_likelihood(self, record: LabelRecord) -> Array:
-        """(C,) log likelihood of all views, over the settings and over what none of these may be."""
-        average = finite_log_sum_exp(record.log_likelihood, axis=0) - np.log(len(record.log_likelihood))
-        none = finite_log_sum_exp(average[-HIDDEN_NONE:]) - np.log(HIDDEN_NONE)
-        return np.append(average[:-HIDDEN_NONE], none)
+        """(C,) log likelihood of all views, where nothing else tells which setting is right."""
+        return np.asarray(finite_log_sum_exp(self.by_setting(record), axis=0) - np.log(self.num_settings))
 
     def _weights(self, answer: int, shares: Array) -> Array:
         """(R, W) how far each word is meant: the answer alone, or as the scores have it."""
-        by_score = self._settings[1]
+        by_score = self._settings.by_score
         return np.asarray(by_score * shares + (1.0 - by_score) * (np.arange(self.num_words) == answer))
 
     def _repeats(self, record: LabelRecord, answer: int, direction: int, log_range: float) -> tuple[Array, float]:
         """(R, 1) probabilities that the nearest earlier view is repeated, and 1 if its word is the answer, else 0."""
         seen = np.flatnonzero(record.answers >= 0)
         if not len(seen):
-            return np.zeros_like(self._settings[0]), 0.0
+            return np.zeros_like(self._settings.repeat_shares), 0.0
         turns = np.abs(seen - direction)
         turned = STEP_RAD * np.minimum(turns, DIRECTIONS - turns)
         away = np.hypot(turned, record.log_ranges[seen] - log_range)
         nearest = int(np.argmin(away))
-        share = self._settings[0] * np.exp(-away[nearest] / self.repeat_rad)
+        share = self._settings.repeat_shares * np.exp(-away[nearest] / self.repeat_rad)
         return share, float(record.answers[seen[nearest]] == answer)
 
     def _meant(self, record: LabelRecord, words: tuple[int, ...], weights: Array) -> tuple[Array, Array, Array]:
         """Counts (R, K, N) of ``words`` before a view, q(w) E[theta_c(w)] of each, and (R, K) that of all others."""
         counts = np.zeros((*record.counts.shape[:2], len(words)))
         counts[..., : len(record.words)] = record.counts
-        total = self.prior.sum(axis=1) + counts.sum(axis=2)  # (R, K)
-        known = np.array(words)
-        meant = (self.prior[:, known] + counts) / total[..., None] * weights[:, None, known]
-        others = np.delete(np.arange(self.num_words), known)
-        return counts, meant, weights[:, others] @ self.prior[:, others].T / total
+        known, factors = np.array(words), self._settings.factors
+        total = factors[..., 0] * self.prior.sum(axis=1) + counts.sum(axis=2)  # (R, K)
+        own = self.prior[:, known]
+        meant = (factors * own + counts) / total[..., None] * weights[:, None, known]
+        others = np.maximum(weights @ self.prior.T - weights[:, known] @ own.T, 0.0)  # none left: rounding may go below
+        return counts, meant, factors[..., 0] * others / total

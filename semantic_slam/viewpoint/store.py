@@ -10,21 +10,31 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.appearance import APPEARANCE_FIELDS, KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, PosteriorTable
 
 SCHEMA_VERSION = 1
 KIND = "gp_independent"
 METADATA_KEY = "semantic_slam"
+APPEARANCE = "appearance."
+"""What names of arrays begin with that tell what the objects look like; older files have none."""
 
 
-def save_model(model: GaussianProcessModel, path: Path, provenance: dict[str, Any]) -> None:
-    """Write the model; ``provenance`` (command, seed, data, network, report) is kept with it as it is."""
+def save_model(
+    model: GaussianProcessModel, path: Path, provenance: dict[str, Any], appearance: KnownAppearance | None = None
+) -> None:
+    """Write the model, with what its objects look like where that is known.
+
+    ``provenance`` (command, seed, data, network, report) is kept with it as it is.
+    """
     arrays = {}
     for index, parts in enumerate(zip(model.fits, model.tables, strict=True)):
         for part in parts:
             for item in fields(part):
                 value = np.array(getattr(part, item.name), dtype=np.float64, order="C")
                 arrays[f"{index}.{item.name}"] = value
+    for name in APPEARANCE_FIELDS if appearance is not None else ():
+        arrays[APPEARANCE + name] = np.array(getattr(appearance, name), dtype=np.float32, order="C")
     description = {
         "schema_version": SCHEMA_VERSION,
         "kind": KIND,
@@ -56,6 +66,21 @@ def read_model(path: Path) -> GaussianProcessModel:
         raise InputError(
             f"{path}: incomplete viewpoint model ({fault}); fit it anew with fit_viewpoint_models"
         ) from None
+
+
+def read_appearance(path: Path) -> KnownAppearance | None:
+    """What the objects look like that the models in a file are of; None in a file that does not tell.
+
+    Raises InputError naming the file, what is wrong and the remedy.
+    """
+    arrays, _ = _read(path)
+    values = {name: arrays.get(APPEARANCE + name) for name in APPEARANCE_FIELDS}
+    if all(value is None for value in values.values()):
+        return None
+    try:
+        return KnownAppearance(**{name: np.asarray(value, dtype=np.float64) for name, value in values.items()})
+    except (TypeError, ValueError, AttributeError, IndexError) as fault:
+        raise InputError(f"{path}: {' '.join(str(fault).split())}; fit it anew with fit_viewpoint_models") from None
 
 
 def read_provenance(path: Path) -> dict[str, Any]:

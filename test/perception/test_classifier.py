@@ -17,7 +17,8 @@ from semantic_slam.perception.compact_network import CompactNetwork
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
-from semantic_slam.perception.weights import save_compact_network, shipped_file
+from semantic_slam.perception.weight_files import shipped_file
+from semantic_slam.perception.weights import save_compact_network
 from semantic_slam.pipeline.build_classifier import build_classifier
 
 NAMES = ("chest", "crate", "desk")

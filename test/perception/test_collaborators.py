@@ -55,7 +55,7 @@ def overhead(box: Array, depth_m: object, camera: CameraModel, T_base_camera: Ar
 @pytest.fixture(scope="module")
 def network() -> ClassifierNetwork:
     torch.manual_seed(1)
-    return ClassifierNetwork(CompactNetwork(2).eval(), ("chest", "desk"), (0, 1))
+    return ClassifierNetwork(CompactNetwork(2).eval(), ("chest", "desk"), ((0,), (1,)))
 
 
 def red_and_blue() -> Frame:

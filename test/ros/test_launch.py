@@ -16,7 +16,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.ros.node_set import NodeSpec, node_set
 
 ROOT = Path(__file__).parents[2]
-ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite"}
+ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume"}
 
 
 @pytest.fixture
@@ -87,10 +87,13 @@ def noted(kind: str) -> Any:
 @pytest.fixture
 def launch_file(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """The launch file's names, with stand-ins for the packages that are not installed here."""
-    actions = {kind: noted(kind) for kind in ("DeclareLaunchArgument", "OpaqueFunction", "Shutdown")}
+    kinds = ("DeclareLaunchArgument", "EmitEvent", "LogInfo", "OpaqueFunction", "Shutdown", "TimerAction")
+    actions = {kind: noted(kind) for kind in kinds}
     contents = {
         "launch": {"LaunchDescription": list},
         "launch.actions": actions,
+        "launch.events": {"matches_action": lambda action: action},
+        "launch.events.process": {"SignalProcess": noted("SignalProcess")},
         "launch.substitutions": {"LaunchConfiguration": lambda name: SimpleNamespace(perform=lambda c: c[name])},
         "launch_ros": {},
         "launch_ros.actions": {"Node": noted("Node")},
@@ -111,6 +114,7 @@ def test_launch_file_declares_the_arguments_of_the_interface(launch_file: dict[s
 
 def context_of(bag: Path, configuration: Path, **changes: str) -> dict[str, str]:
     values = {"backends": "1", "rate": "0.0", "record": "out/belief", "overwrite": "false"}
+    values |= {"journal": "", "resume": "false"}
     return {"bag": str(bag), "config": str(configuration), **values, **changes}
 
 
@@ -146,22 +150,60 @@ def test_the_launch_never_replaces_a_recording_of_another_software(
 def test_launch_file_starts_the_node_set(launch_file: dict[str, Any], bag: Path, configuration: Path) -> None:
     context = context_of(bag, configuration, backends="3")
     nodes = launch_file["start_nodes"](context)
-    expected = specs_of(bag, configuration, backends=3)
+    expected = specs_of(bag, configuration, backends=3, journal="out/belief.journal")
     assert {node.name: (node.executable, node.parameters) for node in nodes} == {
         spec.name: (spec.executable, [spec.parameters]) for spec in expected.values()
     }
 
 
-def test_end_of_the_recorder_and_death_of_any_node_end_the_launch(
-    launch_file: dict[str, Any], bag: Path, configuration: Path
+class Context(dict[str, str]):
+    """A launch's context, as far as it is asked."""
+
+    is_shutdown = False
+
+
+@pytest.fixture
+def launched(launch_file: dict[str, Any], bag: Path, configuration: Path) -> tuple[dict[str, Any], Context]:
+    """The nodes that were started, by name, and the launch's context."""
+    context = Context(context_of(bag, configuration))
+    return {node.name: node for node in launch_file["start_nodes"](context)}, context
+
+
+@pytest.mark.parametrize(("exit_code", "expected"), [(0, {"bag_recorder"}), (2, None)])
+def test_end_of_the_recorder_and_bad_input_end_the_launch(
+    launched: tuple[dict[str, Any], Context], exit_code: int, expected: set[str] | None
 ) -> None:
-    context = context_of(bag, configuration)
-    nodes = launch_file["start_nodes"](context)
+    nodes, context = launched
+    event = SimpleNamespace(returncode=exit_code)
+    actions = {name: node.on_exit(event, context) for name, node in nodes.items()}
+    ending = {name for name, told in actions.items() if [action.kind for action in told] == ["Shutdown"]}
+    assert ending == (set(nodes) if expected is None else expected)
 
-    def ending(returncode: int) -> set[str]:
-        event = SimpleNamespace(returncode=returncode)
-        actions = {node.name: node.on_exit(event, context) for node in nodes}
-        return {name for name, shut in actions.items() if [action.kind for action in shut] == ["Shutdown"]}
 
-    assert ending(0) == {"bag_recorder"}
-    assert ending(2) == ending(-9) == {node.name for node in nodes}
+def test_a_node_that_was_killed_is_started_again_by_the_launch(launched: tuple[dict[str, Any], Context]) -> None:
+    nodes, context = launched
+    event = SimpleNamespace(returncode=-9)
+    text, timer = nodes["hypothesis_manager"].on_exit(event, context)
+    assert text.kind == "LogInfo" and timer.kind == "TimerAction" and timer.period > 0.0
+    (again,) = timer.actions
+    assert (again.name, again.executable) == ("hypothesis_manager", "hypothesis_manager_node")
+    assert again.parameters[0]["resume"] and again.parameters[0]["journal"] == "out/belief.journal"
+    assert again.on_exit(event, context)[1].actions[0].name == "hypothesis_manager"
+    context.is_shutdown = True
+    assert again.on_exit(event, context) == []
+
+
+def test_the_player_is_killed_and_started_with_a_classifier_that_died(
+    launched: tuple[dict[str, Any], Context],
+) -> None:
+    nodes, context = launched
+    event = SimpleNamespace(returncode=-9)
+    _, kill, _ = nodes["classifier"].on_exit(event, context)
+    assert kill.event.kind == "SignalProcess" and kill.event.process_matcher is nodes["bag_player"]
+    (timer,) = nodes["bag_player"].on_exit(event, context)
+    assert timer.actions[0].name == "bag_player"
+
+
+def test_without_a_journal_the_manager_is_not_started_again(bag: Path, configuration: Path) -> None:
+    assert specs_of(bag, configuration)["hypothesis_manager"].again is None
+    assert specs_of(bag, configuration, journal="out/journal")["hypothesis_manager"].again == {"resume": True}

@@ -19,6 +19,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message, to_message
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros.work_order import MOST_WAITING, WorkOrder
@@ -111,23 +112,81 @@ def test_over_the_wire_beliefs_are_those_of_this_process_and_nothing_is_dropped(
     assert not wire.dropped
 
 
-def test_rounds_do_not_depend_on_the_order_between_topics(spoken: list[tuple[bytes, str]]) -> None:
+def orders_of_topics() -> list[tuple[int, ...]]:
     """Announcement, two keyframes, two commits: every order that keeps the order within each topic."""
+    orders = [o for o in permutations(range(5)) if o.index(1) < o.index(3) and o.index(2) < o.index(4)]
+    assert len(orders) == 30  # 5! / (2! 2!)
+    return orders
+
+
+def test_rounds_do_not_depend_on_the_order_between_topics(spoken: list[tuple[bytes, str]]) -> None:
+    """A manager asks for the second keyframe once the commit of the first one has been answered."""
     expected = answers(WorkOrder(lambda: Backend(0)), spoken)
-    tried = 0
-    for order in permutations(range(5)):
-        if order.index(1) < order.index(3) and order.index(2) < order.index(4):
-            assert answers(WorkOrder(lambda: Backend(0)), [spoken[n] for n in order]) == expected
-            tried += 1
-    assert tried == 30 and len(expected) == 4  # 5! / (2! 2!)
+    orders = [o for o in orders_of_topics() if max(o.index(0), o.index(1), o.index(2)) < o.index(3)]
+    assert len(orders) == 18 and len(expected) == 4
+    for order in orders:
+        assert answers(WorkOrder(lambda: Backend(0)), [spoken[n] for n in order]) == expected
 
 
-def test_newest_keyframe_is_answered_again_and_a_second_start_begins_anew(spoken: list[tuple[bytes, str]]) -> None:
+def test_whoever_asks_for_a_keyframe_waits_for_nothing_before_it(spoken: list[tuple[bytes, str]]) -> None:
+    """The commit in between is that of others, or comes too late: no hypothesis is held, and none is made up."""
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    for order in orders_of_topics():
+        if order.index(0) < order.index(3) < order.index(2):
+            told = answers(WorkOrder(lambda: Backend(0)), [spoken[n] for n in order])
+            last = decode(told[-1], topics.TYPES[topics.COMPONENTS])
+            assert told[0] == expected[0] and not len(last.ids) and not len(last.lost_ids)
+
+
+def test_a_backend_that_was_started_again_learns_the_keyframes_and_is_given_hypotheses(
+    spoken: list[tuple[bytes, str]],
+) -> None:
+    """It is sent all that was said; the newest keyframe alone is answered, and lineages are rebuilt to the bit."""
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    order = WorkOrder(lambda: Backend(0))
+    told = [answer for said in spoken[:3] for answer in order.take(*said, more=True)] + order.take(*spoken[3])
+    assert [len(answer.ids) for answer in told] == [0]
+    assert answers(order, [spoken[2], spoken[3], spoken[4]]) == expected[1:]
+    assert not order.dropped
+
+
+def test_a_manager_that_goes_on_after_a_restart_repeats_keyframes_and_changes_nothing(
+    spoken: list[tuple[bytes, str]],
+) -> None:
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    order = WorkOrder(lambda: Backend(0))
+    assert answers(order, [*spoken[:3], spoken[0], spoken[1], *spoken[3:]]) == expected
+    assert not order.dropped
+
+
+def test_a_manager_that_lost_a_round_is_given_it_again(spoken: list[tuple[bytes, str]]) -> None:
+    """It asks for a keyframe that the backend has committed, and having no answer asks again."""
+    order = WorkOrder(lambda: Backend(0))
+    first = answers(order, spoken)
+    assert answers(order, [spoken[1], spoken[3]]) == []  # what it repeats
+    (empty,) = answers(order, [spoken[3]])
+    assert not len(decode(empty, topics.TYPES[topics.CANDIDATES]).expanded_parent_ids)
+    assert answers(order, [spoken[2], spoken[3], spoken[4]]) == first[1:]
+
+
+def test_newest_keyframe_is_answered_again_and_a_second_run_begins_anew(spoken: list[tuple[bytes, str]]) -> None:
     order = WorkOrder(lambda: Backend(0))
     first = answers(order, spoken[:4])
     assert answers(order, spoken[3:4]) == first[-1:]
-    assert answers(order, spoken[:1]) == []
-    assert answers(order, spoken[1:]) == answers(WorkOrder(lambda: Backend(0)), spoken)
+    assert answers(order, [spoken[1], spoken[1]]) == first[:1]  # whoever asks twice has begun again
+    assert answers(order, spoken[2:]) == answers(WorkOrder(lambda: Backend(0)), spoken)[1:]
+
+
+def test_another_recording_in_the_same_configuration_begins_anew_once_it_is_announced(
+    spoken: list[tuple[bytes, str]],
+) -> None:
+    keyframe = decode(*spoken[1])
+    later = to_message(replace(keyframe, stamp_ns=keyframe.stamp_ns + 1), run_id=decode(*spoken[0]).run_id)
+    order = WorkOrder(lambda: Backend(0))
+    answers(order, spoken)
+    assert answers(order, [(serialize(later), spoken[1][1])]) == [] and order.dropped.total() == 1
+    (told,) = answers(order, [spoken[0], (serialize(later), spoken[1][1])])
+    assert len(decode(told, topics.TYPES[topics.CANDIDATES]).ids)
 
 
 def test_a_repeated_announcement_alone_changes_nothing(spoken: list[tuple[bytes, str]]) -> None:
@@ -165,6 +224,7 @@ SPOILED: dict[str, Callable[[list[tuple[bytes, str]]], tuple[bytes, str]]] = {
     "another configuration under this id": lambda said: changed(said[0], configuration="{}"),
     "an earlier keyframe": lambda said: said[1],
 }
+REPEATS = {"another configuration under this id", "an earlier keyframe"}
 
 
 def _emptied(commit: Commit) -> Commit:
@@ -189,7 +249,7 @@ def test_what_cannot_be_used_is_counted_and_changes_no_answer(
     said = deepcopy(spoken)
     said.insert(place, SPOILED[what](spoken))
     assert answers(order, said) == expected or what == "another configuration under this id"
-    assert order.dropped.total() == (0 if what == "another configuration under this id" else 1)
+    assert order.dropped.total() == (0 if what in REPEATS else 1)
 
 
 def test_a_keyframe_that_is_no_motion_is_refused(spoken: list[tuple[bytes, str]]) -> None:

@@ -66,9 +66,18 @@ def test_split_shows_no_test_view_to_training() -> None:
     assert wanted_angle(18) and not wanted_angle(3)
 
 
-def test_split_without_views_between_is_bad_input() -> None:
+@pytest.mark.parametrize("step_deg", [5, 10])
+def test_split_of_a_table_with_other_stops_trains_at_every_other_one(step_deg: int) -> None:
+    parts = split(striped_views(step_deg), [])
+    angles = [{view.angle_deg for view in part} for part in (parts.train, parts.calibrate, parts.validate)]
+    assert angles[0] == set(range(0, 360, 2 * step_deg))
+    assert angles[1] == set(range(step_deg, 360, 4 * step_deg))
+    assert angles[2] == set(range(3 * step_deg, 360, 4 * step_deg))
+
+
+def test_split_of_a_table_that_stopped_seldom_is_bad_input() -> None:
     with pytest.raises(InputError, match="--step-deg 3 or 6"):
-        split(striped_views(12), [])
+        split(striped_views(60), [])
 
 
 def test_held_out_instances_leave_two_of_every_class() -> None:

@@ -147,3 +147,22 @@ def test_a_wrong_file_of_classes_is_one_line(text: str, turntables: Path, tmp_pa
     classes.write_text(text)
     with pytest.raises(InputError, match=str(classes)):
         with_classes(load_views(turntables, USED), classes)
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (("--mask-pattern", "{object}.png"), "only with --pattern"),
+        (("--pattern", "{name}.png"), "no field {name}"),
+        (("--pattern", "{object}_{azimuth}.gif"), "none of"),
+    ],
+)
+def test_photographs_that_cannot_be_found_are_one_line(
+    turntables: Path, tmp_path: Path, words: tuple[str, ...], fault: str
+) -> None:
+    out = tmp_path / "network.safetensors"
+    done = call("train_classifier", "--turntables", str(turntables), "--out", str(out), *words)
+    assert done.returncode == 2
+    assert fault in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not out.exists()

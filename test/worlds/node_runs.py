@@ -14,6 +14,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.ros.node_set import NodeSpec, node_set
 from semantic_slam.ros.processes import NodeProcesses, loopback_environment
+from semantic_slam.ros.supervisor import Supervisor
 
 TIMEOUT_S = 240.0
 """Generous: on a loaded machine the processes take long to start."""
@@ -44,11 +45,11 @@ class Replay:
         return (self.out / "log" / f"{name}.log").read_text()
 
 
-def processes(folder: Path) -> NodeProcesses:
+def processes(folder: Path, supervisor: Supervisor | None = None) -> NodeProcesses:
     """Nodes in the domain of this test run; their output lies in ``folder``/log."""
     if shutil.which("backend_node") is None:
         raise RuntimeError("the nodes are not on PATH; run `make test`, or `source env.sh` before pytest")
-    return NodeProcesses(folder / "log", loopback_environment(int(os.environ["ROS_DOMAIN_ID"])))
+    return NodeProcesses(folder / "log", loopback_environment(int(os.environ["ROS_DOMAIN_ID"])), supervisor)
 
 
 def run(replay: Replay) -> list[HybridBelief]:

@@ -29,6 +29,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
 
     from semantic_slam_lab.benchmarks import (
         classification,
+        detector_share,
         engine_growth,
         hybrid_smoother,
         keyframe_floor,
@@ -49,6 +50,7 @@ def measure(quick: bool, seed: int) -> list[Any]:
         weights_accuracy.accuracy,
         weights_time.weights,
         keyframe_floor.floor,
+        detector_share.share,
         hybrid_smoother.hybrid,
         two_backends.two_backends,
         engine_growth.growth,

@@ -23,10 +23,15 @@ STUDIES = {
     "ch5_localization": "semantic_slam_lab.studies.ch5.localization",
     "ch5_sensitivity": "semantic_slam_lab.studies.ch5.sensitivity",
     "drawn_worlds": "semantic_slam_lab.studies.drawn_worlds.study",
+    "embeddings": "semantic_slam_lab.studies.embeddings.study",
     "faulty_rooms": "semantic_slam_lab.studies.faulty_rooms.study",
     "latent_slam": "semantic_slam_lab.studies.latent_slam.study",
     "lost_robot": "semantic_slam_lab.studies.lost_robot.study",
+    "own_detector": "semantic_slam_lab.studies.own_detector.study",
+    "real_cabinet": "semantic_slam_lab.studies.real_cabinet.study",
     "real_drives": "semantic_slam_lab.studies.real_drives.study",
+    "real_turntables": "semantic_slam_lab.studies.real_turntables.study",
+    "real_kitchen": "semantic_slam_lab.studies.real_kitchen.study",
     "rendered_localization": "semantic_slam_lab.studies.rendered.localization",
     "rendered_model_uncertainty": "semantic_slam_lab.studies.rendered.model_uncertainty",
     "replay_scaling": "semantic_slam_lab.studies.replay_scaling.study",
@@ -35,8 +40,12 @@ STUDIES = {
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""
 OPTIONS = {
     "avd_bigbird": ("avd", "bigbird"),
+    "embeddings": ("data",),
     "lost_robot": ("data", "drives"),
+    "real_cabinet": ("data",),
     "real_drives": ("data", "drives", "methods", "everything"),
+    "real_turntables": ("data",),
+    "real_kitchen": ("data",),
 }
 """Study -> what else its ``run`` takes by keyword, as the command line has it; None or False where it has not."""
 
@@ -58,7 +67,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     for name in ("avd", "bigbird"):
         text = f"avd_bigbird: folder in {name.upper()}'s layout (default: simulated)"
         parser.add_argument(f"--{name}", type=Path, metavar="DIR", help=text)
-    text = "lost_robot, real_drives: folder of the data sets (default: SEMANTIC_SLAM_DATA)"
+    text = "studies on real data: folder of the data sets (default: SEMANTIC_SLAM_DATA)"
     parser.add_argument("--data", type=Path, metavar="DIR", help=text)
     for name, what in (("drives", "such as mrclam_d6/1 or dlr (default: all)"), ("methods", "besides ours")):
         parser.add_argument(f"--{name}", nargs="+", metavar="NAME", help=f"real_drives: {name}, {what}")

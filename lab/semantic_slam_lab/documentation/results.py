@@ -10,7 +10,9 @@ from semantic_slam_lab.documentation import (
     chapter_5,
     drawn_worlds,
     faulty_rooms,
+    photographs,
     real_drives,
+    real_turntables,
     rooms,
 )
 from semantic_slam_lab.documentation.kept_results import KeptResults
@@ -32,7 +34,18 @@ python -m semantic_slam_lab.documentation.build --keep out/*/result.json out/ben
 
 SECTIONS = tuple(
     section
-    for part in (rooms, real_drives, faulty_rooms, drawn_worlds, chapter_4, chapter_3, chapter_5, benchmarks)
+    for part in (
+        rooms,
+        real_drives,
+        real_turntables,
+        photographs,
+        faulty_rooms,
+        drawn_worlds,
+        chapter_4,
+        chapter_3,
+        chapter_5,
+        benchmarks,
+    )
     for section in part.SECTIONS
 )
 

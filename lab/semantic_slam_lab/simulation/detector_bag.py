@@ -1,5 +1,6 @@
 """The bag of somebody else: the room's pictures and odometry, with the boxes of a detector as vision_msgs has them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,13 +17,15 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.perception.frame import Detections
+from semantic_slam_lab.simulation.detector_boxes import Box, torn
 from semantic_slam_lab.simulation.detector_words import (
     NAMES,
-    SECTOR_RAD,
     DetectorFaults,
     Hypotheses,
+    Seen,
     alarm,
     hypotheses,
+    other_hypotheses,
 )
 
 DEFINITIONS = {
@@ -53,17 +56,23 @@ class _Room:
     trajectory: Trajectory
     size: tuple[int, int]  # of the picture: width, height
 
-    def side(self, stamp_ns: int, object_id: str) -> tuple[int, int]:
-        """The object's number, and the sector of its own frame that it is seen from."""
+    def seen(self, stamp_ns: int, object_id: str) -> Seen:
+        """The object as the camera looks at it then; the camera stands where the robot does."""
         number = self.objects.object_ids.index(object_id)
         pose = planar_from_pose_vector(self.objects.poses[number])
         robot = planar_from_pose_vector(interpolate(self.trajectory, np.array([stamp_ns], dtype=np.int64))[0])
-        azimuth = np.arctan2(*(robot - pose)[1::-1]) - pose[2]
-        return number, int(np.floor(azimuth / SECTOR_RAD)) % round(2.0 * np.pi / SECTOR_RAD)
+        azimuth = float(np.arctan2(*(robot - pose)[1::-1]) - pose[2])
+        name = self.objects.class_names[number]
+        return Seen(name=NAMES.get(name, name), number=number, azimuth_rad=azimuth)
 
 
-def write_detector_bag(room: Path, out: Path, faults: DetectorFaults, seed: int) -> None:
-    """Write ``out`` from the bag ``room``; what is true is told under /ground_truth, with the detector's names."""
+def write_detector_bag(
+    room: Path, out: Path, faults: DetectorFaults, seed: int | Sequence[int], detector: int = 0
+) -> None:
+    """Write ``out`` from the bag ``room``; what is true is told under /ground_truth, with the detector's names.
+
+    ``seed`` keys everything that is drawn but what the detector confuses by side or view, for which ``detector`` is.
+    """
     random = np.random.default_rng(seed)
     with BagReader(room) as reader:
         known = _read(reader)
@@ -71,12 +80,12 @@ def write_detector_bag(room: Path, out: Path, faults: DetectorFaults, seed: int)
             objects = known.objects
             names = tuple(NAMES.get(name, name) for name in objects.class_names)
             first_ns = min(known.detections)
-            told = GroundTruthObjects(objects.stamp_ns, objects.object_ids, names, objects.poses)
-            writer.write("/ground_truth/objects", told, first_ns)
+            renamed = GroundTruthObjects(objects.stamp_ns, objects.object_ids, names, objects.poses)
+            writer.write("/ground_truth/objects", renamed, first_ns)
             for message in reader.messages():
                 if message.topic == REPLACED[0]:
-                    _write_boxes(writer, known, message.stamp_ns, reader.decode(message.cdr, message.type_name), faults,
-                                 random, seed)  # fmt: skip
+                    told = reader.decode(message.cdr, message.type_name)
+                    _write_boxes(writer, known, message.stamp_ns, told, faults, random, detector)
                 elif message.topic not in (*REPLACED, *LEFT_OUT):
                     writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns)
 
@@ -88,21 +97,20 @@ def _write_boxes(
     message: Any,
     faults: DetectorFaults,
     random: np.random.Generator,
-    seed: int,
+    detector: int,
 ) -> None:
     """The boxes of one frame, and what they are of."""
     detections: Detections = from_message(message)
     stamp_ns = detections.stamp_ns
     true_ids = room.associations.get(stamp_ns, ("",) * len(detections))
-    boxes, called, of = [], [], []
-    for box, object_id in zip(detections.boxes, true_ids, strict=True):
-        if random.random() < faults.dropped:
-            continue
-        name = room.objects.class_names[room.objects.object_ids.index(object_id)]
-        side = (seed, *room.side(stamp_ns, object_id))
-        boxes.append(box)
-        called.append(hypotheses(NAMES.get(name, name), faults, random, side))
-        of.append(object_id)
+    seen = [
+        Box(edges=box, object_id=object_id)
+        for box, object_id in zip(detections.boxes, true_ids, strict=True)
+        if random.random() >= faults.dropped
+    ]
+    drawn = torn(seen, faults.boxes, room.size[0], random)
+    boxes, of = [own.edges for own in drawn], [own.object_id for own in drawn]
+    called = [_called(room.seen(stamp_ns, own.object_id), own, faults, random, detector) for own in drawn]
     for _ in range(random.poisson(faults.alarms_per_frame)):
         boxes.append(_alarm_box(room.size, random))
         called.append(alarm(faults, random))
@@ -110,6 +118,10 @@ def _write_boxes(
     raw = _serialized(stamp_ns, detections.frame_id, boxes, called)
     writer.write_raw(TOPIC, TYPE, raw, log_ns, _definition())
     writer.write("/ground_truth/associations", GroundTruthAssociations(stamp_ns, tuple(of)), log_ns)
+
+
+def _called(seen: Seen, box: Box, faults: DetectorFaults, random: np.random.Generator, detector: int) -> Hypotheses:
+    return other_hypotheses(seen, faults, random) if box.is_second else hypotheses(seen, faults, random, detector)
 
 
 def _alarm_box(size: tuple[int, int], random: np.random.Generator) -> Array:

@@ -1,7 +1,7 @@
-"""A drive without pictures: planar odometry, what was detected and, where it is known, the truth; written as a bag."""
+"""A drive: planar odometry, what was detected and, where it is known, the truth; written as a bag."""
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -81,33 +81,42 @@ class Written:
     seconds: float
     frames: int
     detections: int
+    pictures: int = 0
 
     def __str__(self) -> str:
         drive = f"{self.poses} poses in {self.seconds:.1f} s"
-        return f"{drive}, {self.frames} frames with {self.detections} detections, no pictures"
+        return f"{drive}, {self.frames} frames with {self.detections} detections, {self.pictures or 'no'} pictures"
 
 
-def write_drive(drive: Drive, out: Path, title: str, max_keyframes: int | None = None) -> Written:
+def write_drive(
+    drive: Drive,
+    out: Path,
+    title: str,
+    max_keyframes: int | None = None,
+    pictures: Iterable[tuple[int, str, Any]] = (),
+) -> Written:
     """Write the bag ``out``, up to the ``max_keyframes``-th frame; truth in the frame of the first true pose.
 
     ``title`` stands before the progress bar. The first true pose is the last one that is not after the odometry's
-    first.
+    first. ``pictures`` are stamps, topics and messages of the camera, at stamps that grow.
     """
     drive = in_frame_of_start(drive)
     frames = drive.frames[:max_keyframes]
     end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else int(drive.odometry.stamps_ns[-1])
-    entries = heapq.merge(*_streams(drive, len(frames)), key=lambda entry: entry[0])
+    entries = heapq.merge(iter(pictures), *_streams(drive, len(frames)), key=lambda entry: entry[0])
     per_frame = 1 if drive.associations is None else 2
     total = len(drive.odometry.stamps_ns) + per_frame * len(frames) + (len(drive.truth.stamps_ns) if drive.truth else 0)
-    poses = 0
+    poses = images = 0
     with BagWriter(out) as bag:
-        for stamp_ns, topic, value in tqdm(entries, total=total, desc=title, unit="message"):
+        known = None if pictures else total  # of pictures nobody knows how many there are before they are read
+        for stamp_ns, topic, value in tqdm(entries, total=known, desc=title, unit="message"):
             if max_keyframes is not None and stamp_ns > end_ns:
                 break
             bag.write(topic, value, stamp_ns)
             poses += topic == topics.ODOMETRY
+            images += topic == topics.IMAGE_COMPRESSED
     seconds = float(end_ns - drive.odometry.stamps_ns[0]) / 1e9
-    return Written(poses, seconds, len(frames), sum(map(len, frames)))
+    return Written(poses, seconds, len(frames), sum(map(len, frames)), images)
 
 
 def in_frame_of_start(drive: Drive) -> Drive:

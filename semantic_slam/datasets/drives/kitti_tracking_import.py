@@ -1,7 +1,6 @@
 """``import_dataset kitti_tracking``: detected boxes as places, odometry made of the poses, labels as ground truth."""
 
 import argparse
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +8,7 @@ import numpy as np
 from semantic_slam.datasets.drives import kitti_tracking, kitti_truth
 from semantic_slam.datasets.drives.drive import BODY_FRAME, Drive, Path2D, write_drive
 from semantic_slam.datasets.drives.kitti_tracking import DetectedBoxes
-from semantic_slam.errors import InputError
-from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.datasets.drives.noisy_odometry import add_drift, check_drift, noisy_odometry
 from semantic_slam.messages.ground_truth import MOVING
 from semantic_slam.perception.frame import Detections
 
@@ -19,10 +16,6 @@ START_NS = 1_000_000_000
 """Stamp of the first picture; zero means "no stamp" to many tools."""
 PERIOD_NS = 100_000_000
 """From picture to picture, 10 Hz; the files have frame numbers alone."""
-DRIFT = 0.03
-"""Standard deviation along and across [m] after a metre; it grows with the root of the distance."""
-HEADING_DRIFT_RAD = np.deg2rad(0.5)
-"""Standard deviation of the heading after a metre, at :data:`DRIFT`."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,23 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", type=Path, metavar="SRC", help="folder of {det,label,orb}_NNNN.txt, or .txt.gz")
     parser.add_argument("--drive", required=True, metavar="NNNN", help="number of the drive, such as 0001")
     parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="bag folder to write")
-    parser.add_argument(
-        "--drift",
-        type=float,
-        default=DRIFT,
-        metavar="M",
-        help="noise of the odometry along and across after a metre [m]; heading in proportion (default: %(default)s)",
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the odometry's noise (default: 0)")
+    add_drift(parser)
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N pictures")
 
 
 def run(arguments: argparse.Namespace, bag: Path) -> None:
     """Write the bag and say what it holds; raises InputError."""
-    if not (arguments.drift >= 0.0 and np.isfinite(arguments.drift)):
-        raise InputError(f"--drift {arguments.drift}: must be 0 m or more")
-    if arguments.seed < 0:
-        raise InputError(f"--seed {arguments.seed}: must be 0 or more")
+    check_drift(arguments)
     drive = read_drive(arguments.source, arguments.drive, arguments.drift, arguments.seed)
     written = write_drive(drive, bag, arguments.drive, arguments.max_keyframes)
     print(f"{arguments.out}: {written}")
@@ -88,20 +71,6 @@ def read_drive(folder: Path, name: str, drift: float, seed: int) -> Drive:
         truth=Path2D(stamps_ns, poses),
         objects=objects,
     )
-
-
-def noisy_odometry(poses: Array, drift: float, rng: np.random.Generator) -> Array:
-    """(K, 3) poses in odom of a body that drove ``poses`` (K, 3): a random walk over the distance.
-
-    The error of each step is white, in its tangent space, with variance in proportion to the step's length.
-    """
-    found = [np.zeros(3)]
-    for before, after in pairwise(poses):
-        step = se2.between(before, after)
-        per_root_metre = np.array([drift, drift, HEADING_DRIFT_RAD * drift / DRIFT])
-        sigma = per_root_metre * np.sqrt(np.hypot(step[0], step[1]))
-        found.append(se2.compose(found[-1], se2.retract(step, sigma * rng.standard_normal(3))))
-    return np.array(found)
 
 
 def _detections(detected: DetectedBoxes, frame: int, stamp_ns: int) -> Detections:

@@ -25,7 +25,8 @@ class Detection:
     class_scores: Mapping[str, float] = field(default_factory=dict)  # class -> score; the class models' features
     score: float = 1.0  # of the detection itself; the best ones are used where there are more than objects
     track_id: str = ""  # identity of the object, for association: given
-    label: str = ""  # for the reader of a recording; inference does not look at it
+    label: str = ""  # what a detector calls it
+    embedding: ArrayLike = ()  # appearance as a vector, of any length and unit; empty: none
 
     def __post_init__(self) -> None:
         numbers = {"bearing_rad": self.bearing_rad, "score": self.score, **dict(self.class_scores)}
@@ -34,6 +35,8 @@ class Detection:
                 raise InputError(f"detection: {name} is {value}; leave detections out that have no such number")
         if self.range_m is not None and not (math.isfinite(self.range_m) and self.range_m > 0.0):
             raise InputError(f"detection: range_m is {self.range_m}; give metres above 0, or None for a bearing alone")
+        if np.ndim(self.embedding) != 1 or not np.isfinite(np.asarray(self.embedding, dtype=np.float64)).all():
+            raise InputError("detection: embedding must be one row of finite numbers; leave it out where there is none")
         if self.covariance is not None:
             positive_definite(self.covariance, 2, "detection: covariance of [range, bearing]")
 

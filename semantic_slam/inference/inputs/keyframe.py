@@ -104,4 +104,16 @@ def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) ->
         sensor_position=np.zeros(3),
         in_coverage=np.ones(count, dtype=np.bool_),
         class_scores=np.array(scores, dtype=np.float64).reshape(count, len(names)),
+        embeddings=_embeddings(detections),
     )
+
+
+def _embeddings(detections: Sequence[Detection]) -> Array:
+    """(D, F), NaN where a detection has none. Raises InputError where they are of different lengths."""
+    told = [np.asarray(detection.embedding, dtype=np.float64) for detection in detections]
+    sizes = sorted({len(vector) for vector in told} - {0})
+    if len(sizes) > 1:
+        raise InputError(f"keyframe: embeddings of {sizes[0]} and of {sizes[-1]} components; use those of one network")
+    size = sizes[0] if sizes else 0
+    rows = [vector if len(vector) else np.full(size, np.nan) for vector in told]
+    return np.array(rows, dtype=np.float64).reshape(len(detections), size)

@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.score_features import score_features
+from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import CLOCK, by_bias, slopes
@@ -26,7 +27,7 @@ class PlanarReader:
     ``bias_sigmas`` (4,) or none: prior standard deviations of odometry's biases, where they are estimated, and
     ``bias_means`` (3,) what is expected of them; that of the clock is in the keyframes already.
     ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
-    ``words`` reads what the detector says, where that is evidence of classes.
+    ``words`` reads what the detector says, where that is evidence of classes, ``vectors`` what detections look like.
     """
 
     def __init__(
@@ -39,11 +40,12 @@ class PlanarReader:
         bias_means: ArrayLike | None = None,
         learns_region: bool = False,
         words: WordReader | None = None,
+        vectors: VectorReader | None = None,
     ):
         self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
         self.bias_means = np.zeros_like(self.bias_sigmas) if bias_means is None else np.asarray(bias_means, dtype=float)
         self.feature_names, self.noise = feature_names, noise or ConfiguredNoise()
-        self._words = words
+        self._words, self._vectors = words, vectors
         self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
 
     def step(self, keyframe: Keyframe) -> Step:
@@ -61,6 +63,7 @@ class PlanarReader:
             names=measurements.track_ids,
             labels=measurements.labels,
             words=None if self._words is None else self._words.words(measurements),
+            vectors=None if self._vectors is None else self._vectors.vectors(keyframe),
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
             free_range_scan=measurements.free_range_scan,
@@ -76,7 +79,7 @@ class PlanarReader:
         return self._sensed[-1]
 
     def _with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """The measurements, with class scores as their features where they have none. Raises InputError."""
+        """The measurements, with vectors or class scores as their features where they have none. Raises InputError."""
         num_given = measurements.features.shape[1]
         if not self.num_features or not len(measurements) or num_given == self.num_features:
             return measurements
@@ -85,10 +88,17 @@ class PlanarReader:
                 f"the classifier gives {num_given} feature components but the class models were"
                 f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
             )
-        features = score_features(measurements, self.feature_names)
+        features = self._told_features(measurements)
         return replace(
             measurements, features=features, feature_covariances=np.zeros((*features.shape, self.num_features))
         )
+
+    def _told_features(self, measurements: SemanticMeasurements) -> Array:
+        """(D, F) vectors of appearance where the class models were fitted on such, else class scores."""
+        told = measurements.embeddings
+        if told.shape[1] == self.num_features and not self.feature_names and np.isfinite(told).all():
+            return told
+        return score_features(measurements, self.feature_names)
 
     def _motion(self, keyframe: Keyframe) -> Motion:
         control = planar_from_pose_vector(keyframe.odometry)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.detection_vectors import DetectionVectors
 from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.sensed_region import SensedRegion
 
@@ -46,6 +47,7 @@ class Step:
     in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
     labels: tuple[str, ...] = ()  # (D,) of the detector; empty where nobody asks for them
     words: DetectorWords | None = None  # D, where they are evidence of classes
+    vectors: DetectionVectors | None = None  # D, where looks are evidence
     sensed: SensedRegion | None = None  # of the detections so far, where the sensor's region is learned
     dropped: int = 0  # inputs not used so far
     free_range_scan: Array = field(

@@ -1,11 +1,17 @@
 """A detector's words as evidence: names that the objects of a hypothesis carry, whatever their heading.
 
-Given the positions of camera and object the words of one object depend on nothing else, so that the record of its views
-carries all that they tell, and their sum over classes is their evidence for the association. Names tell nothing back to
-the positions.
+Given the positions of camera and object, and how the detector is set (``LabelModel``: how far its views repeat, whether
+scores tell more than words), the words of one object depend on nothing else. The setting is one for all objects of a
+hypothesis, which tell it together: with Z_o(r) the sum over classes of the words of object o under setting r,
+
+    P(all words) = mean_r prod_o Z_o(r),    P(c | all words) ~ P(c) sum_r w_r P(words of o | c, r),
+
+w_r ~ prod of the Z(r) of all other objects. Ratios of the first are the evidence of associations. Names tell nothing
+back to the positions.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -13,21 +19,28 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.inference.models.detector_words import DetectorWords
-from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.view_places import view_places
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews
-from semantic_slam.viewpoint.label_model import DIRECTIONS, STEP_RAD, LabelModel, LabelRecord
-
-LEAST_RANGE_M = 0.05
-"""Nearer views count as from there."""
+from semantic_slam.viewpoint.label_model import STEP_RAD, LabelModel, LabelRecord
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Places:
-    """From where the K candidates have the camera look at each of n objects."""
+class _Told:
+    """What the words of one object tell; R settings of the detector."""
 
-    directions: Array  # (K, n) cells of the direction from object to camera, in map
-    log_ranges: Array  # (K, n) of the distance in metres, in steps
+    record: LabelRecord
+    by_setting: Array  # (R, C) log likelihood
+    log_evidence: Array  # (R,) sum over classes
+
+    @classmethod
+    def of(cls, model: LabelModel, record: LabelRecord, log_prior: Array) -> "_Told":
+        """What a record tells, with the (C,) log prior of the object's class."""
+        by_setting = model.by_setting(record)
+        return cls(
+            record=record, by_setting=by_setting, log_evidence=finite_log_sum_exp(log_prior + by_setting, axis=1)
+        )
 
 
 class DetectorLabels:
@@ -44,67 +57,74 @@ class DetectorLabels:
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the words of each candidate, and the objects' records after it."""
+        before = [_told_so_far(parent) for parent in given.parents]
+        news, parents = self._news(given, before), given.candidates.assignments.parents.tolist()
+        of_parents = np.array([self._of_all(own) for own in before])
+        gains = [self._gained(own, before[parent]) for own, parent in zip(news, parents, strict=True)]
+        settings = of_parents[parents]  # (K, R)
+        after = settings + np.array(gains).reshape(settings.shape)
+        evidence = finite_log_sum_exp(after, axis=1) - finite_log_sum_exp(settings, axis=1)
+
+        def records(rows: Sequence[int]) -> list[dict[int, ObjectViews]]:
+            return [_views(before[parents[row]] | news[row], after[row]) for row in rows]
+
+        return replace(SemanticEvidence.of(evidence, []), records=records)
+
+    def _news(self, given: SemanticInput, before: list[dict[int, _Told]]) -> list[dict[int, _Told]]:
+        """For each candidate, what is told of the objects of this keyframe with its words."""
         rows, words = given.candidates.assignments, given.step.words
         assert words is not None
-        places = _places(given)
-        total, records = np.zeros(len(rows)), [dict[int, ObjectViews]() for _ in range(len(rows))]
-        known: dict[tuple[int, ...], tuple[float, ObjectViews]] = {}
+        places, news = view_places(given), [dict[int, _Told]() for _ in range(len(rows))]
+        known: dict[tuple[int, ...], _Told] = {}
         for number, index in enumerate(given.used.tolist()):
             for row in np.flatnonzero(rows.objects[:, number] >= 0).tolist():
                 place = int(rows.objects[row, number])
                 object_id = given.object_ids[place]
-                before = records[row].get(object_id, given.parents[rows.parents[row]].views.get(object_id))
+                earlier = news[row].get(object_id, before[rows.parents[row]].get(object_id))
                 seen = int(places.directions[row, number]), int(places.log_ranges[row, number])
-                key = (id(before), index, place, *seen)  # hypotheses share what they have in common
+                key = (id(earlier), index, place, *seen)  # hypotheses share what they have in common
                 if key not in known:
-                    known[key] = self._added(before, words, index, seen, given.log_class_prior[place])
-                added, records[row][object_id] = known[key]
-                total[row] += added
-        return SemanticEvidence.of(total, records)
+                    known[key] = self._added(earlier, words, index, seen, given.log_class_prior[place])
+                news[row][object_id] = known[key]
+        return news
 
     def _added(
-        self,
-        before: ObjectViews | None,
-        words: DetectorWords,
-        index: int,
-        seen: tuple[int, int],
-        log_prior: Array,
-    ) -> tuple[float, ObjectViews]:
-        """Log evidence of one word of one object, and the record with it."""
-        record: LabelRecord = self._model.start() if before is None else before.recent[0]
+        self, before: _Told | None, words: DetectorWords, index: int, seen: tuple[int, int], log_prior: Array
+    ) -> _Told:
+        """What is told of one object with one word more."""
+        record = self._model.start() if before is None else before.record
         after = self._model.after(
             record, int(words.answers[index]), words.shares[index], seen[0], STEP_RAD * float(seen[1])
         )
-        log_likelihood = self._model.class_log_likelihood(after)
-        earlier = np.zeros(len(log_prior)) if before is None else before.log_likelihood
-        evidence = finite_log_sum_exp(log_prior + log_likelihood) - finite_log_sum_exp(log_prior + earlier)
-        views = ObjectViews(
-            log_likelihood=log_likelihood, mutual_information=float("nan"), in_coverage=True, recent=(after,)
+        return _Told.of(self._model, after, log_prior)
+
+    def _of_all(self, told: dict[int, _Told]) -> Array:
+        """(R,) log evidence of all words of a hypothesis under each setting."""
+        every = [told[number].log_evidence for number in sorted(told)]  # in one order, whoever rebuilt the hypothesis
+        return np.sum(every, axis=0) if every else np.zeros(self._model.num_settings)
+
+    def _gained(self, news: dict[int, _Told], before: dict[int, _Told]) -> Array:
+        """(R,) log evidence of the words of a keyframe under each setting; 0 where it has none."""
+        nothing = np.zeros(self._model.num_settings)
+        gains = [own.log_evidence - (before[n].log_evidence if n in before else nothing) for n, own in news.items()]
+        return np.sum(gains, axis=0) if gains else nothing
+
+
+def _told_so_far(parent: Component) -> dict[int, _Told]:
+    return {number: views.recent[0] for number, views in parent.views.items()}
+
+
+def _views(told: dict[int, _Told], log_settings: Array) -> dict[int, ObjectViews]:
+    """The records of all objects, for each of which the others tell how the detector is set; ``log_settings`` (R,)."""
+    if not told:
+        return {}
+    numbers, own = list(told), list(told.values())
+    others = log_settings - np.array([one.log_evidence for one in own])  # (O, R)
+    log_weights = others - finite_log_sum_exp(others, axis=1)[:, None]
+    likelihood = finite_log_sum_exp(log_weights[..., None] + np.array([one.by_setting for one in own]), axis=1)
+    return {
+        number: ObjectViews(
+            log_likelihood=likelihood[row], mutual_information=float("nan"), in_coverage=True, recent=(own[row],)
         )
-        return float(evidence), views
-
-
-def _places(given: SemanticInput) -> _Places:
-    """Rounded, so that hypotheses that agree share their work; a turn and a ratio of distances in the same steps."""
-    robot, objects = _states(given)
-    sensors = np.array([given.step.detections[index].sensor for index in given.used.tolist()]).reshape(-1, 2)
-    count = objects.shape[1]
-    directions, log_ranges = np.zeros((len(robot), count), dtype=int), np.zeros((len(robot), count), dtype=int)
-    for number in range(count):
-        rows = np.flatnonzero(given.candidates.assignments.objects[:, number] >= 0)
-        place = np.column_stack([objects[rows, number, :2], np.zeros(len(rows))])
-        bearing = camera_bearing(robot[rows], place, sensors[number])
-        directions[rows, number] = np.rint(bearing / STEP_RAD).astype(int) % DIRECTIONS
-        away = np.hypot(*(place[:, :2] - robot[rows, :2]).T)
-        log_ranges[rows, number] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD).astype(int)
-    return _Places(directions=directions, log_ranges=log_ranges)
-
-
-def _states(given: SemanticInput) -> tuple[Array, Array]:
-    """(K, 3) robots and (K, n, 2 or 3) objects of the detections at the modes, of whichever weighed the candidates."""
-    rows = given.candidates.assignments
-    if given.candidates.problem is None:
-        return rows.column("robot"), rows.column("object_states")
-    stack, states = given.stack, given.stack.states(given.mode.y)
-    objects = states[np.arange(len(states))[:, None], 1 + stack.slots]
-    return stack.robots_of(states), objects
+        for row, number in enumerate(numbers)
+    }

@@ -1,7 +1,7 @@
 """Semantics as a strategy: one input, the candidates at their modes; one result, their evidence and the records."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol, Self
 
@@ -18,12 +18,13 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 Records = Callable[[Sequence[int]], list[dict[int, ObjectViews]]]
-"""For some candidates: object id -> record of its views, for the objects of this keyframe."""
+"""For some candidates: object id -> record of its views, for the objects of this keyframe, or of all that have one."""
 
 
 def at_hand(views: list[dict[int, ObjectViews]]) -> Records:
@@ -103,6 +104,8 @@ class ClassModels:
     tempering: float  # so many views tell as much as one
     labels: LabelModel | None = None  # P(words of a detector | class)
     outliers: OutlierScores | None = None  # scores that no class explains; None: there are none, or no such models
+    embeddings: EmbeddingModel | None = None  # P(vectors of appearance | one object)
+    appearances: Mapping[int, EmbeddingRecord] = field(default_factory=dict)  # by object id, of what a map describes
 
 
 class Semantics(Protocol):

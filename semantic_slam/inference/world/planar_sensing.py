@@ -8,6 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.se2 import rotate_covariance
 from semantic_slam.inference.inputs.planar_reader import PlanarReader
+from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import bias_means, bias_sigmas
@@ -84,4 +85,5 @@ def _reader(settings: SensingSettings) -> PlanarReader:
         bias_means=bias_means(configuration.odometry),
         learns_region=configuration.open_world.learn_region,
         words=WordReader(settings.labels) if settings.labels else None,
+        vectors=VectorReader(settings.vector_dimensions) if settings.vector_dimensions else None,
     )

@@ -35,6 +35,7 @@ from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel
 
 
 class KeyframeReader(Protocol):
@@ -59,6 +60,7 @@ class Problem:
     distinct: bool
     semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
+    embeddings: EmbeddingModel | None = None  # of vectors of appearance, where these are evidence
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)

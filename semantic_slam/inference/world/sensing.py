@@ -29,6 +29,7 @@ class SensingSettings:
     num_features: int  # F of every detection's feature, 0 where nothing looks at it
     feature_names: tuple[str, ...]  # (F,) or () where the models do not name their features
     labels: tuple[str, ...] = ()  # (L,) of the detector, where they are evidence of classes
+    vector_dimensions: int = 0  # of the vectors of appearance that are evidence; 0: they are none
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,6 +42,11 @@ function track(i, j) { // from hypothesis j of keyframe i back to its root
   return points;
 }
 
+function nameOf(place, o) { // its label, and what it is once that is likelier than not
+  const p = o.slice(7), top = p.indexOf(Math.max(...p));
+  return scene.objects[place].label + (p[top] > .5 ? " " + scene.classes[top].name : "");
+}
+
 class MapView {
   constructor(svg, small) {
     this.svg = svg;
@@ -85,7 +90,7 @@ class MapView {
       this.arrow(o[0], o[1], o[0] + AHEAD * vx, o[1] + AHEAD * vy);
     }
     for (const j of order) this.robot(frame.h[j], j === best);
-    if (!this.small) objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.label(this.x(o[0]) + 12 * u, this.y(o[1]) - 8 * u, scene.objects[place].label));
+    if (!this.small) objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
   }
 
   grid() {
@@ -127,11 +132,15 @@ class MapView {
     make(this.svg, "path", { d: `M${ax} ${ay}L${bx} ${by}M${wing(1)}L${bx} ${by}L${wing(-1)}`, fill: "none", stroke: MOVER, "stroke-width": 2 * u });
   }
 
-  label(x, y, text) { // where no other label stands
-    const u = this.u, box = [x, y - 11 * u, x + 8 * u * text.length, y + 3 * u];
-    if (this.labels.some(b => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) return;
-    this.labels.push(box);
-    make(this.svg, "text", { class: "name", x, y, "font-size": 13 * u, "stroke-width": 3 * u }, text);
+  label(px, py, text) { // beside a point, where no other label stands: right or left, above or below
+    const u = this.u, width = 7.5 * u * text.length;
+    for (const [x, y] of [[px + 12 * u, py - 8 * u], [px + 12 * u, py + 16 * u], [px - 12 * u - width, py - 8 * u], [px - 12 * u - width, py + 16 * u]]) {
+      const box = [x, y - 11 * u, x + width, y + 3 * u];
+      if (this.labels.some(b => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) continue;
+      this.labels.push(box);
+      make(this.svg, "text", { class: "name", x, y, "font-size": 13 * u, "stroke-width": 3 * u }, text);
+      return;
+    }
   }
 
   pie(x, y, r, p) {
@@ -178,6 +187,23 @@ function panel(i) {
   }
 }
 
+function picture(i) { // the newest one up to that keyframe
+  const figure = document.getElementById("view"), shown = scene.pictures.filter(p => p.i <= i).pop();
+  if (!figure) return;
+  figure.replaceChildren();
+  if (!shown) return void html(figure, "figcaption", "", "No picture yet");
+  const frame = html(figure, "div", "picture"), image = html(frame, "img");
+  Object.assign(image, { src: "data:image/jpeg;base64," + shown.data, width: shown.width, height: shown.height, alt: "camera picture" });
+  for (const [left, top, width, height, colour, verdict, places, text, told] of shown.boxes) {
+    const box = html(frame, "div", `box ${verdict} ${places}`);
+    Object.assign(box.style, { left: left + "%", top: top + "%", width: width + "%", height: height + "%" });
+    box.style.setProperty("--c", colour);
+    html(box, "span", "", text);
+    if (told) html(box, "em", "", told);
+  }
+  html(figure, "figcaption", "", "Camera at keyframe " + scene.frames[shown.i].k);
+}
+
 const main = new MapView(document.getElementById("mainmap"), false);
 const small = [...document.querySelectorAll(".map.small")].map(svg => ({ svg, view: new MapView(svg, true), frame: +svg.dataset.frame }));
 const plots = [...document.querySelectorAll(".plot")].map(svg => ({ svg, cursor: svg.querySelector(".cursor"), figure: svg.closest(".chart"),
@@ -196,6 +222,7 @@ function show(i) {
   moment.append(` of ${scene.frames[last].k}, ${frame.t.toFixed(1)} s`);
   main.draw(i);
   panel(i);
+  picture(i);
   for (const plot of plots) {
     const x = plot.left + (frame.k - plot.low) / (plot.high - plot.low) * (plot.right - plot.left);
     plot.cursor.setAttribute("x1", x);

@@ -4,9 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.latent_model import FeatureNoise, LatentModel
 from semantic_slam.training.latent.evaluation import azimuth_nees, own_descriptors
 from semantic_slam.training.latent.feature_views import FeatureViews
+
+LARGEST_SQUARED = 10.83
+"""Normalised squared error that one of a thousand views exceeds: beyond it an ascent has ended at another peak. Such a
+view counts no more than this, or it alone would widen all others."""
+ROUNDS = 20
 
 
 def feature_noise(model: LatentModel, views: FeatureViews) -> FeatureNoise:
@@ -17,7 +23,15 @@ def feature_noise(model: LatentModel, views: FeatureViews) -> FeatureNoise:
     descriptors = own_descriptors(model, views)
     residuals = views.features - model.mean(views.viewpoints, descriptors)
     sigma = np.sqrt((residuals**2).mean(axis=0))
-    return FeatureNoise(sigma, float(np.sqrt(azimuth_nees(model, views, descriptors, sigma).mean())))
+    return FeatureNoise(sigma, float(np.sqrt(mean_squared(azimuth_nees(model, views, descriptors, sigma)))))
+
+
+def mean_squared(squared: Array) -> float:
+    """Mean of (N,) squared errors, none counted for more than LARGEST_SQUARED times the mean."""
+    mean = float(squared.mean())
+    for _ in range(ROUNDS):
+        mean = float(np.minimum(squared, LARGEST_SQUARED * mean).mean())
+    return mean
 
 
 def calibrated(model: LatentModel, in_rooms: FeatureViews, on_turntable: FeatureViews) -> LatentModel:

@@ -5,10 +5,13 @@ It starts from a model learned by contrast, without which the pose is ignored. T
 bowl: left alone it forgets what tells far directions and other instances apart, so that contrast stays beside it.
 """
 
+from typing import Any
+
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Bytes, Index
+from semantic_slam.geometry.arrays import Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.training.latent.contrast_training import contrast
 from semantic_slam.training.latent.feature_views import turned
@@ -70,7 +73,7 @@ def _bowl_term(
     return (0.5 * (features - mean).square().sum(dim=1) - 0.5 * target).abs().mean()
 
 
-def _order_term(features: torch.Tensor, crops: Bytes) -> torch.Tensor:
+def _order_term(features: torch.Tensor, crops: NDArray[Any]) -> torch.Tensor:
     """Hinge loss on triplets: what is closer as a picture is to be closer as a feature; squared differences both."""
     pixels = torch.from_numpy(crops.reshape(len(crops), -1)).float() / 255.0
     order = torch.randperm(len(crops))

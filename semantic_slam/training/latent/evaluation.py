@@ -189,7 +189,7 @@ def descriptors_from_views(
 
 def nees_in_doubt(model: LatentModel, inferred: Inferred) -> Consistency:
     """Consistency (NEES) of the azimuth where the descriptor is no more certain than the views that it came from."""
-    return consistency(_squared_in_doubt(model, inferred))
+    return consistency(squared_in_doubt(model, inferred))
 
 
 def nees_tempered_by_others(model: LatentModel, inferred: Inferred) -> Consistency:
@@ -197,11 +197,11 @@ def nees_tempered_by_others(model: LatentModel, inferred: Inferred) -> Consisten
 
     A decoder is less right about objects that it was not fitted to, however certain their descriptors are.
     """
-    squared, odd = _squared_in_doubt(model, inferred), inferred.views.instance % 2 == 1
+    squared, odd = squared_in_doubt(model, inferred), inferred.views.instance % 2 == 1
     return consistency(squared / np.where(odd, squared[~odd].mean(), squared[odd].mean()))
 
 
-def _squared_in_doubt(model: LatentModel, inferred: Inferred) -> Array:
+def squared_in_doubt(model: LatentModel, inferred: Inferred) -> Array:
     """(N,) squared error of the azimuth over its variance, view by view."""
     views, own = inferred.views, inferred.of_object
     estimate = azimuth_in_doubt(model, views.viewpoints, take(own, views.instance), views.features)

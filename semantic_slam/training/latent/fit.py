@@ -1,7 +1,7 @@
 """From turntable views to a latent model: features, decoder and descriptors, encoder, noise, classes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from semantic_slam.training.latent.energy_training import energy, rescale_to_bow
 from semantic_slam.training.latent.feature_views import FeatureViews
 from semantic_slam.training.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
 from semantic_slam.training.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
+from semantic_slam.training.latent.new_instances import LeftOut, folds_of, new_factor
 from semantic_slam.training.latent.principal_components import principal_components
 from semantic_slam.training.latent.regression_training import fit_extractor
 from semantic_slam.training.latent.torch_network import exported
@@ -69,6 +70,19 @@ def train(split: TurntableSplit, settings: TrainingSettings, tags: Mapping[str, 
     crop_views = CropViews(crops, views.instance, views.viewpoints, len(names))
     joint = _features_by_contrast(split.train, crop_views, settings)
     return finished(joint, crop_views, views, split, settings, tags)
+
+
+def knowing_new_instances(trained: TrainedModel, split: TurntableSplit, settings: TrainingSettings) -> TrainedModel:
+    """The model with its factor for objects that it was not fitted to: all is trained anew for every fold."""
+    folds = folds_of(trained.model.instances.names)
+    factor = new_factor([_left_out(split, fold, settings) for fold in folds])
+    return replace(trained, model=replace(trained.model, new_factor=factor))
+
+
+def _left_out(split: TurntableSplit, out: tuple[str, ...], settings: TrainingSettings) -> LeftOut:
+    without = train(split.without(out), settings)
+    views = [view for view in (*split.train, *split.calibrate) if view.class_name in set(out)]
+    return LeftOut(without.model, seen_in_rooms(views, out, without.extractor, settings.seed + 3))
 
 
 def finished(

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
-from semantic_slam.geometry.arrays import Bytes, Index
+from semantic_slam.geometry.arrays import Index
 from semantic_slam.latent.direction import NUM_INPUTS, encoded
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.training.latent.gradient_descent import descend, num_batches, shuffled
@@ -18,9 +20,9 @@ from semantic_slam.viewpoint.model import Viewpoints
 
 @dataclass(frozen=True)
 class CropViews:
-    """N crops of instances seen from known directions."""
+    """N crops of instances seen from known directions, or what a frozen network makes of them."""
 
-    crops: Bytes  # (N, size, size, 3)
+    crops: NDArray[Any]  # (N, size, size, 3) bytes, or (N, K) float32: whatever the extractor takes
     instance: Index  # (N,)
     viewpoints: Viewpoints
     num_instances: int
@@ -48,7 +50,7 @@ class JointModel(nn.Module):  # type: ignore[misc]  # torch is not followed by m
         self.descriptors = nn.Parameter(0.3 * torch.randn(num_instances, dimensions))
         self.sharpness = 1.0  # 1 / sigma of the likelihood that views are told apart with
 
-    def features(self, crops: Bytes) -> torch.Tensor:
+    def features(self, crops: NDArray[Any]) -> torch.Tensor:
         """(B, F) features of crops, with gradients."""
         features: torch.Tensor = self.extractor(self.extractor.normalise(crops))
         return features

@@ -80,6 +80,7 @@ def of_held_out(model: LatentModel, views: FeatureViews, seed: int) -> dict[str,
         **_of_directions(model, inferred.views, inferred.descriptors, generator),
         **(changes_found(model.changes, views, generator) if model.changes else {}),
         "nees": nees_in_doubt(model, inferred).nees,
+        "nees_of_new": nees_in_doubt(model.on_new_instances(), inferred).nees,
         "nees_descriptor_taken_as_exact": nees(model, inferred.views, inferred.descriptors).nees,
         "objects": float(len(views.names)),
     }

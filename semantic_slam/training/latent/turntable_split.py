@@ -9,8 +9,13 @@ from semantic_slam.errors import InputError
 from semantic_slam.training.views import ObjectView
 
 TRAIN_STEP_DEG = 12
+"""Largest step between two angles that train, where the table stopped often enough; else every other stop trains."""
 CALIBRATE_DEG, VALIDATE_DEG, TEST_PERIOD_DEG = 6, 18, 24
-"""Halfway between two views that train, by turns one to calibrate and one to validate."""
+"""What follows from it for a table that stopped every 3 or 6 degrees."""
+
+
+LEAST_ANGLES = 8
+"""Angles of the table altogether, half of which train; ETH-80 has 16 all around."""
 
 
 @dataclass(frozen=True)
@@ -22,27 +27,47 @@ class TurntableSplit:
     validate: list[ObjectView]
     held_out: list[ObjectView]
 
+    def without(self, names: Sequence[str]) -> "TurntableSplit":
+        """The split as if some instances were not there."""
+        out = set(names)
+        parts = (self.train, self.calibrate, self.validate, self.held_out)
+        return TurntableSplit(*([view for view in part if view.class_name not in out] for part in parts))
+
 
 def wanted_angle(angle_deg: int) -> bool:
-    """Whether a view at that angle belongs to any part of the split."""
-    return angle_deg % TRAIN_STEP_DEG == 0 or angle_deg % TEST_PERIOD_DEG in (CALIBRATE_DEG, VALIDATE_DEG)
+    """Whether a view at that angle of BigBIRD's table belongs to any part of the split."""
+    return angle_deg % CALIBRATE_DEG == 0
 
 
 def split(views: Sequence[ObjectView], held_out: Sequence[str]) -> TurntableSplit:
-    """The parts of ``views``; raises InputError when one is empty that must not be."""
+    """The parts of ``views``; halfway between two angles that train, by turns one to calibrate and one to validate.
+
+    Raises InputError when the table stopped too seldom, or a part is empty.
+    """
+    angles = sorted({view.angle_deg for view in views})
+    stride = _stride(angles)
+    rank = {angle: index % (2 * stride) for index, angle in enumerate(angles)}
     known = [view for view in views if view.class_name not in set(held_out)]
     parts = TurntableSplit(
-        train=[view for view in known if view.angle_deg % TRAIN_STEP_DEG == 0],
-        calibrate=[view for view in known if view.angle_deg % TEST_PERIOD_DEG == CALIBRATE_DEG],
-        validate=[view for view in known if view.angle_deg % TEST_PERIOD_DEG == VALIDATE_DEG],
+        train=[view for view in known if rank[view.angle_deg] % stride == 0],
+        calibrate=[view for view in known if rank[view.angle_deg] == stride // 2],
+        validate=[view for view in known if rank[view.angle_deg] == stride // 2 + stride],
         held_out=[view for view in views if view.class_name in set(held_out)],
     )
     if not (parts.train and parts.calibrate and parts.validate):
-        raise InputError(
-            f"turntables: no views at multiples of {TRAIN_STEP_DEG} degrees or halfway between them;"
-            " render with --step-deg 3 or 6, or download every angle"
-        )
+        raise InputError(f"turntables: no object is left to learn from at {len(angles)} angles; give more objects")
     return parts
+
+
+def _stride(angles_deg: Sequence[int]) -> int:
+    """Stops of the table from one that trains to the next: an even number, two at least. Raises InputError."""
+    if len(angles_deg) < LEAST_ANGLES:
+        raise InputError(
+            f"turntables: {len(angles_deg)} angles are too few to learn from and to judge by;"
+            f" give {LEAST_ANGLES} at least (--step-deg 3 or 6), or download every angle"
+        )
+    step = float(np.median(np.diff(angles_deg)))
+    return max(2, 2 * int(TRAIN_STEP_DEG / (2.0 * step)))
 
 
 def choose_held_out(names: Sequence[str], classes: Mapping[str, str], count: int, seed: int) -> tuple[str, ...]:

@@ -10,14 +10,16 @@ import numpy as np
 from tqdm import tqdm
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.perception.mc_dropout import class_probability_samples
+from semantic_slam.perception.mc_dropout import probe_features, samples_of_head, seen
 from semantic_slam.perception.network import ClassifierNetwork
 from semantic_slam.perception.uncertainty import sample_covariance
+from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.viewpoint.calibration import Residuals, left_out_residuals, report_of
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.training.views import ObjectView
+from semantic_slam.viewpoint.appearance import KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 
 
@@ -49,6 +51,20 @@ def fit_samples(samples: dict[str, ClassSamples], feature_names: tuple[str, ...]
     return FittedModels(model, left_out, report_of(samples, left_out))
 
 
+def appearance_of(samples: dict[str, ClassSamples], classifier: ClassifierNetwork) -> KnownAppearance | None:
+    """What the objects of all classes look like; None where no pictures were measured, or too few."""
+    features, classes, views = [], [], []
+    for index, data in enumerate(samples.values()):
+        if data.appearances is None:
+            return None
+        count, draws, size = data.appearances.shape
+        features.append(data.appearances.reshape(-1, size))
+        classes.append(np.full(count * draws, index))
+        views.append(np.repeat(np.arange(count), draws))
+    probe = probe_features(classifier.network)
+    return fit_appearance(np.concatenate(features), np.concatenate(classes), np.concatenate(views), probe)
+
+
 def measure_views(
     views: Sequence[ObjectView], classifier: ClassifierNetwork, settings: FitSettings
 ) -> dict[str, ClassSamples]:
@@ -69,26 +85,29 @@ def _class_samples(
     settings: FitSettings,
     progress: "tqdm[Any]",
 ) -> ClassSamples:
-    azimuth, features, covariances = [], [], []
+    azimuth, features, covariances, appearances = [], [], [], []
     for index in sorted(directions):
         group = directions[index]
         generator = _generator(settings.seed, group[0].class_name, index)
-        drawn = np.stack([_dropout_samples(group, classifier, settings, generator) for _ in range(settings.draws)])
+        pictures = [_measured(group, classifier, settings, generator) for _ in range(settings.draws)]
+        drawn = np.stack([samples for samples, _ in pictures])
         phase = sum(np.exp(1j * view.azimuth_rad) for view in group)
         azimuth.append(float(np.angle(phase)))
         features.append(drawn.mean(axis=1))
         covariances.append(sample_covariance(drawn))
+        appearances.append(np.stack([appearance for _, appearance in pictures]))
         progress.update()
-    return ClassSamples(np.array(azimuth), np.stack(features), np.stack(covariances))
+    return ClassSamples(np.array(azimuth), np.stack(features), np.stack(covariances), np.stack(appearances))
 
 
-def _dropout_samples(
+def _measured(
     group: list[ObjectView], classifier: ClassifierNetwork, settings: FitSettings, generator: np.random.Generator
-) -> Array:
-    """(T, F) features of one random crop of one of the views."""
+) -> tuple[Array, Array]:
+    """(T, F) features of one random crop of one of the views, and (K,) what it looks like."""
     crop = room_crop(group[generator.integers(len(group))], classifier.network.input_size, generator)
-    samples = class_probability_samples(classifier.network, crop, settings.num_passes, generator)
-    return samples[:, list(classifier.components)]
+    once = seen(classifier.network, crop)
+    samples = samples_of_head(classifier.network, once.descriptor, settings.num_passes, generator)
+    return classifier.reported(samples), once.appearance
 
 
 def _generator(seed: int, class_name: str, direction: int) -> np.random.Generator:

@@ -13,6 +13,7 @@ class ClassSamples:
     azimuth_rad: Array  # (M,)
     features: Array  # (M, S, F) mean over the dropout passes
     feature_covariances: Array  # (M, S, F, F) over the dropout passes
+    appearances: Array | None = None  # (M, S, K) the trunk's features; None: the pictures are not there any more
 
     def select(self, views: Selection) -> "ClassSamples":
         """The views with these indices or under this mask."""

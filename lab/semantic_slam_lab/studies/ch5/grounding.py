@@ -1,6 +1,7 @@
 """Classes from two tagged instances each (Sec. 5.6.A): Gaussians, nearest neighbours, and supervised classifiers."""
 
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -57,11 +58,16 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     return write_result(out, result, claims(numbers[DEFAULT]), [_table(numbers)])
 
 
-def judged(model: LatentModel, views: FeatureViews, generator: np.random.Generator) -> dict[str, float]:
+def judged(
+    model: LatentModel,
+    views: FeatureViews,
+    generator: np.random.Generator,
+    class_of: Callable[[str], str] = goods_class,
+) -> dict[str, float]:
     """Accuracy of every method on the instances left untagged by one draw, by views or by triples of views."""
-    tags = _drawn_tags(views.names, generator)
+    tags = _drawn_tags(views.names, class_of, generator)
     classes = tuple(sorted(set(tags.values())))
-    truth = np.array([classes.index(goods_class(name)) for name in views.names])
+    truth = np.array([classes.index(class_of(name)) for name in views.names])
     untagged = ~np.isin(views.names, list(tags))
     single = np.flatnonzero(untagged[views.instance])
     triples = _triples(views, np.flatnonzero(untagged), generator)
@@ -89,10 +95,12 @@ def judged(model: LatentModel, views: FeatureViews, generator: np.random.Generat
     return accuracy | _with_all_labels(views, labels, single, triples, generator)
 
 
-def _drawn_tags(names: tuple[str, ...], generator: np.random.Generator) -> dict[str, str]:
+def _drawn_tags(
+    names: tuple[str, ...], class_of: Callable[[str], str], generator: np.random.Generator
+) -> dict[str, str]:
     of_class = defaultdict(list)
     for name in names:
-        of_class[goods_class(name)].append(name)
+        of_class[class_of(name)].append(name)
     return {
         str(name): class_name
         for class_name, members in sorted(of_class.items())

@@ -89,11 +89,12 @@ def camera_pose(location_m: Array, target_height_m: float) -> Array:
 
 def _measure(subject: Subject, locations_m: Array, seed: tuple[int, ...]) -> Array:
     classifier = load_network(PerceptionConfiguration())
-    columns = [classifier.components[classifier.class_names.index(name)] for name in CLASSES]
+    columns = [classifier.class_names.index(name) for name in CLASSES]
     samples = []
     for index, picture in enumerate(pictures(subject, locations_m)):
         generator = np.random.default_rng((*seed, index))
         crop = picture.crop(classifier.network.input_size)
-        samples.append(class_probability_samples(classifier.network, crop, NUM_PASSES, generator)[:, columns])
+        drawn = class_probability_samples(classifier.network, crop, NUM_PASSES, generator)
+        samples.append(classifier.reported(drawn)[:, columns])
     chosen = np.stack(samples)
     return np.asarray(chosen / chosen.sum(axis=-1, keepdims=True))

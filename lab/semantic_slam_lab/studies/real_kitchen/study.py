@@ -1,0 +1,103 @@
+"""RedKitchen of 7-Scenes: NanoDet's boxes, depth and visual odometry in, three identical chairs and two mugs out.
+
+The poses that the data set gives level the camera, as an inertial sensor would, and judge; they tell nothing else.
+"""
+
+import tempfile
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from semantic_slam.configuration import Configuration, to_dict
+from semantic_slam.datasets.image_folders.image_folder import ImageFolder
+from semantic_slam.datasets.image_folders.images_import import found_in, given_detector, write_images
+from semantic_slam.datasets.image_folders.journey import journey_by_odometry
+from semantic_slam.datasets.image_folders.layouts import read_image_folder
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.pipeline.offline import run_bag
+from semantic_slam_lab.studies.real_drives.drives import data_folder
+from semantic_slam_lab.studies.real_kitchen.judged import Judged, judged
+from semantic_slam_lab.studies.real_kitchen.methods import METHODS, configuration, configuration_of
+from semantic_slam_lab.studies.real_kitchen.pages import claims_of, figures_of, tables_of
+from semantic_slam_lab.studies.real_kitchen.visual_odometry import visual_odometry
+from semantic_slam_lab.studies.result import write_result
+from semantic_slam_lab.studies.victoria_park.methods import StudyPool, smoothed_poses
+
+QUICK_FRAMES = 60
+
+
+@dataclass(frozen=True)
+class Task:
+    """One method over the bag."""
+
+    method: str
+    bag: Path
+    configuration: Configuration
+
+
+def run(out: Path, *, quick: bool, jobs: int, seed: int, data: Path | None = None) -> list[Path]:
+    """Import, map, judge; returns the files written. A quick run takes the first frames. Raises InputError."""
+    root = data_folder(data)
+    folder = read_image_folder(root / "redkitchen")
+    folder = replace(folder, frames=folder.frames[: QUICK_FRAMES if quick else None])
+    base = configuration(seed)
+    with tempfile.TemporaryDirectory(prefix="real_kitchen_") as place:
+        failures = write_bag(folder, root / "weights", Path(place), seed)
+        tasks = [Task(method, Path(place) / "bag", configuration_of(method, base)) for method in METHODS]
+        with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
+            runs = dict(zip(METHODS, pool.map(outcome_of, tasks), strict=True))
+    result = summary(runs, base, quick, failures)
+    return write_result(out, result, claims_of(result), tables_of(runs), figures_of(out, runs))
+
+
+def write_bag(folder: ImageFolder, weights: Path, place: Path, seed: int) -> int:
+    """Write ``place``/bag with visual odometry; in how many frames that failed is returned. Raises InputError."""
+    poses, failures = visual_odometry(folder, seed)
+    odometry = place / "odometry.txt"
+    times = np.array([frame.time_s for frame in folder.frames])
+    np.savetxt(odometry, tum_rows(times, poses), fmt="%.9f")
+    journey = journey_by_odometry(folder, odometry)
+    detector = given_detector(weights / "nanodet_m.onnx", weights / "coco.names")
+    write_images(folder, journey, found_in(folder, journey, detector), place / "bag")
+    return failures
+
+
+def tum_rows(times_s: Array, poses: Array) -> Array:
+    """(N, 8) t x y z qx qy qz qw of (N, 4, 4) poses."""
+    return np.column_stack([times_s, poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()])
+
+
+def outcome_of(task: Task) -> Judged:
+    """Run one method over the bag and judge it."""
+    with tempfile.TemporaryDirectory(prefix="real_kitchen_") as place:
+        beliefs, pool = Path(place) / "beliefs", StudyPool(1)
+        run_bag(task.bag, beliefs, task.configuration, pool=pool)
+        record = read_record(beliefs)
+    last = record.beliefs[-1]
+    component = pool.component(int(last.hypothesis_ids[np.argmax(last.log_weights)]))
+    return judged(record, smoothed_poses(component)[:, :3])
+
+
+def summary(runs: Mapping[str, Judged], base: Configuration, quick: bool, failures: int) -> dict[str, Any]:
+    """``result.json`` without its claims; what our method found stands at its top, too."""
+    from semantic_slam.pipeline.provenance import revision
+
+    there = runs["ours"].there
+    return {
+        "study": "real_kitchen",
+        "seed": base.seed,
+        "config": to_dict(configuration_of("ours", base)),
+        "revision": revision(),
+        "quick": quick,
+        "visual_odometry_failures": failures,
+        "detections_of": dict(zip(there.names, there.detections, strict=True)),
+        **runs["ours"].metrics,
+        "methods": {name: run.metrics for name, run in runs.items()},
+    }

@@ -1,0 +1,1 @@
+"""Questions to a map: which of its objects is meant, with what probability."""

@@ -1,0 +1,135 @@
+"""What the objects of a map look like: the vectors of their views, as the best history has them.
+
+Vectors are compared in all their components, whatever the run has reduced them to, and whatever its class models are.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.class_models.embedding import embedding_model
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.history import best_history, best_index, lineage
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.viewpoint.embedding_background import EmbeddingBackground, SeenVectors
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
+from semantic_slam.viewpoint.embedding_vectors import reduced
+
+LEAST_RANGE_M = 0.05
+"""Nearer views count as from there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenView:
+    """A vector of one object, and from where it was seen."""
+
+    object_id: int
+    vector: Array  # (F,)
+    direction: float  # from the object to the camera, radians in map
+    log_range: float  # of the distance in metres
+
+
+@dataclass(frozen=True, kw_only=True)
+class Appearances:
+    """The looks of a map's objects beside the background of all vectors; F components."""
+
+    model: EmbeddingModel
+    seen: SeenVectors  # all
+    records: Mapping[int, EmbeddingRecord]  # by object id
+
+    @classmethod
+    def of(cls, views: Sequence[SeenView], others: Array, settings: SemanticModelConfiguration) -> "Appearances":
+        """From views in the order in which they were seen, and (D, F) vectors of no object. Raises InputError."""
+        sizes = {len(view.vector) for view in views}
+        if len(sizes) != 1:
+            raise InputError(
+                "no object of the map has a vector of appearance; let the detector send embeddings (DetectionArray)"
+                if not sizes
+                else f"embeddings of {sorted(sizes)} components are mixed; let one network alone send them"
+            )
+        (size,) = sizes
+        model = replace(embedding_model(settings), dimensions=size)
+        vectors = reduced(np.array([view.vector for view in views]), size)
+        seen = SeenVectors.none(size).with_vectors(vectors).with_vectors(reduced(others.reshape(-1, size), size))
+        background, records = seen.background, dict[int, EmbeddingRecord]()
+        for vector, view in zip(vectors, views, strict=True):
+            if np.isfinite(vector).all():
+                record = records.get(view.object_id, model.start())
+                told = sum(
+                    (own.told_settings for n, own in sorted(records.items()) if n != view.object_id), np.zeros(1)
+                )
+                ratio = record.log_ratios(vector, background, np.array([view.direction]), np.array([view.log_range]))[
+                    :, 0
+                ]
+                usual = model.usual(np.broadcast_to(told, ratio.shape))
+                records[view.object_id] = record.after(vector, ratio, usual, background, view.direction, view.log_range)
+        return cls(model=model, seen=seen, records=records)
+
+    @property
+    def background(self) -> EmbeddingBackground:
+        """What vectors are like, whatever they show."""
+        return self.seen.background
+
+    @cached_property
+    def usual(self) -> Array:
+        """(R,) log probabilities of the settings of any object."""
+        told = [own.told_settings for _, own in sorted(self.records.items())]
+        return self.model.usual(np.sum(told, axis=0))
+
+    def vector(self, given: Array) -> Array:
+        """(F,) of length one. Raises InputError where it is none of this map's network."""
+        size = len(self.background.centre)
+        if np.shape(given) != (size,):
+            raise InputError(
+                f"the vector has {np.size(given)} components, the objects' have {size}; take that of the same network"
+            )
+        (unit,) = reduced(np.asarray(given, dtype=np.float64)[None], size)
+        if np.isnan(unit).any():
+            raise InputError("the vector has no direction: it is zero or not finite; give another")
+        return np.asarray(unit)
+
+
+def appearances_of(
+    beliefs: Sequence[HybridBelief],
+    measurements: Mapping[int, SemanticMeasurements],
+    settings: SemanticModelConfiguration,
+) -> Appearances:
+    """From all beliefs of a run, and the measurements by their stamps, of a robot in the plane. Raises InputError."""
+    last = beliefs[-1]
+    places = {
+        int(number): planar_from_pose_vector(pose)
+        for number, pose in zip(last.object_ids, last.object_poses, strict=True)
+        if np.isfinite(pose).all()
+    }
+    views, others = list[SeenView](), list[Array]()
+    for belief, ids, ancestor in zip(beliefs, best_history(beliefs), lineage(beliefs), strict=True):
+        told = measurements.get(belief.stamp_ns)
+        if told is None or not told.embeddings.shape[1]:
+            continue
+        rows = {int(number): row for row, number in enumerate(told.detection_ids)}
+        robot = planar_from_pose_vector(belief.poses[ancestor if ancestor >= 0 else best_index(belief)])
+        for column, detection in enumerate(belief.detection_ids):
+            vector = told.embeddings[rows[int(detection)]] if int(detection) in rows else None
+            number = -1 if ids is None else int(ids[column])
+            if vector is None or not np.isfinite(vector).all():
+                continue
+            if number in places:
+                views.append(_view(number, vector, robot, places[number], told.sensor_position[:2]))
+            else:
+                others.append(vector)
+    size = len(views[0].vector) if views else 0
+    alike = [vector for vector in others if len(vector) == size]
+    return Appearances.of(views, np.array(alike).reshape(len(alike), size), settings)
+
+
+def _view(number: int, vector: Array, robot: Array, place: Array, sensor: Array) -> SeenView:
+    direction = camera_bearing(robot[None], np.append(place[:2], 0.0)[None], sensor)[0]
+    away = max(float(np.hypot(*(place[:2] - robot[:2]))), LEAST_RANGE_M)
+    return SeenView(object_id=number, vector=vector, direction=float(direction), log_range=float(np.log(away)))

@@ -1,0 +1,44 @@
+"""What is looked for on a map."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+
+MAPPED = 0.5
+"""Probability that what is looked for is on the map at all, where nobody knows better."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """A thing by its class, by a vector of a picture of it, or by a name among named vectors of texts.
+
+    Raises InputError for a question that asks for nothing, or for numbers that it cannot have.
+    """
+
+    name: str = ""
+    vector: Array | None = None  # (F,) of a picture, by the network that the detections' embeddings are of
+    text_vectors: Mapping[str, Array] = field(default_factory=dict)  # name -> (F,), by its text encoder
+    region: tuple[float, float, float, float] | None = None  # x_min y_min x_max y_max in map, metres
+    least_probability: float = 0.0
+    mapped: float = MAPPED  # probability that it is on the map at all, for vectors
+
+    def __post_init__(self) -> None:
+        if not self.name and self.vector is None:
+            raise InputError("nothing is looked for; give a name, or a vector of appearance")
+        if self.name and self.vector is not None:
+            raise InputError("a name and a vector of a picture are looked for at once; ask for one after the other")
+        if self.text_vectors and self.name not in self.text_vectors:
+            known = ", ".join(sorted(self.text_vectors))
+            raise InputError(f"no text vector is named '{self.name}'; there are {known}")
+        if not 0.0 <= self.least_probability <= 1.0 or not 0.0 < self.mapped < 1.0:
+            raise InputError("probabilities must lie between 0 and 1; correct the least one, or that of being mapped")
+        if self.region is not None:
+            x_min, y_min, x_max, y_max = self.region
+            if not np.isfinite(self.region).all() or x_min >= x_max or y_min >= y_max:
+                raise InputError(
+                    "the region must be x_min y_min x_max y_max in metres, with x_min below x_max; correct it"
+                )

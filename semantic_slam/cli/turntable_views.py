@@ -1,0 +1,64 @@
+"""Where a command that learns from turntables gets its views: flags of all of them, and the views themselves."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from semantic_slam.errors import InputError
+
+if TYPE_CHECKING:
+    from semantic_slam.datasets.turntables.photographs import Turntables
+    from semantic_slam.training.views import ObjectView
+
+TABLE = ".csv"
+
+
+def add_photographs(parser: argparse.ArgumentParser) -> None:
+    """Flags that tell photographs of turntables from folders in BigBIRD's format."""
+    parser.add_argument(
+        "--pattern",
+        metavar="TEXT",
+        help="--turntables holds photographs whose paths tell object and degrees, such as '{object}__{azimuth}.jpg';"
+        " other fields: clockwise, elevation, polar. A .csv file as --turntables lists them itself",
+    )
+    parser.add_argument(
+        "--mask-pattern",
+        metavar="TEXT",
+        help="path of each photograph's mask with the same fields, bright on the object; default: the background is"
+        " plain, of the border's colour",
+    )
+
+
+def check_photographs(arguments: argparse.Namespace, roots: list[Path]) -> None:
+    """Raises InputError for flags that do not go together."""
+    if arguments.mask_pattern and not arguments.pattern:
+        raise InputError("--mask-pattern: only with --pattern; add it, or leave both out")
+    if arguments.pattern and (not roots or any(root.suffix == TABLE for root in roots)):
+        raise InputError("--pattern: only for a folder of photographs as --turntables; leave it out")
+
+
+def object_views(
+    arguments: argparse.Namespace, root: Path, wanted: Callable[[int], bool] = lambda angle_deg: True
+) -> "list[ObjectView]":
+    """The views below ``root`` as ``arguments`` say; ``wanted`` is asked for BigBIRD's angles. Raises InputError."""
+    from semantic_slam.training.turntables import load_views, views_of
+
+    if not arguments.pattern and root.suffix != TABLE:
+        return load_views(root, tuple(arguments.cameras.split(",")), wanted)
+    found = _photographs(arguments, root)
+    views = views_of(found.photographs)
+    empty = len(found.photographs) - len(views)
+    for count, reason in ((found.other_files, "files that are no such photograph"), (empty, "without an object")):
+        if count:
+            print(f"left out: {reason} ({count})", file=sys.stderr)
+    return views
+
+
+def _photographs(arguments: argparse.Namespace, root: Path) -> "Turntables":
+    from semantic_slam.datasets.turntables.photographs import by_pattern, by_table
+
+    if root.suffix == TABLE:
+        return by_table(root)
+    return by_pattern(root, arguments.pattern, arguments.mask_pattern or "")

@@ -1,0 +1,39 @@
+"""Vectors of appearance that detections carry, and what all of them so far have in common."""
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.detection_vectors import DetectionVectors
+from semantic_slam.viewpoint.embedding_background import SeenVectors
+from semantic_slam.viewpoint.embedding_vectors import reduced
+
+REMEMBERED = 4
+"""Keyframes that may come again."""
+
+
+class VectorReader:
+    """Reads the vectors of keyframes, which it is told in turn; ``dimensions`` (L) is what they are reduced to."""
+
+    def __init__(self, dimensions: int) -> None:
+        self._dimensions = dimensions
+        self._size = 0  # F
+        self._seen: dict[int, SeenVectors] = {-1: SeenVectors.none(dimensions)}  # after each keyframe
+
+    def vectors(self, keyframe: Keyframe) -> DetectionVectors:
+        """Vectors of all detections. Raises InputError where they are of another length than before."""
+        told = keyframe.measurements.embeddings
+        if told.shape[1] and len(told):
+            self._check(told.shape[1])
+        vectors = reduced(told, self._dimensions)
+        before = max(index for index in self._seen if index < keyframe.index)  # the newest keyframe may come again
+        seen = self._seen[before].with_vectors(vectors)
+        kept = {index: own for index, own in self._seen.items() if keyframe.index - REMEMBERED < index < keyframe.index}
+        self._seen = {**({before: self._seen[before]} | kept), keyframe.index: seen}
+        return DetectionVectors(vectors=vectors, background=seen.background)
+
+    def _check(self, size: int) -> None:
+        if self._size and size != self._size:
+            raise InputError(
+                f"detections have embeddings of {size} components, before they had {self._size}; send those of one"
+                " network alone"
+            )
+        self._size = size

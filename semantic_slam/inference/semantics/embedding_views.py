@@ -1,0 +1,113 @@
+"""Vectors of appearance as evidence: objects of a hypothesis look as they looked before, whatever their heading.
+
+Given the positions of camera and objects the vectors of one object depend on nothing but what spreads are usual, which
+all objects of a hypothesis tell. They tell nothing back to the positions.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.detection_vectors import DetectionVectors
+from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.view_places import view_places
+from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
+from semantic_slam.viewpoint.label_model import STEP_RAD
+
+
+class EmbeddingViews:
+    """Evidence of vectors of appearance, with what each object looked like so far as its record."""
+
+    def __init__(self, model: EmbeddingModel, known: Mapping[int, EmbeddingRecord]) -> None:
+        """``known``: object id -> what a map says of its looks."""
+        self._model, self._known, self._nothing = model, known, model.start()
+
+    @classmethod
+    def of(cls, models: ClassModels) -> Self:
+        """From the embedding model, which the kind of class models must have."""
+        assert models.embeddings is not None
+        return cls(models.embeddings, models.appearances)
+
+    def weigh(self, given: SemanticInput) -> SemanticEvidence:
+        """Log evidence of each candidate's vectors relative to the background, and the objects' records after it."""
+        rows, told = given.candidates.assignments, given.step.vectors
+        assert told is not None
+        places = view_places(given)
+        shared = [_Shared(model=self._model, told=told, views=parent.views) for parent in given.parents]
+        total, records = np.zeros(len(rows)), [dict[int, ObjectViews]() for _ in range(len(rows))]
+        ratios: dict[tuple[int, _View], Array] = {}
+        for number, index in enumerate(given.used.tolist()):
+            if np.isnan(told.vectors[index]).any():
+                continue
+            for row in np.flatnonzero(rows.objects[:, number] >= 0).tolist():
+                parent = int(rows.parents[row])
+                object_id = given.object_ids[int(rows.objects[row, number])]
+                before = records[row].get(object_id, given.parents[parent].views.get(object_id))
+                record = self._known.get(object_id, self._nothing) if before is None else _record(before)
+                view = _View(index, int(places.directions[row, number]), int(places.log_ranges[row, number]))
+                added, records[row][object_id] = shared[parent].with_view(record, object_id, view, ratios)
+                total[row] += added
+        return SemanticEvidence.of(total, records)
+
+
+@dataclass(frozen=True)
+class _View:
+    """A detection, from where it is seen, in steps."""
+
+    index: int
+    direction: int
+    log_range: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shared:
+    """What the objects of one parent have in common, and the views that were added to it."""
+
+    model: EmbeddingModel
+    told: DetectionVectors
+    views: Mapping[int, ObjectViews]
+    known: dict[tuple[int, int, _View], tuple[float, ObjectViews]] = field(default_factory=dict)
+
+    def with_view(
+        self, record: EmbeddingRecord, object_id: int, view: _View, ratios: dict[tuple[int, _View], Array]
+    ) -> tuple[float, ObjectViews]:
+        """Log evidence of a view of an object, and its views with it; ``ratios`` are shared by all parents."""
+        key = id(record), object_id, view
+        if key not in self.known:
+            direction, log_range = STEP_RAD * view.direction, STEP_RAD * view.log_range
+            vector, background = self.told.vectors[view.index], self.told.background
+            if (id(record), view) not in ratios:  # hypotheses share what they have in common
+                found = record.log_ratios(vector, background, np.array([direction]), np.array([log_range]))
+                ratios[id(record), view] = found[:, 0]
+            ratio, usual = ratios[id(record), view], self._usual(object_id)
+            after = record.after(vector, ratio, usual, background, direction, log_range)
+            self.known[key] = self.model.evidence(record, ratio, usual), _views(after)
+        return self.known[key]
+
+    def _usual(self, object_id: int) -> Array:
+        """(R,) log probabilities of the settings of one object, by all others."""
+        own = self.views.get(object_id)
+        return self.model.usual(self._told if own is None else self._told - _record(own).told_settings)
+
+    @cached_property
+    def _told(self) -> Array:
+        """(R,) sum of what the views of all objects tell of the settings."""
+        told = np.zeros(len(self.model.settings[0]))
+        for number in sorted(self.views):  # so that the last digits do not depend on who was seen first
+            told += _record(self.views[number]).told_settings
+        return told
+
+
+def _record(views: ObjectViews) -> EmbeddingRecord:
+    record: EmbeddingRecord = views.recent[0]
+    return record
+
+
+def _views(record: EmbeddingRecord) -> ObjectViews:
+    """The record of an object's views; vectors name no class."""
+    return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), in_coverage=True, recent=(record,))

@@ -1,0 +1,47 @@
+"""From where candidates have the camera look at their objects, in steps, so that hypotheses that agree share work."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.semantics.interface import SemanticInput
+from semantic_slam.viewpoint.label_model import DIRECTIONS, STEP_RAD
+
+LEAST_RANGE_M = 0.05
+"""Nearer views count as from there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewPlaces:
+    """From where the K candidates have the camera look at each of n objects."""
+
+    directions: Array  # (K, n) cells of the direction from object to camera, in map
+    log_ranges: Array  # (K, n) of the distance in metres, in steps
+
+
+def view_places(given: SemanticInput) -> ViewPlaces:
+    """A turn and a ratio of distances in the same steps, of which there are DIRECTIONS around an object."""
+    robot, objects = _states(given)
+    sensors = np.array([given.step.detections[index].sensor for index in given.used.tolist()]).reshape(-1, 2)
+    count = objects.shape[1]
+    directions, log_ranges = np.zeros((len(robot), count), dtype=int), np.zeros((len(robot), count), dtype=int)
+    for number in range(count):
+        rows = np.flatnonzero(given.candidates.assignments.objects[:, number] >= 0)
+        place = np.column_stack([objects[rows, number, :2], np.zeros(len(rows))])
+        bearing = camera_bearing(robot[rows], place, sensors[number])
+        directions[rows, number] = np.rint(bearing / STEP_RAD).astype(int) % DIRECTIONS
+        away = np.hypot(*(place[:, :2] - robot[rows, :2]).T)
+        log_ranges[rows, number] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD).astype(int)
+    return ViewPlaces(directions=directions, log_ranges=log_ranges)
+
+
+def _states(given: SemanticInput) -> tuple[Array, Array]:
+    """(K, 3) robots and (K, n, 2 or 3) objects of the detections at the modes, of whichever weighed the candidates."""
+    rows = given.candidates.assignments
+    if given.candidates.problem is None:
+        return rows.column("robot"), rows.column("object_states")
+    stack, states = given.stack, given.stack.states(given.mode.y)
+    objects = states[np.arange(len(states))[:, None], 1 + stack.slots]
+    return stack.robots_of(states), objects

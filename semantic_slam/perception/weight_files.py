@@ -1,0 +1,62 @@
+"""Files of weights: data only, nothing in them is ever executed."""
+
+import pickle
+from importlib import resources
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from torch import nn
+
+from semantic_slam.errors import InputError
+
+Tensors = dict[str, torch.Tensor]
+
+
+def shipped_file(name: str) -> Path:
+    """Path of a file that is installed with the package."""
+    return Path(str(resources.files("semantic_slam.weights") / name))
+
+
+def read_weights(path: Path) -> Tensors:
+    """The state dict in a safetensors file, or in one that torch.save wrote. Raises InputError."""
+    return read_safetensors(path)[0] if path.suffix == ".safetensors" else _read_state_dict(path)
+
+
+def read_safetensors(path: Path) -> tuple[Tensors, dict[str, str]]:
+    """Tensors and metadata. Raises InputError."""
+    try:
+        with safe_open(str(path), framework="pt") as file:
+            return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
+    except (OSError, SafetensorError) as fault:
+        raise InputError(
+            f"{path}: not a readable safetensors file ({_one_line(fault)}); check perception.network"
+        ) from None
+
+
+def load_strictly(network: nn.Module, tensors: Tensors, path: Path) -> None:
+    """Load, in evaluation mode and without gradients; raises InputError for another network's names or shapes."""
+    try:
+        network.load_state_dict(tensors, strict=True)
+    except RuntimeError as fault:
+        reason = _one_line(fault)[:300]
+        raise InputError(
+            f"{path}: the weights do not fit the network ({reason}); check perception.architecture"
+        ) from None
+    network.eval()
+    network.requires_grad_(False)
+
+
+def _read_state_dict(path: Path) -> Tensors:
+    try:
+        tensors = torch.load(path, map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as fault:
+        reason = _one_line(fault).split(". ")[0]
+        raise InputError(f"{path}: not a state dict of plain tensors ({reason}); save one with torch.save") from None
+    if not isinstance(tensors, dict) or not all(isinstance(value, torch.Tensor) for value in tensors.values()):
+        raise InputError(f"{path}: holds no state dict; save model.state_dict() with torch.save")
+    return tensors
+
+
+def _one_line(fault: BaseException) -> str:
+    return " ".join(str(fault).split())

@@ -1,0 +1,52 @@
+"""How many detection frames of a replay are done with, whoever dies in between."""
+
+from collections import OrderedDict
+from dataclasses import replace
+
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+MOST_REMEMBERED = 1000
+"""Frames: more than a replay goes back."""
+
+
+class FrameCount:
+    """Counts the frames that were measured, and those that their classifier lost.
+
+    A classifier that is started again goes over the last frames once more, and counts from zero what it drops.
+    """
+
+    def __init__(self) -> None:
+        self.stamp_ns = 0  # of the newest frame measured
+        self._num_measured = 0
+        self._lost_before, self._lost = 0, 0  # by former classifiers, and by this one
+        self._sequence = -1
+        self._again_until_ns = 0  # a former classifier measured what comes up to here
+        self._dropped: OrderedDict[int, int] = OrderedDict()  # as told with the last frames, by stamp
+        self._dropped_before = 0  # by former classifiers
+
+    def measured(self, measurements: SemanticMeasurements) -> SemanticMeasurements | None:
+        """The measurements with what all classifiers dropped; None for a frame that a former one has measured."""
+        stamp_ns = measurements.stamp_ns
+        if measurements.sequence <= self._sequence:
+            self._again_until_ns, self._dropped_before = self.stamp_ns, self._dropped.get(self.stamp_ns, 0)
+        self._sequence = measurements.sequence
+        if stamp_ns <= self._again_until_ns:
+            self._dropped_before = self._dropped.get(stamp_ns, self._dropped_before) - measurements.dropped
+            return None
+        told = replace(measurements, dropped=measurements.dropped + self._dropped_before)
+        self._num_measured += 1
+        self.stamp_ns = stamp_ns
+        self._dropped[stamp_ns] = told.dropped
+        if len(self._dropped) > MOST_REMEMBERED:
+            self._dropped.popitem(last=False)
+        return told
+
+    def lost(self, frames: int) -> None:
+        """A classifier has told how many frames it lost so far."""
+        if frames < self._lost:
+            self._lost_before += self._lost
+        self._lost = frames
+
+    def num_done(self, num_waiting: int) -> int:
+        """Frames done with, where so many of those measured still wait."""
+        return self._num_measured - num_waiting + self._lost_before + self._lost

@@ -1,0 +1,30 @@
+"""Messages that come again: a lossless replay that goes on after a death goes over what it had sent.
+
+Live inputs never repeat, and are not looked at.
+"""
+
+from collections import deque
+from hashlib import blake2b
+
+MOST_REMEMBERED = 20_000
+"""Messages of a topic that are remembered: more than a late reader is sent again, or a replay goes back."""
+
+
+class Repeats:
+    """Knows the messages of each topic by their bytes."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, set[bytes]] = {}
+        self._order: dict[str, deque[bytes]] = {}
+
+    def is_known(self, topic: str, data: bytes) -> bool:
+        """Whether the topic had this message before; from now on it has."""
+        known, order = self._known.setdefault(topic, set()), self._order.setdefault(topic, deque())
+        digest = blake2b(data, digest_size=8).digest()
+        if digest in known:
+            return True
+        known.add(digest)
+        order.append(digest)
+        if len(order) > MOST_REMEMBERED:
+            known.discard(order.popleft())
+        return False

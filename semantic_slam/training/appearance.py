@@ -1,0 +1,62 @@
+"""Fits what known objects look like, and how novel pictures of them seem that were left out of the fit."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import eigh
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.viewpoint.appearance import KnownAppearance, hellinger
+
+SHRINKAGE = 0.1
+"""Share of a covariance that is replaced by its mean variance in all directions: pictures are few for the features."""
+LEFT_OUT = 5
+"""One direction of view of so many is left out of the fit: its pictures tell how novel known objects may seem."""
+LEAST_VIEWS = 2 * LEFT_OUT
+"""Directions of view without which nothing is said of novelty."""
+MOST_SCORES = 2000
+"""Scores of pictures left out that are kept; of more, evenly spaced quantiles."""
+
+
+def fit_appearance(features: Array, classes: Index, views: Index, probe: Array) -> KnownAppearance | None:
+    """What (N, K) features of pictures of known objects look like; None with too few directions of view.
+
+    ``classes`` (N,) are theirs, ``views`` (N,) number the directions that they were seen from: a picture is left out
+    together with all others from its direction. ``probe`` (K,) are the network's features of the probe picture. What
+    is left out stays so: then the rate of false alarms is that of new pictures (split conformal prediction).
+    """
+    tested = views % LEFT_OUT == 0
+    if len(np.unique(views)) < LEAST_VIEWS or not set(classes[tested]) <= set(classes[~tested]):
+        return None
+    fitted = _fitted(features[~tested], classes[~tested], probe)
+    scores = np.sort(fitted.novelty(features[tested]))
+    if len(scores) > MOST_SCORES:
+        scores = np.quantile(scores, np.linspace(0.0, 1.0, MOST_SCORES))
+    return replace(fitted, known_scores=scores)
+
+
+def _fitted(features: Array, classes: Index, probe: Array) -> KnownAppearance:
+    roots = hellinger(features)
+    centre = roots.mean(axis=0)
+    scale = np.sqrt(roots.var(axis=0) + roots.var())  # features that few pictures excite would tell too much else
+    values = (roots - centre) / scale
+    names, index = np.unique(classes, return_inverse=True)
+    means = np.array([values[index == number].mean(axis=0) for number in range(len(names))])
+    # Both covariances are diagonal in the generalised eigenvectors: identity within classes, the eigenvalues in all.
+    spread, directions = eigh(_shrunk(values), _shrunk(values - means[index]))
+    return KnownAppearance(
+        centre=centre,
+        scale=scale,
+        directions=directions,
+        spread=spread,
+        class_means=means @ directions,
+        known_scores=np.zeros(1),
+        probe=probe,
+    )
+
+
+def _shrunk(residuals: Array) -> Array:
+    """(K, K) covariance of (N, K) residuals, its eigenvalues drawn towards their mean."""
+    covariance = residuals.T @ residuals / len(residuals)
+    mean_variance = np.trace(covariance) / len(covariance)
+    return np.asarray((1.0 - SHRINKAGE) * covariance + SHRINKAGE * mean_variance * np.eye(len(covariance)))

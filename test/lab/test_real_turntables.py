@@ -1,0 +1,129 @@
+"""The study of photographs: which views train, which objects look alike, and what its claims compare."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from semantic_slam_lab.studies.real_turntables.claims import claims_of
+from semantic_slam_lab.studies.real_turntables.latent_models import Parts
+from semantic_slam_lab.studies.real_turntables.latent_scores import told_by_nearest
+from semantic_slam_lab.studies.real_turntables.lookalikes import drawn, lookalike_pairs
+from semantic_slam_lab.studies.real_turntables.measurement import trained_head
+from semantic_slam_lab.studies.real_turntables.photographs import Photographs, collected
+from semantic_slam_lab.studies.real_turntables.tracks import NUM_VIEWS, tracks_of
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.training.views import ObjectView
+
+NAMES = tuple("abcdefg")
+CUTOUT, MASK = np.zeros((4, 4, 3), dtype=np.uint8), np.full((4, 4), 255, dtype=np.uint8)
+
+
+def view(name: str, angle: int) -> ObjectView:
+    return ObjectView(name, float(wrap_angle(np.deg2rad(angle))), 0.0, 1.0, CUTOUT, MASK, angle)
+
+
+def photographs(*missing: tuple[str, int]) -> Photographs:
+    views = [view(name, angle) for name in NAMES for angle in range(0, 360, 5) if (name, angle) not in missing]
+    return collected(views, Path("photographs"))
+
+
+def angles(own: Photographs, rows: np.ndarray) -> set[int]:
+    return {own.views[row].angle_deg for row in rows}
+
+
+def test_views_every_twenty_degrees_train_and_a_missing_one_gives_way_to_its_neighbour() -> None:
+    own = photographs(("a", 40))
+    assert angles(own, own.training("b")) == set(range(0, 360, 20))
+    assert len(angles(own, own.training("a")) & {35, 45}) == 1
+    assert not angles(own, own.others("b")) & set(range(0, 360, 20))
+    assert angles(own, own.front(own.training("b"))) == {0, 20, 40, 60, 80, 280, 300, 320, 340}
+
+
+def test_too_few_objects_are_bad_input() -> None:
+    with pytest.raises(InputError, match="5 objects"):
+        collected([view(name, 0) for name in NAMES[:5]], Path("photographs"))
+
+
+def test_the_pair_that_shares_a_view_looks_most_alike_and_is_in_a_draw() -> None:
+    own = photographs()
+    pooled = np.random.default_rng(0).normal(size=(len(own.views), 40))
+    pooled[own.of("f")[36]] = pooled[own.of("c")[36]]
+    pairs = lookalike_pairs(own, pooled)
+    assert pairs[0].names == ("c", "f")
+    assert pairs[0].similarity == pytest.approx(1.0)
+    draws = drawn(own, pairs, 12, seed=0)
+    assert draws[0].names[:2] == draws[10].names[:2] == ("c", "f")
+    assert all(len(set(draw.names)) == 5 for draw in draws)
+    assert draws == drawn(own, pairs, 12, seed=0)
+
+
+def test_a_track_goes_around_one_object_along_views_that_train_nothing() -> None:
+    own = photographs()
+    pairs = lookalike_pairs(own, np.random.default_rng(0).normal(size=(len(own.views), 8)))
+    for track in tracks_of(own, drawn(own, pairs, 1, seed=3)[0], seed=3):
+        assert len(set(own.instance[track.rows])) == 1
+        assert not angles(own, track.rows) & set(range(0, 360, 20))
+        assert track.cluttered.sum() == NUM_VIEWS // 2
+        np.testing.assert_allclose(np.linalg.norm(track.places_m, axis=1), 1.0)
+
+
+def test_a_nearest_neighbour_tells_what_turns_and_not_what_looks_the_same() -> None:
+    own = photographs()
+    layout = np.stack([np.cos(own.azimuth_rad), np.sin(own.azimuth_rad)], axis=1)
+    layout[own.of("a")] = 1.0
+    train = np.array([row for row, each in enumerate(own.views) if each.angle_deg % 10 == 0])
+    told = told_by_nearest(own, layout, train, np.setdiff1d(np.arange(len(own.views)), train))
+    assert told["b"] == 1.0
+    assert told["a"] < 0.2
+
+
+def test_parts_without_instances_have_none_of_their_views() -> None:
+    own = photographs()
+    rows = np.arange(len(own.views))
+    left = Parts(NAMES, rows[::2], rows[1::2]).without(own, ("a", "d"))
+    assert left.known == ("b", "c", "e", "f", "g")
+    assert {own.views[row].class_name for row in (*left.train, *left.calibrate)} == set(left.known)
+
+
+def test_dropout_of_the_head_is_keyed() -> None:
+    generator = np.random.default_rng(5)
+    labels = np.arange(50) % 5
+    pooled = np.eye(5)[labels] + 0.1 * generator.normal(size=(50, 5))
+    head = trained_head(pooled, labels, 5, seed=0)
+    samples = head.samples(pooled[3], ("view", 3))
+    np.testing.assert_array_equal(samples, head.samples(pooled[3], ("view", 3)))
+    assert samples.std(axis=0).max() > 0.0
+    assert samples.mean(axis=0).argmax() == labels[3]
+
+
+def methods(final: float, ours: float, theirs: float) -> dict[str, dict[str, float]]:
+    columns = ("log_mgr_final_p75", "log_mgr_final_p95", "log_mgr_overall_p75", "log_mgr_overall_p95")
+    values = {"ours": ours, "model_based": theirs, "simple_bayes": theirs}
+    return {name: {"correct_rate_final": final, **dict.fromkeys(columns, mgr)} for name, mgr in values.items()}
+
+
+@pytest.mark.parametrize(
+    ("final", "ours", "theirs", "held"),
+    [
+        (1.0, 0.0, 0.0, [True, True, True, True]),
+        (0.9, 2.0, 30.0, [False, True, True, True]),
+        (0.96, 2.0, 1.0, [True, False, False, False]),
+    ],
+)
+def test_claims_compare_with_model_based(final: float, ours: float, theirs: float, held: list[bool]) -> None:
+    own = {
+        **{"peak_within_10deg": 0.96, "objects_told": 3, "nees": 3.0, "nees_band": [0.5, 1.6]},
+        **{"nees_one_view_in_band": 0.9, "new_nees": 20.0, "new_nees_widened": 1.2, "new_objects": 2.0},
+        "objects": {"a": {"can_be_told": False}},
+    }
+    claims = claims_of(
+        {
+            "classification": {"model": methods(final, ours, theirs)},
+            "ambiguity": [{"pair": "a / b", "front": 0.0, "behind": 0.4}],
+            "latent": {"map": own, "energy": own},
+        }
+    )
+    assert [claim.holds for claim in claims[:4]] == held
+    assert [claim.holds for claim in claims[4:]] == [True, True, False, True, True, False, True]

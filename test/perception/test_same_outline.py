@@ -1,0 +1,67 @@
+"""Boxes with one outline are one detection, which is called by the names of all."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.same_outline import joined, overlaps
+
+THING, AGAIN, HALF, ELSEWHERE = [10.0, 10.0, 50.0, 50.0], [11.0, 10.0, 51.0, 50.0], [10.0, 10.0, 30.0, 50.0], [60.0] * 4
+NOWHERE = [np.nan] * 4
+
+
+def measured(boxes: list[list[float]], labels: list[str], **changes: object) -> SemanticMeasurements:
+    """Detections with scores 0.5, 0.6, 0.7, ..."""
+    seen = [
+        Detection(bearing_rad=0.1 * n, range_m=1.0 + n, label=label, score=0.5 + 0.1 * n)
+        for n, label in enumerate(labels)
+    ]
+    told = Keyframe.planar(0, detections=seen).measurements
+    return replace(told, boxes=np.array(boxes), **changes)
+
+
+def scores_of(measurements: SemanticMeasurements, row: int) -> dict[str, float]:
+    named = zip(measurements.class_names, measurements.class_scores[row].tolist(), strict=True)
+    return {name: score for name, score in named if np.isfinite(score)}
+
+
+def test_overlap_is_intersection_over_union():
+    found = overlaps(np.array([THING, HALF, ELSEWHERE, NOWHERE]))
+    np.testing.assert_allclose(found[:2, :2], [[1.0, 0.5], [0.5, 1.0]])
+    assert not found[2:].any()
+
+
+def test_a_laptop_that_is_a_tv_too_is_one_detection_with_both_names():
+    one = joined(measured([THING, AGAIN, HALF], ["tv", "laptop", "cup"]), 0.75)
+    assert one.labels == ("laptop", "cup")
+    assert one.ranges_m.tolist() == [2.0, 3.0] and one.detection_ids.tolist() == [1, 2]
+    assert scores_of(one, 0) == pytest.approx({"laptop": 0.6, "tv": 0.5})
+    assert scores_of(one, 1) == pytest.approx({"cup": 0.7})
+
+
+def test_all_hypotheses_of_both_boxes_count_the_better_score_of_each():
+    told = measured([THING, AGAIN], ["tv", "laptop"], class_names=("cup", "tv"),
+                    class_scores=np.array([[0.3, 0.5], [0.1, np.nan]]),
+                    class_probability_samples=np.zeros((2, 0, 2)))  # fmt: skip
+    assert scores_of(joined(told, 0.75), 0) == pytest.approx({"laptop": 0.6, "tv": 0.5, "cup": 0.3})
+
+
+@pytest.mark.parametrize("boxes", [[THING, HALF], [THING, ELSEWHERE], [NOWHERE, NOWHERE], [[0.0] * 4] * 2])
+def test_boxes_with_other_outlines_or_none_stay(boxes):
+    told = measured(boxes, ["tv", "laptop"])
+    assert joined(told, 0.75) is told
+
+
+def test_one_joins_all_or_none_are_joined_where_asked_for():
+    told = measured([THING, AGAIN], ["tv", "laptop"])
+    assert joined(told, 1.0) is told
+    assert len(joined(measured([THING] * 4, ["tv", "laptop", "tv", "book"]), 0.75)) == 1
+
+
+def test_identities_that_differ_stay_apart_and_one_that_is_known_is_kept():
+    assert len(joined(measured([THING, AGAIN], ["tv", "tv"], track_ids=("1", "2")), 0.75)) == 2
+    assert joined(measured([THING, AGAIN], ["tv", "tv"], track_ids=("1", "")), 0.75).track_ids == ("1",)

@@ -1,0 +1,215 @@
+"""A run whose manager is killed anywhere goes on from its journal, to the bit; what is torn or another's is told."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from worlds.same_beliefs import assert_same
+
+from semantic_slam.configuration import Configuration, from_dict
+from semantic_slam.errors import InputError
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Components
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.messages import topics
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.frame_count import FrameCount
+from semantic_slam.pipeline.journal import Journal, NoJournal, Record
+from semantic_slam.pipeline.journaled_pool import JournaledPool
+
+PLACES = ((3.0, 0.5), (3.5, -0.6), (2.0, 1.0))
+NUM_KEYFRAMES = 3
+RUN = "this run"
+CONFIGURATIONS = {
+    "closed": from_dict({"semantic_model": {"kind": "none"}}),
+    "open": from_dict(
+        {
+            "semantic_model": {"kind": "none"},
+            "association": "open",
+            "open_world": {"iterate_updates": False},
+            "revision": {"every_keyframes": 1},
+        }
+    ),
+}
+
+
+class KilledError(Exception):
+    """The process is gone."""
+
+
+class Mortal(InProcessPool):
+    """Backends, and a manager that is killed when it has asked them so often."""
+
+    def __init__(self, number: int, last_question: int) -> None:
+        super().__init__(number)
+        self.num_asked, self._last_question = 0, last_question
+
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
+        return self._asked(super().expand, keyframe)
+
+    def commit(self, commit: Commit) -> list[Components]:
+        return self._asked(super().commit, commit)
+
+    def _asked(self, ask: Callable[[Any], list[Any]], question: Any) -> list[Any]:
+        if self.num_asked == self._last_question:
+            raise KilledError
+        self.num_asked += 1
+        return ask(question)
+
+
+def keyframes() -> list[Keyframe]:
+    return [
+        Keyframe.planar(k, detections=[Detection.at(x - 0.1 * (k + 1), y) for x, y in PLACES], motion=(0.1, 0.0, 0.0))
+        for k in range(NUM_KEYFRAMES)
+    ]
+
+
+def drive(configuration: Configuration, pool: BackendPool) -> list[HybridBelief]:
+    covariance = dict(sigma_m=0.1, sigma_rad=0.1)
+    prior = MapPrior(tuple(ObjectPrior.planar(n, x, y, **covariance) for n, (x, y) in enumerate(PLACES)))
+    run = make_run_configuration(configuration, prior, *initial_pose_of(configuration), stamp_ns=1)
+    engine = Engine.of_run(run, pool)
+    return [engine.process(keyframe) for keyframe in keyframes()]
+
+
+def journal_in(folder: Path) -> Journal:
+    """As a manager opens it."""
+    return Journal(folder, RUN)
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+@pytest.mark.parametrize("survive", [False, True])
+def test_a_run_that_is_killed_between_any_two_rounds_goes_on_to_the_bit(
+    name: str, survive: bool, tmp_path: Path
+) -> None:
+    """New backends know nothing but what they are told of keyframes; those that lived on go on."""
+    configuration = CONFIGURATIONS[name]
+    expected = drive(configuration, InProcessPool(2))
+    first = Mortal(2, -1)
+    drive(configuration, first)
+    for question in range(first.num_asked):
+        folder = tmp_path / str(question)
+        pool = Mortal(2, question)
+        with pytest.raises(KilledError):
+            drive(configuration, JournaledPool(pool, journal := journal_in(folder)))
+        journal.close()
+        again = Surviving(pool) if survive else InProcessPool(2)
+        beliefs = drive(configuration, JournaledPool(again, journal := journal_in(folder)))
+        journal.close()
+        for ours, theirs in zip(beliefs, expected, strict=True):
+            assert_same(ours, theirs)
+
+
+class Surviving(InProcessPool):
+    """The backends of a manager that was killed, as another one finds them."""
+
+    def __init__(self, pool: Mortal) -> None:
+        self.backend_ids, self._backends = pool.backend_ids, pool._backends
+
+    def start(self, run: object) -> None:
+        """They know the run."""
+
+
+def records(journal: NoJournal) -> list[Record]:
+    taken = []
+    while journal.next is not None:
+        taken.append(journal.take())
+    return taken
+
+
+def filled(folder: Path) -> bytes:
+    """The bytes of a journal of three records."""
+    journal = journal_in(folder)
+    for n in range(3):
+        journal.append(topics.ODOMETRY, bytes([n]) * (10 + n))
+    journal.sync()
+    journal.close()
+    return (folder / "journal").read_bytes()
+
+
+def test_what_was_appended_is_there_again_and_goes_on(tmp_path: Path) -> None:
+    filled(tmp_path)
+    journal = journal_in(tmp_path)
+    assert records(journal) == [Record(topics.ODOMETRY, bytes([n]) * (10 + n)) for n in range(3)]
+    journal.append("more", b"x")
+    journal.close()
+    assert records(journal_in(tmp_path))[-1] == Record("more", b"x")
+
+
+def test_a_torn_end_is_cut_off_with_one_line_wherever_it_is_torn(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    whole = filled(tmp_path)
+    last = 20 + len(topics.ODOMETRY) + 12
+    for lost in range(1, last):
+        (tmp_path / "journal").write_bytes(whole[:-lost])
+        journal = journal_in(tmp_path)
+        assert len(records(journal)) == 2
+        journal.append("after", b"")
+        journal.close()
+        (line,) = capfd.readouterr().err.splitlines()
+        assert f"its last {last - lost} bytes are torn" in line
+        again = journal_in(tmp_path)
+        assert [record.name for record in records(again)] == [topics.ODOMETRY] * 2 + ["after"]
+        again.close()
+
+
+def test_a_flipped_bit_is_noticed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    whole = filled(tmp_path)
+    chance = np.random.default_rng(0)
+    begin = len(whole) - 3 * (20 + len(topics.ODOMETRY)) - 33
+    for place in chance.integers(begin, len(whole), 40):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << int(chance.integers(8))
+        (tmp_path / "journal").write_bytes(flipped)
+        journal = journal_in(tmp_path)
+        assert len(records(journal)) < 3
+        journal.close()
+        assert "are torn" in capfd.readouterr().err
+
+
+def test_a_journal_of_another_run_or_of_a_living_process_is_refused_and_can_be_set_aside(tmp_path: Path) -> None:
+    filled(tmp_path)
+    with pytest.raises(InputError, match=r"is of another run .* name another journal, or remove this one"):
+        Journal(tmp_path, "another run")
+    journal = journal_in(tmp_path)
+    with pytest.raises(InputError, match="another process goes on from it"):
+        journal_in(tmp_path)
+    journal.close()
+    anew = Journal(tmp_path, "another run", resume=False)
+    assert anew.next is None and (tmp_path / "journal.old").exists()
+
+
+def test_a_journal_that_does_not_fit_what_is_asked_is_refused(tmp_path: Path) -> None:
+    journal = journal_in(tmp_path)
+    journal.append(topics.COMPONENTS, b"\x00\x00\x00\x00")
+    journal.close()
+    with pytest.raises(InputError, match=r"in place of /hypothesis_manager/candidates of keyframe 0; remove it"):
+        drive(CONFIGURATIONS["closed"], JournaledPool(InProcessPool(1), journal_in(tmp_path)))
+
+
+def test_frames_and_drops_are_counted_once_when_a_classifier_begins_again() -> None:
+    """Stamps 1..4 s with one drop each; the second classifier goes over the frames from 3 s on."""
+    measurements = keyframes()[0].measurements
+
+    def frame(second: int, sequence: int, dropped: int) -> SemanticMeasurements:
+        return replace(measurements, stamp_ns=second * 10**9, sequence=sequence, dropped=dropped)
+
+    count = FrameCount()
+    told = [count.measured(frame(second, second - 1, second)) for second in (1, 2, 3, 4)]
+    assert [one.dropped for one in told if one is not None] == [1, 2, 3, 4]
+    count.lost(2)
+    assert count.measured(frame(3, 0, 1)) is None and count.measured(frame(4, 1, 2)) is None
+    after = count.measured(frame(5, 2, 3))
+    assert after is not None and after.dropped == 5
+    count.lost(0)
+    count.lost(1)
+    assert count.num_done(num_waiting=1) == 5 - 1 + 2 + 1

@@ -1,0 +1,95 @@
+"""Whatever node of a replay is killed, and when: it goes on, and ends with the beliefs of an undisturbed one.
+
+``python -m semantic_slam_lab.kills`` does this at every tenth keyframe of the shipped bag, through the demo.
+"""
+
+import os
+import re
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from worlds.bag_factory import input_entries, write_bag, write_configuration
+from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.configuration import load_configuration
+from semantic_slam.messages import topics
+from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.ros.node_set import NodeSpec, node_set
+from semantic_slam.ros.processes import NodeProcesses
+from semantic_slam.ros.supervisor import Supervisor
+
+NUM_FRAMES = 26
+SLOW_BACKEND = [sys.executable, str(Path(__file__).parent / "faulty_backends.py"), "slow"]
+EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
+COMMANDS = {"backend_0": SLOW_BACKEND, "backend_1": SLOW_BACKEND, "print_belief": EXAMPLE}
+KILLS = (
+    (2, "backend_0"),
+    (6, "classifier"),
+    (10, "hypothesis_manager"),
+    (14, "bag_recorder"),
+    (18, "bag_player"),
+)
+ALL_AT = 21
+
+
+def specs_of(bag: Path, configuration: Path, out: Path, *, resume: bool) -> list[NodeSpec]:
+    specs = node_set(
+        bag,
+        configuration,
+        2,
+        0.0,
+        str(out / "belief"),
+        has_tf2=False,
+        journal=str(out / "journal"),
+        resume=resume,
+    )
+    return [NodeSpec("print_belief", "print_belief"), *specs]
+
+
+def start(nodes: NodeProcesses, specs: Sequence[NodeSpec]) -> None:
+    for spec in specs:
+        nodes.start(spec, COMMANDS.get(spec.name, ()))
+
+
+def wait_for(nodes: NodeProcesses, printed: Path, keyframe: int) -> None:
+    """Until a second listener has printed the keyframe; meanwhile those that died are started again."""
+    give_up = time.monotonic() + TIMEOUT_S
+    while not re.search(rf"^{keyframe}: object", printed.read_text(), re.MULTILINE):
+        nodes.check()
+        assert time.monotonic() < give_up, nodes.tail("hypothesis_manager")
+        time.sleep(0.02)
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_replay_whose_nodes_are_killed_ends_with_the_same_beliefs(tmp_path: Path) -> None:
+    """Each node once, one after the other, and at last all at once, after which the run is started again."""
+    bag = write_bag(tmp_path / "bag", input_entries(NUM_FRAMES))
+    configuration = write_configuration(tmp_path / "configuration", perception={"num_passes": 3})
+    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    replay = Replay(bag, configuration, tmp_path, 2)
+    printed = tmp_path / "log" / "print_belief.log"
+    specs = specs_of(bag, configuration, tmp_path, resume=False)
+    with processes(tmp_path, Supervisor(specs)) as nodes:
+        start(nodes, specs)
+        for keyframe, name in KILLS:
+            wait_for(nodes, printed, keyframe)
+            nodes.kill(name)
+        wait_for(nodes, printed, ALL_AT)
+        for pid in nodes.pids().values():
+            os.kill(pid, signal.SIGKILL)
+    specs = specs_of(bag, configuration, tmp_path, resume=True)
+    with processes(tmp_path, Supervisor(specs)) as nodes:
+        start(nodes, specs)
+        nodes.wait("bag_recorder", TIMEOUT_S)
+        nodes.wait("bag_player", TIMEOUT_S)
+    assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))
+    with BagReader(replay.belief_bag) as live, BagReader(tmp_path / "offline") as offline:
+        for topic in ("odom", topics.MEASUREMENTS, topics.BELIEF, topics.GROUND_TRUTH_ODOMETRY):
+            name = "/" + topic.lstrip("/")
+            assert live.counts[name] == offline.counts[name]
