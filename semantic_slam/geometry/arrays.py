@@ -30,6 +30,21 @@ def row_sums(values: Array) -> Array:
     return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))
 
 
+TILE = 8
+"""Rows that a product takes at a time, on no processor more."""
+
+
+def row_products(rows: Array, matrix: Array) -> Array:
+    """(B, n) products of (B, m) with (m, n): each row's to the last bit the same, whatever rows stand beside it.
+
+    Of a number of rows that is no multiple of its tile, BLAS rounds the last ones otherwise on some processors.
+    """
+    missing = -len(rows) % TILE
+    if not missing:
+        return np.asarray(rows @ matrix)
+    return np.asarray((np.concatenate([rows, np.zeros((missing, rows.shape[1]))]) @ matrix)[: len(rows)])
+
+
 def diagonals(matrices: Array) -> Array:
     """(B, n) of contiguous (B, n, n), to write to as well."""
     return matrices.reshape(len(matrices), matrices.shape[1] ** 2)[:, :: matrices.shape[1] + 1]

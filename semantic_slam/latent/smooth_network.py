@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, row_products
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class SmoothNetwork:
         """(B, outputs) value of the network at (B, inputs)."""
         hidden = inputs
         for layer, by_input in zip(self.layers[:-1], self._by_input[:-1], strict=True):
-            hidden = np.tanh(hidden @ by_input + layer.bias)
-        return np.asarray(hidden @ self._by_input[-1] + self.layers[-1].bias)
+            hidden = np.tanh(row_products(hidden, by_input) + layer.bias)
+        return row_products(hidden, self._by_input[-1]) + self.layers[-1].bias
 
     def value_and_tangents(self, inputs: Array, tangents: Array) -> tuple[Array, Array]:
         """(B, outputs) and its derivatives (B, T, outputs) along T directions (B, T, inputs) of the input."""
@@ -55,10 +55,10 @@ class SmoothNetwork:
         # One large product per layer, of values and tangents, instead of many small ones: several times faster.
         rows = np.concatenate([inputs[:, None], tangents], axis=1).reshape(shape[0] * shape[1], -1)
         for layer, by_input in zip(self.layers[:-1], self._by_input[:-1], strict=True):
-            rows = rows @ by_input
+            rows = row_products(rows, by_input)
             split = rows.reshape(shape)
             hidden = np.tanh(split[:, 0] + layer.bias)
             split *= (1.0 - hidden * hidden)[:, None]
             split[:, 0] = hidden
-        split = (rows @ self._by_input[-1]).reshape(shape)
+        split = row_products(rows, self._by_input[-1]).reshape(shape)
         return split[:, 0] + self.layers[-1].bias, split[:, 1:]

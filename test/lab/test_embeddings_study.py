@@ -13,6 +13,16 @@ from semantic_slam_lab.studies.embeddings.questions import asked_of_map, scores
 pytestmark = pytest.mark.slow
 
 
+def some_of(data: Path, folder: Path) -> Path:
+    """A folder of links to photographs of a few objects, and to the networks."""
+    (folder / "coil100").mkdir()
+    (folder / "weights").symlink_to(data / "weights")
+    for picture in sorted((data / "coil100").glob("obj*__*0.*")):
+        if int(picture.stem.partition("__")[0].removeprefix("obj")) % 3 == 0:
+            (folder / "coil100" / picture.name).symlink_to(picture)
+    return folder
+
+
 def test_drawn_things_are_found_by_views_that_the_map_has_not_seen():
     found = scores(asked_of_map(drawn(0), "around", 0), "ours")
     assert found["right"] > 0.95 and found["ece"] < 0.05
@@ -30,7 +40,8 @@ def test_a_room_is_associated_and_asked():
 
 
 @pytest.mark.real_data
-def test_photographs_are_found_by_other_views_of_them():
-    gallery = photographed(Path(os.environ["SEMANTIC_SLAM_DATA"]), "squeezenet")
-    found = scores([one for seed in range(2) for one in asked_of_map(gallery, "around", seed)], "ours")
+def test_photographs_are_found_by_other_views_of_them(tmp_path: Path) -> None:
+    """Of some objects, every ten degrees."""
+    gallery = photographed(some_of(Path(os.environ["SEMANTIC_SLAM_DATA"]), tmp_path), "squeezenet")
+    found = scores(asked_of_map(gallery, "around", 0), "ours")
     assert found["right"] >= 0.95 and found["ece"] <= 0.05

@@ -22,7 +22,7 @@ from semantic_slam_lab.studies.real_drives.scores import Metrics
 from semantic_slam_lab.studies.result import Claim, Table, write_result
 
 REQUIREMENT = "project requirement"
-MOST_DETECTIONS, QUICK_DETECTIONS = 120, 60
+MOST_DETECTIONS, QUICK_DETECTIONS = 120, 40
 COLUMNS = {
     "right_clusters": ("right clusters", ".0%"),
     "ate_m": ("ATE on the map [m]", ".2f"),

@@ -28,7 +28,7 @@ from semantic_slam_lab.studies.real_drives.run import Outcome, Task, outcome_of
 from semantic_slam_lab.studies.real_drives.scores import EVERY_METRIC
 from semantic_slam_lab.studies.result import write_result
 
-QUICK_KEYFRAMES = 60
+QUICK_KEYFRAMES = 40
 
 Outcomes = dict[tuple[str, str], Outcome]
 """(drive, method) -> what came of it."""
