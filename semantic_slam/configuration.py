@@ -188,6 +188,16 @@ class OpenWorldConfiguration:
     clutters_per_frame: tuple[float, ...] = parameter(
         (), "in place of clutter_per_frame; how far each is right is inferred; empty: that alone"
     )
+    second_box_share: float = parameter(
+        0.0,
+        "probability that an object that is detected has a second box beside it: one thing drawn in halves, or two as"
+        " one",
+        minimum=0.0,
+        maximum=0.9,
+    )
+    second_box_m: float = parameter(
+        0.3, "standard deviation of where such a box is, to each side of the object", minimum=1e-3
+    )
     birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
     birth_densities: tuple[float, ...] = parameter(
         (), "in place of birth_density; how far each is right is inferred; empty: that alone"

@@ -28,11 +28,13 @@ def expected_births(
     robot: Array,
     births: list[Birth],
     detections: Sequence[Any],
+    second: Array,
 ) -> tuple[Array, Array, Array]:
     """(G,) first detections expected from ``robot`` (3,), most of them where it has not looked before.
 
     (D, G) log intensities of those that the detections may be, and existence of what they are detections of. Behind
-    what another detection of the frame shows there is hardly anything but false alarms.
+    what another detection of the frame shows there is hardly anything but false alarms; ``second`` (D, G) [1/m^2] are
+    the intensities of second boxes of what is known.
     """
     rates, trail = component.objects.rates, tracked_states(component).trail
     points, weights = _born_at(settings, component, births)
@@ -40,7 +42,7 @@ def expected_births(
     expected, at_points = first_detections(region, rates, trail, robot, points, least, hiding)
     found = (at_points.reshape(*weights.shape, len(rates)) * weights[..., None]).sum(axis=1)
     found *= _in_sight(region, detections)[:, None]
-    intensity, existence = birth(found, rates.clutter_per_frame / region.area_m2)
+    intensity, existence = birth(found, rates.clutter_per_frame / region.area_m2 + second)
     ranged = np.array([detection.has_range for detection in detections], dtype=bool)
     return expected, np.log(np.where(ranged[:, None], intensity, intensity * region.area_m2)), existence
 

@@ -43,7 +43,7 @@ class Prediction:
     rates: DetectionRates  # G settings, given which all below is
     log_intensity: Array  # (D, G) [1/m^2] or, for a bearing alone, in the region
     birth_existence: Array  # (D, G)
-    expected_births: Array  # (G,) first detections
+    expected_births: Array  # (G,) first detections, and second boxes
     log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
     in_reach: Index  # (N,) rows of the population that may be in the region
     objects: PredictedObjects  # of those

@@ -31,6 +31,7 @@ from semantic_slam.inference.open_world.nearby import (
     tracked_states,
 )
 from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.second_boxes import second_boxes
 from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LocalMap
@@ -90,7 +91,11 @@ class Predictor:
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
         objects = objects_in_reach(tracked, robot, reach, near, predicted)
-        expected, intensity, existence = expected_births(self.settings, component, region, robot, births, detections)
+        detected = _detected(component, region, reach, objects)
+        num_second, second = second_boxes(self.settings, component, births, detected)
+        expected, intensity, existence = expected_births(
+            self.settings, component, region, robot, births, detections, second
+        )
         robot_motion = RobotMotion(
             before=tracked.robot,
             after=robot,
@@ -112,11 +117,11 @@ class Predictor:
             rates=rates,
             log_intensity=intensity,
             birth_existence=existence,
-            expected_births=expected,
+            expected_births=expected + num_second,
             log_beyond=beyond,
             in_reach=reach,
             objects=objects,
-            detected=_detected(component, region, reach, objects),
+            detected=detected,
             detectable=component.objects.detectable,
             detections=detections,
             region=region,
