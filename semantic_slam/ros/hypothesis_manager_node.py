@@ -1,6 +1,9 @@
 """Node ``hypothesis_manager``: measurements and odometry in, the hybrid belief and its plain views out.
 
-Service ~/find_lookalike (semantic_slam_msgs/srv/FindLookalike): which mapped object looks like a crop.
+Services (semantic_slam_msgs/srv):
+  ~/find_objects     FindObjects: which mapped objects are of a class, and lie in a region
+  ~/get_object       GetObject: all that is known of one
+  ~/find_lookalike   FindLookalike: which mapped object looks like a crop
 
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
@@ -46,6 +49,7 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
 from semantic_slam.ros.lookalike_service import LookalikeService
+from semantic_slam.ros.object_services import ObjectServices
 from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.repeats import Repeats
@@ -86,7 +90,8 @@ class HypothesisManagerNode(PipelineNode):
         self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
         self._explanation = explanation_status(None)  # likewise
         self._publisher = BeliefPublisher(self, self.lossless)
-        self._lookalikes = LookalikeService(self, self._configuration.semantic_model)
+        self._belief: HybridBelief | None = None  # the newest
+        self._answers = LookalikeService(self, self._configuration.semantic_model), ObjectServices(self)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
         )
@@ -154,8 +159,8 @@ class HypothesisManagerNode(PipelineNode):
             self.guarded(record.name, partial(self._happened, record))
         if self._num_keyframes:
             self.get_logger().info(f"{self._num_keyframes} keyframes of the journal are there again")
-        if self._lookalikes.belief is not None and not self.lossless:
-            self._publisher.repeat(self._lookalikes.belief)  # nobody may have had the last one
+        if self._belief is not None and not self.lossless:
+            self._publisher.repeat(self._belief)  # nobody may have had the last one
         self._is_recovering = False
         self._announce(finished=self._is_finished)
 
@@ -200,7 +205,9 @@ class HypothesisManagerNode(PipelineNode):
             self._journal.sync()
         # Of a replay whoever comes late is sent everything; those who hear live beliefs have heard them.
         self._publisher.publish(belief, keyframe.odometry, is_repeated=self._is_recovering and not self.lossless)
-        self._lookalikes.belief = belief
+        self._belief = belief
+        for service in self._answers:
+            service.belief = belief
         self._explanation = explanation_status(belief)
         self._num_keyframes += 1
         self._belief_stamp_ns = belief.stamp_ns

@@ -9,6 +9,7 @@ from semantic_slam_msgs.srv import FindLookalike
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.ros.answering import answering, newest
 
 if TYPE_CHECKING:
     from semantic_slam.pipeline.lookalike_query import LookalikeQuery
@@ -21,7 +22,7 @@ class LookalikeService:
         self.belief: HybridBelief | None = None
         self._settings = settings
         self._query: LookalikeQuery | None = None
-        self._service = node.create_service(FindLookalike, "~/find_lookalike", self._answer)
+        self._service = node.create_service(FindLookalike, "~/find_lookalike", answering(self._fill))
 
     @property
     def _questions(self) -> "LookalikeQuery":
@@ -32,17 +33,8 @@ class LookalikeService:
             self._query = LookalikeQuery(self._settings)
         return self._query
 
-    def _answer(self, request: Any, response: Any) -> Any:
-        try:
-            self._fill(request, response)
-        except InputError as fault:
-            response.fault = str(fault)
-        return response
-
     def _fill(self, request: Any, response: Any) -> None:
-        belief = self.belief
-        if belief is None:
-            raise InputError("there is no belief yet; ask after the first keyframe")
+        belief = newest(self.belief)
         if len(request.box) not in (0, 4):
             raise InputError(f"box has {len(request.box)} numbers; give four, or none for the whole picture")
         box = np.array(request.box, dtype=np.float64) if len(request.box) else None

@@ -1,0 +1,29 @@
+"""Services of the hypothesis manager answer from the newest belief, or say in one line why not."""
+
+from collections.abc import Callable
+from typing import Any
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.belief import HybridBelief
+
+Handler = Callable[[Any, Any], Any]
+
+
+def answering(fill: Callable[[Any, Any], None]) -> Handler:
+    """A handler of requests that ``fill`` answers; the response's ``fault`` says what InputError does."""
+
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            fill(request, response)
+        except InputError as fault:
+            response.fault = str(fault)
+        return response
+
+    return answer
+
+
+def newest(belief: HybridBelief | None) -> HybridBelief:
+    """The belief that is asked. Raises InputError before the first one."""
+    if belief is None:
+        raise InputError("there is no belief yet; ask after the first keyframe")
+    return belief

@@ -1,0 +1,63 @@
+"""Services ``~/find_objects`` and ``~/get_object`` of the hypothesis manager."""
+
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from semantic_slam_msgs.srv import FindObjects, GetObject
+
+from semantic_slam.answers.find_objects import find_objects
+from semantic_slam.answers.question import Question
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.ros.answering import answering, newest
+
+
+class ObjectServices:
+    """Answers from the newest belief that it was told of."""
+
+    def __init__(self, node: Node) -> None:
+        self.belief: HybridBelief | None = None
+        self._services = [
+            node.create_service(FindObjects, "~/find_objects", answering(self._find)),
+            node.create_service(GetObject, "~/get_object", answering(self._get)),
+        ]
+
+    def _find(self, request: Any, response: Any) -> None:
+        belief = newest(self.belief)
+        found = find_objects(belief, _question(request))
+        response.keyframe = belief.keyframe
+        response.object_ids = [own.object_id for own in found.objects]
+        response.object_names = [own.name for own in found.objects]
+        response.probabilities = [own.probability for own in found.objects]
+        response.poses = _flat([own.pose for own in found.objects])
+        response.covariances = _flat([own.covariance for own in found.objects])
+        response.unknown = found.unknown
+
+    def _get(self, request: Any, response: Any) -> None:
+        belief = newest(self.belief)
+        rows = np.flatnonzero(belief.object_ids == request.object_id)
+        if not len(rows):
+            known = ", ".join(map(str, belief.object_ids.tolist())) or "none"
+            raise InputError(f"object {request.object_id} is not on the map, which has {known}; ask for one of these")
+        (row,) = rows.tolist()
+        response.keyframe, response.name = belief.keyframe, belief.object_names[row]
+        response.pose = _flat([belief.object_poses[row]])
+        response.covariance = _flat([belief.object_covariances[row]])
+        response.class_names = list(belief.class_names)
+        response.class_probabilities = _flat([belief.class_probabilities[row]])
+        response.in_coverage = bool(belief.in_coverage[row])
+        for name in ("existence", "moving", "moved", "missing", "mutual_information"):
+            setattr(response, name, float(getattr(belief, name)[row]))
+
+
+def _question(request: Any) -> Question:
+    region = tuple(request.region)
+    if len(region) not in (0, 4):
+        raise InputError(f"region has {len(region)} numbers; give x_min y_min x_max y_max, or none for everywhere")
+    return Question(name=request.name, region=region or None, least_probability=request.least_probability)
+
+
+def _flat(rows: list[Array]) -> list[float]:
+    return [float(value) for row in rows for value in np.ravel(row)]

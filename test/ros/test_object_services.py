@@ -1,0 +1,78 @@
+"""What the manager's services say of the newest belief, and of questions that cannot be answered."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from semantic_slam_lab.studies.embeddings.known_map import map_of
+from semantic_slam_msgs.srv import FindObjects, GetObject
+
+from semantic_slam.ros.object_services import ObjectServices
+
+pytestmark = pytest.mark.ros
+
+Ask = Callable[[Any, str, Any], Any]
+
+
+@pytest.fixture
+def services() -> Iterator[tuple[ObjectServices, Ask]]:
+    """The services of a node, and what asks them."""
+    rclpy.init()
+    node, executor = rclpy.create_node("hypothesis_manager"), SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def ask(kind: Any, name: str, request: Any) -> Any:
+        client = node.create_client(kind, f"~/{name}")
+        assert client.wait_for_service(timeout_sec=10.0)
+        future = client.call_async(request)
+        executor.spin_until_future_complete(future, timeout_sec=30.0)
+        return future.result()
+
+    try:
+        yield ObjectServices(node), ask
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def test_objects_are_found_by_class_and_region_and_told_one_by_one(services: tuple[ObjectServices, Ask]) -> None:
+    ours, ask = services
+    assert "no belief yet" in ask(FindObjects, "find_objects", FindObjects.Request(name="cup")).fault
+    ours.belief = replace(
+        map_of(3),
+        class_names=("chair", "cup"),
+        class_probabilities=np.array([[0.9, 0.1], [0.2, 0.8], [0.4, 0.6]]),
+        hypothesis_class_probabilities=np.zeros((1, 3, 2)),
+        existence=np.array([0.5, 1.0, 1.0]),
+    )
+    found = ask(FindObjects, "find_objects", FindObjects.Request(name="cup", least_probability=0.3))
+    assert found.fault == "" and list(found.object_ids) == [1, 2]
+    np.testing.assert_allclose(found.probabilities, [0.8, 0.6])
+    np.testing.assert_array_equal(np.reshape(found.poses, (2, 7))[:, 0], [1.0, 2.0])
+    assert len(found.covariances) == 2 * 36 and found.unknown == pytest.approx(0.95 * 0.2 * 0.4)
+    here = ask(FindObjects, "find_objects", FindObjects.Request(name="cup", region=[1.5, -1.0, 2.5, 1.0]))
+    assert here.object_ids[0] == 2 and here.probabilities[0] == pytest.approx(0.6, abs=1e-3)
+    told = ask(GetObject, "get_object", GetObject.Request(object_id=0))
+    assert told.fault == "" and told.name == "0" and told.existence == 0.5
+    assert dict(zip(told.class_names, told.class_probabilities, strict=True)) == {"chair": 0.9, "cup": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "request_", "fault"),
+    [
+        (FindObjects, "find_objects", FindObjects.Request(name="tv"), "is no class of the map"),
+        (FindObjects, "find_objects", FindObjects.Request(name="cup", region=[1.0]), "region has 1 numbers"),
+        (GetObject, "get_object", GetObject.Request(object_id=7), "object 7 is not on the map, which has 0, 1"),
+    ],
+)
+def test_what_cannot_be_answered_is_one_line(
+    services: tuple[ObjectServices, Ask], kind: Any, name: str, request_: Any, fault: str
+) -> None:
+    ours, ask = services
+    ours.belief = map_of(2)
+    assert fault in ask(kind, name, request_).fault
