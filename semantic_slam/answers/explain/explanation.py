@@ -1,0 +1,126 @@
+"""``explain``: everything that a recorded run can say for what it believes of one object."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from semantic_slam.answers.explain.ledger import ClassLedger, PairLedger, class_ledger, histories
+from semantic_slam.answers.explain.outlier_views import OutlierViews
+from semantic_slam.answers.explain.replayed_run import ReplayedRun, replay
+from semantic_slam.answers.explain.rivals import Rival, rivals
+from semantic_slam.answers.explain.sightings import Sighting, sightings
+from semantic_slam.configuration import from_dict
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.evaluation.record import Record, json_object
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryExplained:
+    """One history of associations of the last belief, and what it makes of the object."""
+
+    ledger: ClassLedger
+    weight: float
+    pair: PairLedger | None  # None without class models
+    views: tuple[Sighting, ...]
+    rivals: tuple[Rival, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """What is believed of an object, and why: histories by weight, the heaviest first."""
+
+    object_id: int
+    name: str
+    belief: HybridBelief  # the last one
+    classes: tuple[int, int] | None  # which two are compared, the likelier first unless they were asked for
+    histories: tuple[HistoryExplained, ...]
+    run: ReplayedRun
+
+    @property
+    def row(self) -> int:
+        """Row of the object in the belief."""
+        return int(np.flatnonzero(self.belief.object_ids == self.object_id)[0])
+
+
+def explain(bag: Path, object_name: str, classes: tuple[str, str] | None = None) -> Explanation:
+    """Why the run in a belief bag believes what it does of an object, by its number or name. Raises InputError.
+
+    The run's inference is done again. ``classes``: two to be compared; None: the likeliest and its nearest rival.
+    """
+    record = read_record(bag)
+    object_id = _object_id(record.beliefs[-1], object_name)
+    chosen = None if classes is None else _classes(record.beliefs[-1], classes)
+    configuration = from_dict(json_object(record.run.configuration), str(bag))
+    keyframes = recorded_keyframes(bag, configuration, len(record.beliefs))
+    return explanation_of(record, replay(record, keyframes, [object_id]), object_id, chosen)
+
+
+def explanation_of(
+    record: Record, run: ReplayedRun, object_id: int, classes: tuple[int, int] | None = None
+) -> Explanation:
+    """What a run that was replayed with an eye on the object says of it; ``classes`` by number."""
+    last = record.beliefs[-1]
+    ledgers = [class_ledger(run, object_id, members) for members in histories(run)]
+    if classes is None and last.class_names:
+        classes = compared_classes(ledgers[0])
+    configuration = from_dict(json_object(record.run.configuration), "run configuration")
+    outliers, found = OutlierViews.of(configuration.semantic_model), []
+    for ledger in ledgers:
+        seen = sightings(run, ledger, record.measurements, outliers)
+        found.append(
+            HistoryExplained(
+                ledger=ledger,
+                weight=float(np.exp(ledger.log_weight)),
+                pair=None if classes is None else ledger.pair(*classes),
+                views=seen,
+                rivals=rivals(run, ledger, seen),
+            )
+        )
+    row = int(np.flatnonzero(last.object_ids == object_id)[0])
+    return Explanation(
+        object_id=object_id,
+        name=last.object_names[row],
+        belief=last,
+        classes=classes,
+        histories=tuple(found),
+        run=run,
+    )
+
+
+def compared_classes(ledger: ClassLedger) -> tuple[int, int]:
+    """The likeliest class and its nearest rival: the likeliest of the others, or else the one that went last."""
+    best = int(np.argmax(ledger.log_posterior))
+    others = [cls for cls in range(len(ledger.log_prior)) if cls != best]
+
+    def nearness(cls: int) -> tuple[int, float]:
+        pair = ledger.pair(best, cls)
+        return pair.until, -(pair.log_odds if pair.gone is None else pair.gone)
+
+    return best, max(others, key=nearness, default=best)
+
+
+def _object_id(belief: HybridBelief, name: str) -> int:
+    """Number of an object that is named, or numbered. Raises InputError."""
+    for row, own in enumerate(belief.object_names):
+        if name in (own, str(int(belief.object_ids[row]))):
+            return int(belief.object_ids[row])
+    known = ", ".join(
+        f"{int(n)} ({own})" if own != str(int(n)) else own
+        for n, own in zip(belief.object_ids, belief.object_names, strict=True)
+    )
+    raise InputError(f"the map has no object '{name}'; ask for one of {known or 'none: nothing was mapped'}")
+
+
+def _classes(belief: HybridBelief, names: tuple[str, str]) -> tuple[int, int]:
+    """Numbers of two classes. Raises InputError."""
+    for name in names:
+        if name not in belief.class_names:
+            known = ", ".join(belief.class_names) or "none: its class models name no classes"
+            raise InputError(f"'{name}' is no class of the map, which knows {known}; name two of these")
+    if names[0] == names[1]:
+        raise InputError(f"'{names[0]}' is compared with itself; name two classes")
+    return belief.class_names.index(names[0]), belief.class_names.index(names[1])

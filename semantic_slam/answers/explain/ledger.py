@@ -1,0 +1,200 @@
+"""What each keyframe told of an object's class, in nats, along one history of associations.
+
+Hypotheses with one history of associations differ in classes and modes. Their mass, class by class, is
+
+    M_k(c) = sum_h w_h P(c | h),    P(c | associations, Z_1:k) ~ M_k(c),
+
+and what keyframe k says is log p(Z_k | c, Z_1:k-1) = log M'_k(c) - log M_k-1(c), up to a constant, with M' the mass
+before anything is pruned. Keyframes that see the object are its views. What remains is one account: what other
+keyframes told of earlier views (where the robot was, how the detector is set), pruning, and histories revised.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.answers.explain.replayed_run import LiveHistory, ReplayedKeyframe, ReplayedRun
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.log_space import log_sum_exp
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairLedger:
+    """Class c against class c' in nats: ``prior`` + the sum of ``views`` + ``revised`` = ``log_odds``; V views."""
+
+    keyframes: tuple[int, ...]  # V, of all views of the object
+    views: Array  # (V,) NaN after the keyframe ``until``
+    prior: float
+    revised: float  # earlier views revised
+    log_odds: float  # after keyframe ``until``
+    until: int  # keyframe of the last belief with both classes
+    gone: float | None  # log odds by which one of them went in the keyframe after; None: both are in the last belief
+
+    @property
+    def total(self) -> float:
+        """What the rows add up to."""
+        return self.prior + float(np.nansum(self.views)) + self.revised
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassLedger:
+    """Class by class; K keyframes, C classes."""
+
+    object_id: int
+    hypothesis_ids: tuple[int, ...]  # (K,) a hypothesis with this history after every keyframe
+    member_ids: tuple[int, ...]  # of all hypotheses that have it after the last one
+    log_prior: Array  # (C,)
+    log_mass: Array  # (K, C) log M_k, which differ between classes by their log odds
+    evidence: Array  # (K, C) log M'_k - log M_k-1; NaN from where a class has no mass on
+    rest: Array  # (K, C) log M_k - log M'_k
+    is_view: Flags  # (K,) the keyframe sees the object
+    alone: Array  # (K, C) log p(z | c) of views at the poses of the hypothesis, NaN in other keyframes
+
+    @property
+    def log_posterior(self) -> Array:
+        """(C,) log probabilities of the classes after the last keyframe, if this history holds."""
+        return np.asarray(self.log_mass[-1] - log_sum_exp(self.log_mass[-1]))
+
+    @property
+    def log_weight(self) -> float:
+        """Log of the weight of this history in the last belief."""
+        return float(log_sum_exp(self.log_mass[-1]))
+
+    def last_with(self, cls: int) -> int:
+        """Last keyframe after which a class has mass; -1: it had some before the first one alone."""
+        there = np.flatnonzero(np.isfinite(self.log_mass[:, cls]))
+        return int(there[-1]) if len(there) else -1
+
+    def pair(self, one: int, other: int) -> PairLedger:
+        """Class ``one`` against class ``other``, up to the last belief in which both are."""
+        keyframes, count = np.flatnonzero(self.is_view), len(self.log_mass)
+        until = min(self.last_with(one), self.last_with(other))
+        known = np.arange(count) <= until
+        evidence = np.where(known, self.evidence[:, one] - self.evidence[:, other], np.nan)
+        rest = (self.rest[:, one] - self.rest[:, other])[known].sum()
+        prior = float(self.log_prior[one] - self.log_prior[other])
+        log_odds = prior if until < 0 else float(self.log_mass[until, one] - self.log_mass[until, other])
+        return PairLedger(
+            keyframes=tuple(keyframes.tolist()),
+            views=evidence[keyframes],
+            prior=prior,
+            revised=float(rest + evidence[known & ~self.is_view].sum()),
+            log_odds=log_odds,
+            until=until,
+            gone=self._gone(one, other, until, log_odds),
+        )
+
+    def _gone(self, one: int, other: int, until: int, log_odds: float) -> float | None:
+        """Log odds by which one of two classes went, from all that the keyframe weighed, where it weighed it."""
+        if until == len(self.log_mass) - 1:
+            return None
+        last = float(self.evidence[until + 1, one] - self.evidence[until + 1, other])
+        return log_odds + last if np.isfinite(last) else log_odds
+
+
+def histories(run: ReplayedRun) -> list[tuple[int, ...]]:
+    """Hypothesis ids of the last belief, those with one history of associations together; the heaviest first."""
+    groups: dict[int, list[int]] = {}
+    last = run.keyframes[-1].live
+    for number, own in last.items():
+        groups.setdefault(own.history, []).append(number)
+    return [tuple(numbers) for numbers in sorted(groups.values(), key=lambda numbers: -_log_weight(last, numbers))]
+
+
+def _log_weight(live: dict[int, LiveHistory], numbers: list[int]) -> float:
+    return float(np.logaddexp.reduce([live[n].log_weight for n in numbers]))
+
+
+def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) -> ClassLedger:
+    """What was told of one object along the history that some hypotheses of the last belief have."""
+    path, prior = ancestors(run, member_ids[0]), run.log_class_prior[object_id]
+    shape = len(run.keyframes), len(prior)
+    mass, evidence, rest, alone = (np.full(shape, np.nan) for _ in range(4))
+    is_view = np.zeros(len(path), dtype=bool)
+    before: Array = prior
+    parents = frozenset(run.root_ids)
+    for k, (number, keyframe) in enumerate(zip(path, run.keyframes, strict=True)):
+        own = keyframe.live.get(number) if number is not None else None
+        if own is None:
+            continue
+        members = frozenset(n for n, other in keyframe.live.items() if other.history == own.history)
+        is_view[k] = any(run.on_map(n) == object_id for n in own.association)
+        mass[k] = log_sum_exp(
+            np.array([keyframe.live[n].log_weight + keyframe.live[n].objects[object_id].log_class for n in members]),
+            axis=0,
+        )
+        weighed = before if own.is_revised else _weighed(run, k, object_id, parents, own)
+        with np.errstate(invalid="ignore"):
+            evidence[k], rest[k] = weighed - before, mass[k] - weighed
+        if is_view[k] and not own.is_revised:
+            alone[k] = _alone(run, k, own, object_id)
+        before, parents = mass[k], members
+    return ClassLedger(
+        object_id=object_id,
+        hypothesis_ids=tuple(-1 if number is None else number for number in path),
+        member_ids=member_ids,
+        log_prior=prior,
+        log_mass=mass,
+        evidence=evidence,
+        rest=rest,
+        is_view=is_view,
+        alone=alone,
+    )
+
+
+def ancestors(run: ReplayedRun, number: int) -> list[int | None]:
+    """A hypothesis of the last belief before it, keyframe by keyframe; None where it had no history yet."""
+    path: list[int | None] = []
+    own: int | None = number
+    for keyframe in reversed(run.keyframes):
+        live = keyframe.live.get(own) if own is not None else None
+        path.append(own if live is not None else None)
+        own = live.parent_id if live is not None else None
+    return path[::-1]
+
+
+def _weighed(run: ReplayedRun, k: int, object_id: int, parents: frozenset[int], own: LiveHistory) -> Array:
+    """(C,) log mass of all continuations by one association, those included that were pruned then."""
+    keyframe, logs = run.keyframes[k], list[Array]()
+    candidates = keyframe.candidates
+    same = (candidates.associations == np.array(own.association, dtype=int)).all(axis=1)
+    for row in np.flatnonzero(same & np.isin(candidates.parent_ids, list(parents))).tolist():
+        log_class = _log_class(run, k, row, object_id)
+        if log_class is not None:
+            logs.append(float(candidates.log_weights[row]) + log_class)
+    return log_sum_exp(np.array(logs), axis=0)
+
+
+def _log_class(run: ReplayedRun, k: int, row: int, object_id: int) -> Array | None:
+    """(C,) log class probabilities in a candidate; None where it was pruned, and only its component would tell them."""
+    keyframe = run.keyframes[k]
+    number = int(keyframe.candidates.ids[row])
+    if number in keyframe.live:
+        return keyframe.live[number].objects[object_id].log_class
+    if not run.enumerates_classes:
+        return None
+    associated = keyframe.candidates.associations[row].tolist()
+    named = [
+        int(cls)
+        for other, cls in zip(associated, keyframe.candidates.classes[row], strict=True)
+        if run.on_map(other) == object_id and cls >= 0
+    ]
+    if named:
+        return np.where(np.arange(len(run.log_class_prior[object_id])) == named[0], 0.0, -np.inf)
+    return _parent(run, keyframe, k, row, object_id)
+
+
+def _parent(run: ReplayedRun, keyframe: ReplayedKeyframe, k: int, row: int, object_id: int) -> Array:
+    """(C,) log class probabilities in the parent of a candidate."""
+    if k == 0:
+        return run.log_class_prior[object_id]
+    return run.keyframes[k - 1].live[int(keyframe.candidates.parent_ids[row])].objects[object_id].log_class
+
+
+def _alone(run: ReplayedRun, k: int, own: LiveHistory, object_id: int) -> Array:
+    """(C,) what the record of a hypothesis gained with the keyframe, NaN where it has none."""
+    after = own.objects[object_id].log_likelihood
+    if after is None:
+        return np.full(len(run.log_class_prior[object_id]), np.nan)
+    before = run.keyframes[k - 1].live[own.parent_id].objects[object_id].log_likelihood if k else None
+    return after if before is None else after - before
