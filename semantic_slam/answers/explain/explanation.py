@@ -96,9 +96,10 @@ def compared_classes(ledger: ClassLedger) -> tuple[int, int]:
     best = int(np.argmax(ledger.log_posterior))
     others = [cls for cls in range(len(ledger.log_prior)) if cls != best]
 
-    def nearness(cls: int) -> tuple[int, float]:
+    def nearness(cls: int) -> tuple[int, float, float]:
         pair = ledger.pair(best, cls)
-        return pair.until, -(pair.log_odds if pair.gone is None else pair.gone)
+        odds = pair.gone if pair.is_pruned else pair.log_odds
+        return pair.until, -round(odds, 3), -float(np.nansum(ledger.alone[:, best] - ledger.alone[:, cls]))
 
     return best, max(others, key=nearness, default=best)
 

@@ -9,6 +9,7 @@ before anything is pruned. Keyframes that see the object are its views. What rem
 keyframes told of earlier views (where the robot was, how the detector is set), pruning, and histories revised.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +23,24 @@ from semantic_slam.geometry.log_space import log_sum_exp
 class PairLedger:
     """Class c against class c' in nats: ``prior`` + the sum of ``views`` + ``revised`` = ``log_odds``; V views."""
 
-    keyframes: tuple[int, ...]  # V, of all views of the object
-    views: Array  # (V,) NaN after the keyframe ``until``
+    views: Array  # (K,) NaN in keyframes without a view, and after ``until``
     prior: float
     revised: float  # earlier views revised
-    log_odds: float  # after keyframe ``until``
-    until: int  # keyframe of the last belief with both classes
-    gone: float | None  # log odds by which one of them went in the keyframe after; None: both are in the last belief
+    log_odds: float  # in the last belief with both classes
+    until: int  # row of that belief; -1: before the first one
+    last_nats: (
+        float  # of the keyframe after, in which one of them was given up; NaN: nothing of it was weighed any more
+    )
+
+    @property
+    def is_pruned(self) -> bool:
+        """Whether one of the classes is not in the last belief."""
+        return self.until < len(self.views) - 1
+
+    @property
+    def gone(self) -> float:
+        """Log odds by which one of the classes went; NaN: both are in the last belief."""
+        return self.log_odds + float(np.nan_to_num(self.last_nats)) if self.is_pruned else float("nan")
 
     @property
     def total(self) -> float:
@@ -42,7 +54,7 @@ class ClassLedger:
 
     object_id: int
     hypothesis_ids: tuple[int, ...]  # (K,) a hypothesis with this history after every keyframe
-    member_ids: tuple[int, ...]  # of all hypotheses that have it after the last one
+    log_weight: float  # of this history in the last belief
     log_prior: Array  # (C,)
     log_mass: Array  # (K, C) log M_k, which differ between classes by their log odds
     evidence: Array  # (K, C) log M'_k - log M_k-1; NaN from where a class has no mass on
@@ -55,11 +67,6 @@ class ClassLedger:
         """(C,) log probabilities of the classes after the last keyframe, if this history holds."""
         return np.asarray(self.log_mass[-1] - log_sum_exp(self.log_mass[-1]))
 
-    @property
-    def log_weight(self) -> float:
-        """Log of the weight of this history in the last belief."""
-        return float(log_sum_exp(self.log_mass[-1]))
-
     def last_with(self, cls: int) -> int:
         """Last keyframe after which a class has mass; -1: it had some before the first one alone."""
         there = np.flatnonzero(np.isfinite(self.log_mass[:, cls]))
@@ -67,29 +74,20 @@ class ClassLedger:
 
     def pair(self, one: int, other: int) -> PairLedger:
         """Class ``one`` against class ``other``, up to the last belief in which both are."""
-        keyframes, count = np.flatnonzero(self.is_view), len(self.log_mass)
         until = min(self.last_with(one), self.last_with(other))
-        known = np.arange(count) <= until
-        evidence = np.where(known, self.evidence[:, one] - self.evidence[:, other], np.nan)
-        rest = (self.rest[:, one] - self.rest[:, other])[known].sum()
+        known = np.arange(len(self.log_mass)) <= until
+        with np.errstate(invalid="ignore"):
+            nats = self.evidence[:, one] - self.evidence[:, other]
+            rest = (self.rest[:, one] - self.rest[:, other])[known].sum()
         prior = float(self.log_prior[one] - self.log_prior[other])
-        log_odds = prior if until < 0 else float(self.log_mass[until, one] - self.log_mass[until, other])
         return PairLedger(
-            keyframes=tuple(keyframes.tolist()),
-            views=evidence[keyframes],
+            views=np.where(known & self.is_view, nats, np.nan),
             prior=prior,
-            revised=float(rest + evidence[known & ~self.is_view].sum()),
-            log_odds=log_odds,
+            revised=float(rest + nats[known & ~self.is_view].sum()),
+            log_odds=prior if until < 0 else float(self.log_mass[until, one] - self.log_mass[until, other]),
             until=until,
-            gone=self._gone(one, other, until, log_odds),
+            last_nats=float(nats[until + 1]) if until + 1 < len(nats) and np.isfinite(nats[until + 1]) else np.nan,
         )
-
-    def _gone(self, one: int, other: int, until: int, log_odds: float) -> float | None:
-        """Log odds by which one of two classes went, from all that the keyframe weighed, where it weighed it."""
-        if until == len(self.log_mass) - 1:
-            return None
-        last = float(self.evidence[until + 1, one] - self.evidence[until + 1, other])
-        return log_odds + last if np.isfinite(last) else log_odds
 
 
 def histories(run: ReplayedRun) -> list[tuple[int, ...]]:
@@ -101,7 +99,7 @@ def histories(run: ReplayedRun) -> list[tuple[int, ...]]:
     return [tuple(numbers) for numbers in sorted(groups.values(), key=lambda numbers: -_log_weight(last, numbers))]
 
 
-def _log_weight(live: dict[int, LiveHistory], numbers: list[int]) -> float:
+def _log_weight(live: dict[int, LiveHistory], numbers: Sequence[int]) -> float:
     return float(np.logaddexp.reduce([live[n].log_weight for n in numbers]))
 
 
@@ -115,7 +113,8 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
     parents = frozenset(run.root_ids)
     for k, (number, keyframe) in enumerate(zip(path, run.keyframes, strict=True)):
         own = keyframe.live.get(number) if number is not None else None
-        if own is None:
+        if own is None:  # what came before is nothing that is known
+            mass[k], evidence[k], rest[k] = before, 0.0, 0.0
             continue
         members = frozenset(n for n, other in keyframe.live.items() if other.history == own.history)
         is_view[k] = any(run.on_map(n) == object_id for n in own.association)
@@ -123,7 +122,11 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
             np.array([keyframe.live[n].log_weight + keyframe.live[n].objects[object_id].log_class for n in members]),
             axis=0,
         )
-        weighed = before if own.is_revised else _weighed(run, k, object_id, parents, own)
+        newest = own.objects[object_id].newest if is_view[k] else None
+        if own.is_revised:
+            weighed = before
+        else:
+            weighed = _weighed(run, k, object_id, parents, own) if newest is None else before + newest
         with np.errstate(invalid="ignore"):
             evidence[k], rest[k] = weighed - before, mass[k] - weighed
         if is_view[k] and not own.is_revised:
@@ -132,7 +135,7 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
     return ClassLedger(
         object_id=object_id,
         hypothesis_ids=tuple(-1 if number is None else number for number in path),
-        member_ids=member_ids,
+        log_weight=_log_weight(run.keyframes[-1].live, member_ids),
         log_prior=prior,
         log_mass=mass,
         evidence=evidence,
@@ -193,8 +196,9 @@ def _parent(run: ReplayedRun, keyframe: ReplayedKeyframe, k: int, row: int, obje
 
 def _alone(run: ReplayedRun, k: int, own: LiveHistory, object_id: int) -> Array:
     """(C,) what the record of a hypothesis gained with the keyframe, NaN where it has none."""
-    after = own.objects[object_id].log_likelihood
-    if after is None:
-        return np.full(len(run.log_class_prior[object_id]), np.nan)
+    told = own.objects[object_id]
+    after = told.log_likelihood
+    if after is None or told.newest is not None:
+        return np.full(len(run.log_class_prior[object_id]), np.nan) if told.newest is None else told.newest
     before = run.keyframes[k - 1].live[own.parent_id].objects[object_id].log_likelihood if k else None
     return after if before is None else after - before

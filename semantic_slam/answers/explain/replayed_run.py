@@ -37,6 +37,7 @@ class ObjectOfHistory:
 
     log_class: Array  # (C,) log probabilities
     log_likelihood: Array | None  # (C,) of its views from where this hypothesis has them; None: it has none on record
+    newest: Array | None  # (C,) of the newest of them given the others, where that is not what it added
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,9 +90,8 @@ class ReplayedRun:
 class _WatchedPool:
     """One backend in this process, whose newest candidates and components can be looked at."""
 
-    backend_ids = (0,)
-
     def __init__(self) -> None:
+        self.backend_ids: tuple[int, ...] = (0,)
         self._backend = Backend(0)
         self.answers: list[Candidates] = []
 
@@ -183,7 +183,8 @@ def _object(component: Component, names: tuple[int, ...], object_id: int, engine
     else:
         joint = prior if likelihood is None else prior + likelihood
         log_class = joint - log_sum_exp(joint) if len(joint) else joint
-    return ObjectOfHistory(log_class=log_class, log_likelihood=likelihood)
+    newest = None if record is None or likelihood is None else record.newest
+    return ObjectOfHistory(log_class=log_class, log_likelihood=likelihood, newest=newest)
 
 
 def _difference(record: Record, belief: HybridBelief, again: HybridBelief) -> float:

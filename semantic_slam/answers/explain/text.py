@@ -5,12 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.answers.explain.explanation import Explanation, HistoryExplained
+from semantic_slam.answers.explain.ledger import PairLedger
 from semantic_slam.answers.explain.rivals import Rival
 from semantic_slam.answers.explain.sightings import Sighting, object_name
 
 MOST_RIVALS = 12
 """Alternatives in the table, the most probable ones."""
 MOST_HISTORIES = 5
+DOUBTS = ("no object", "model [nats]", "outlier")
 LITTLE_NATS = 0.25
 """Views that tell less between two classes than this are said to tell them hardly apart."""
 OUTLIER = 0.5
@@ -37,7 +39,7 @@ def _belief(told: Explanation, own: HistoryExplained) -> str:
     one, other = (told.belief.class_names[cls] for cls in told.classes)
     probability = told.belief.class_probabilities[told.row, told.classes[0]]
     begin = f"{told.name} is of class {one} with probability {probability:.4f}"
-    if own.pair.gone is None:
+    if not own.pair.is_pruned:
         return f"{begin}; {other} is left with log odds of {own.pair.log_odds:+.2f} nats for {one}."
     at = told.run.keyframes[own.pair.until + 1].belief.keyframe
     return f"{begin}; {other} was given up in keyframe {at} at log odds of {own.pair.gone:+.2f} nats for {one}."
@@ -68,23 +70,35 @@ def _views(told: Explanation, own: HistoryExplained) -> str:
 def _association(told: Explanation, own: HistoryExplained) -> str:
     if not own.rivals:
         return "None of its views might have been of another object."
+    count = len({(rival.keyframe, rival.detection) for rival in own.rivals})
     likeliest = max(own.rivals, key=lambda rival: rival.then)
     last = max(own.rivals, key=lambda rival: (rival.gone is None, rival.gone or 0, rival.log_odds))
-    name = _rival_name(told, likeliest)
     begin = (
-        f"{len({(rival.keyframe, rival.detection) for rival in own.rivals})} of its views might have been of another"
-        f" object, most of all that of keyframe {likeliest.keyframe} of {name} (probability {likeliest.then:.2f})"
+        f"{count} of its views might have been of something else, most of all that of keyframe {likeliest.keyframe}, of"
+        f" {_rival_name(told, likeliest)} with probability {likeliest.then:.2f} then"
     )
-    if last.gone is None:
-        return f"{begin}; that of keyframe {last.keyframe} still may be of {_rival_name(told, last)} ({last.now:.4f})."
-    return f"{begin}; the last of these histories was given up in keyframe {last.gone}, {_ended(last)}."
+    end = f"{begin}, {_ended(likeliest)}"
+    if last == likeliest:
+        return f"{end}."
+    return (
+        f"{end}; that of keyframe {last.keyframe} was the last in doubt, for {_rival_name(told, last)}, {_ended(last)}."
+    )
 
 
 def _ended(rival: Rival) -> str:
+    """How an alternative ended."""
+    if rival.gone is None:
+        return f"and {rival.now:.4f} now"
     seen = " and ".join(rival.by) or "nothing"
     if not np.isfinite(rival.log_odds):
-        return f"when {seen} was seen, which nothing in it could be"
-    return f"{-rival.log_odds:.1f} nats behind the best, when {seen} {'were' if len(rival.by) > 1 else 'was'} seen"
+        return f"given up in keyframe {rival.gone}, when nothing continued it; {seen} {_was(rival)} seen"
+    return (
+        f"given up in keyframe {rival.gone}, {-rival.log_odds:.1f} nats behind the best, when {seen} {_was(rival)} seen"
+    )
+
+
+def _was(rival: Rival) -> str:
+    return "were" if len(rival.by) > 1 else "was"
 
 
 def views_table(told: Explanation, own: HistoryExplained) -> list[str]:
@@ -92,19 +106,29 @@ def views_table(told: Explanation, own: HistoryExplained) -> list[str]:
     pair = own.pair
     if pair is None or told.classes is None:
         rows = [_view_row(view, "", "", "") for view in own.views]
-        return _aligned([["keyframe", "from [deg]", "range [m]", "", "", "", "not known", "doubt", "outlier"], *rows])
+        return _aligned([["keyframe", "from [deg]", "range [m]", "", "", "", *DOUBTS], *rows])
     one, other = (told.belief.class_names[cls] for cls in told.classes)
     header = ["keyframe", "from [deg]", "range [m]", f"{one}:{other}", "log odds", "view alone"]
     rows = [["prior", "", "", f"{pair.prior:+.3f}", f"{pair.prior:+.3f}", "", "", "", ""]]
-    total, nats, alone = pair.prior, dict(zip(pair.keyframes, pair.views.tolist(), strict=True)), _alone(told, own)
+    total, shown, alone = pair.prior, set[int](), _alone(told, own)
     index = {keyframe.belief.keyframe: k for k, keyframe in enumerate(told.run.keyframes)}
     for view, by_itself in zip(own.views, alone.tolist(), strict=True):
-        gained = nats.pop(index[view.keyframe], np.nan)
+        k = index[view.keyframe]
+        gained = np.nan if k in shown else pair.last_nats if k == pair.until + 1 else float(pair.views[k])
+        shown.add(k)
         total += gained
         rows.append(_view_row(view, _signed(gained), _signed(total), _signed(by_itself)))
     rows.append(["earlier views revised", "", "", f"{pair.revised:+.3f}", "", "", "", "", ""])
-    rows.append([f"log odds, keyframe {max(pair.until, 0)}", "", "", f"{pair.log_odds:+.3f}", "", "", "", "", ""])
-    return _aligned([[*header, "no object", "model", "outlier"], *rows])
+    rows.append([*_end(told, pair), "", "", "", ""])
+    return _aligned([[*header, *DOUBTS], *rows])
+
+
+def _end(told: Explanation, pair: PairLedger) -> list[str]:
+    """What the rows above add up to."""
+    if pair.is_pruned:
+        at = told.run.keyframes[pair.until + 1].belief.keyframe
+        return [f"given up in keyframe {at} at", "", "", "", f"{pair.gone:+.3f}"]
+    return [f"log odds after keyframe {told.belief.keyframe}", "", "", "", f"{pair.log_odds:+.3f}"]
 
 
 def _view_row(view: Sighting, gained: str, total: str, alone: str) -> list[str]:
@@ -184,7 +208,7 @@ def _directions(views: Sequence[Sighting]) -> str:
     first, last = angles[(widest + 1) % len(angles)], angles[widest]
     first, last = (float(np.rad2deg(value)) for value in (first, last))
     where = "its front" if views[0].from_front else "the x axis of map"
-    return f"from {first:.0f} to {last:.0f} deg of {where}"
+    return f"from {first:.0f} counter-clockwise to {last:.0f} deg of {where}"
 
 
 def _degrees(view: Sighting) -> str:
@@ -200,7 +224,7 @@ def _signed(value: float) -> str:
 
 
 def _plain(value: float) -> str:
-    return f"{value:.3f}" if np.isfinite(value) else "-"
+    return f"{abs(value) if value == 0.0 else value:.3f}" if np.isfinite(value) else "-"
 
 
 def _probabilities(values: np.ndarray) -> list[str]:
@@ -208,11 +232,9 @@ def _probabilities(values: np.ndarray) -> list[str]:
 
 
 def _aligned(rows: list[list[str]]) -> list[str]:
-    """Columns to the right, the first one to the left."""
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    return [
-        "  ".join(
-            [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
-        ).rstrip()
-        for row in rows
-    ]
+    """Columns to the right, the first one to the left, and none without content; the first row is the header."""
+    columns = [column for column in zip(*rows, strict=True) if set(column[1:]) - {"", "-"}]
+    widths = [max(map(len, column)) for column in columns]
+    first = [cell.ljust(widths[0]) for cell in columns[0]]
+    others = [[cell.rjust(width) for cell in column] for column, width in zip(columns[1:], widths[1:], strict=True)]
+    return ["  ".join(cells).rstrip() for cells in zip(first, *others, strict=True)]
