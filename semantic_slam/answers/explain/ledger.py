@@ -38,6 +38,11 @@ class PairLedger:
         return self.until < len(self.views) - 1
 
     @property
+    def was_weighed(self) -> bool:
+        """Whether the keyframe in which one of them was given up weighed both."""
+        return bool(np.isfinite(self.last_nats))
+
+    @property
     def gone(self) -> float:
         """Log odds by which one of the classes went; NaN: both are in the last belief."""
         return self.log_odds + float(np.nan_to_num(self.last_nats)) if self.is_pruned else float("nan")
@@ -65,7 +70,8 @@ class ClassLedger:
     @property
     def log_posterior(self) -> Array:
         """(C,) log probabilities of the classes after the last keyframe, if this history holds."""
-        return np.asarray(self.log_mass[-1] - log_sum_exp(self.log_mass[-1]))
+        last = self.log_mass[-1]
+        return last - log_sum_exp(last) if len(last) else last
 
     def last_with(self, cls: int) -> int:
         """Last keyframe after which a class has mass; -1: it had some before the first one alone."""

@@ -42,6 +42,8 @@ def _belief(told: Explanation, own: HistoryExplained) -> str:
     if not own.pair.is_pruned:
         return f"{begin}; {other} is left with log odds of {own.pair.log_odds:+.2f} nats for {one}."
     at = told.run.keyframes[own.pair.until + 1].belief.keyframe
+    if not own.pair.was_weighed:
+        return f"{begin}; {other} was not weighed in keyframe {at} any more (weights.gate, weights.max_candidates)."
     return f"{begin}; {other} was given up in keyframe {at} at log odds of {own.pair.gone:+.2f} nats for {one}."
 
 
@@ -49,11 +51,7 @@ def _views(told: Explanation, own: HistoryExplained) -> str:
     if not own.views:
         return "It was never seen; what is believed of it is what the map said."
     spread = f"{len(own.views)} views {_directions(own.views)}"
-    doubted = sum(view.outlier > OUTLIER for view in own.views)
-    strange = sum(not view.in_coverage for view in own.views)
-    last = own.views[-1].mutual_information
-    trust = f"{doubted} judged outliers, {strange} outside what the class models know"
-    trust += f", model uncertainty {last:.3f} nats at the last one" if np.isfinite(last) else ""
+    trust = _trust(own.views)
     if own.pair is None or told.classes is None:
         return f"It was seen in {spread}: {trust}."
     alone = _alone(told, own)
@@ -65,6 +63,17 @@ def _views(told: Explanation, own: HistoryExplained) -> str:
         f" nats, from {_degrees(told_most)} deg at {told_most.range_m:.1f} m), and {little} hardly tell them apart;"
         f" {trust}."
     )
+
+
+def _trust(views: Sequence[Sighting]) -> str:
+    """How far the views are to be trusted."""
+    strange, last = sum(not view.in_coverage for view in views), views[-1].mutual_information
+    told = [f"{strange} outside what the class models know"]
+    if np.isfinite([view.outlier for view in views]).any():
+        told.insert(0, f"{sum(view.outlier > OUTLIER for view in views)} judged outliers")
+    if np.isfinite(last):
+        told.append(f"model uncertainty {last:.3f} nats at the last one")
+    return ", ".join(told)
 
 
 def _association(told: Explanation, own: HistoryExplained) -> str:
@@ -117,7 +126,8 @@ def views_table(told: Explanation, own: HistoryExplained) -> list[str]:
         gained = np.nan if k in shown else pair.last_nats if k == pair.until + 1 else float(pair.views[k])
         shown.add(k)
         total += gained
-        rows.append(_view_row(view, _signed(gained), _signed(total), _signed(by_itself)))
+        beside = _signed(by_itself) if told.run.enumerates_classes else ""  # else that is what the view brought
+        rows.append(_view_row(view, _signed(gained), _signed(total), beside))
     rows.append(["earlier views revised", "", "", f"{pair.revised:+.3f}", "", "", "", "", ""])
     rows.append([*_end(told, pair), "", "", "", ""])
     return _aligned([[*header, *DOUBTS], *rows])
@@ -127,7 +137,8 @@ def _end(told: Explanation, pair: PairLedger) -> list[str]:
     """What the rows above add up to."""
     if pair.is_pruned:
         at = told.run.keyframes[pair.until + 1].belief.keyframe
-        return [f"given up in keyframe {at} at", "", "", "", f"{pair.gone:+.3f}"]
+        end = "given up" if pair.was_weighed else "not weighed any more"
+        return [f"{end} in keyframe {at} at", "", "", "", f"{pair.gone:+.3f}"]
     return [f"log odds after keyframe {told.belief.keyframe}", "", "", "", f"{pair.log_odds:+.3f}"]
 
 
