@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semantic_slam.answers.explain.replayed_run import LiveHistory, ReplayedKeyframe, ReplayedRun
+from semantic_slam.answers.explain.live_history import LiveHistory
+from semantic_slam.answers.explain.replayed_run import ReplayedKeyframe, ReplayedRun, enumerates_classes
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.log_space import log_sum_exp
 
@@ -58,7 +59,7 @@ class ClassLedger:
     """Class by class; K keyframes, C classes."""
 
     object_id: int
-    hypothesis_ids: tuple[int, ...]  # (K,) a hypothesis with this history after every keyframe
+    steps: tuple[LiveHistory | None, ...]  # (K,) one hypothesis with this history after every keyframe; None: none yet
     log_weight: float  # of this history in the last belief
     log_prior: Array  # (C,)
     log_mass: Array  # (K, C) log M_k, which differ between classes by their log odds
@@ -70,7 +71,7 @@ class ClassLedger:
     @property
     def log_posterior(self) -> Array:
         """(C,) log probabilities of the classes after the last keyframe, if this history holds."""
-        last = self.log_mass[-1]
+        last: Array = self.log_mass[-1]
         return last - log_sum_exp(last) if len(last) else last
 
     def last_with(self, cls: int) -> int:
@@ -111,36 +112,35 @@ def _log_weight(live: dict[int, LiveHistory], numbers: Sequence[int]) -> float:
 
 def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) -> ClassLedger:
     """What was told of one object along the history that some hypotheses of the last belief have."""
-    path, prior = ancestors(run, member_ids[0]), run.log_class_prior[object_id]
-    shape = len(run.keyframes), len(prior)
-    mass, evidence, rest, alone = (np.full(shape, np.nan) for _ in range(4))
+    path, prior = run.path(member_ids[0]), run.log_class_prior[object_id]
+    is_replayed = member_ids[0] in run.revised
+    mass, evidence, rest, alone = (np.full((len(path), len(prior)), np.nan) for _ in range(4))
     is_view = np.zeros(len(path), dtype=bool)
     before: Array = prior
     parents = frozenset(run.root_ids)
-    for k, (number, keyframe) in enumerate(zip(path, run.keyframes, strict=True)):
-        own = keyframe.live.get(number) if number is not None else None
+    for k, own in enumerate(path):
         if own is None:  # what came before is nothing that is known
             mass[k], evidence[k], rest[k] = before, 0.0, 0.0
             continue
-        members = frozenset(n for n, other in keyframe.live.items() if other.history == own.history)
+        told, live = own.objects[object_id], {} if is_replayed else run.keyframes[k].live
+        members = {n: other for n, other in live.items() if other.history == own.history}
+        same = list(members.values()) or [own]
         is_view[k] = any(run.on_map(n) == object_id for n in own.association)
-        mass[k] = log_sum_exp(
-            np.array([keyframe.live[n].log_weight + keyframe.live[n].objects[object_id].log_class for n in members]),
-            axis=0,
-        )
-        newest = own.objects[object_id].newest if is_view[k] else None
+        mass[k] = log_sum_exp(np.array([o.log_weight + o.objects[object_id].log_class for o in same]), axis=0)
         if own.is_revised:
             weighed = before
+        elif is_view[k] and told.newest is not None:
+            weighed = before + told.newest
         else:
-            weighed = _weighed(run, k, object_id, parents, own) if newest is None else before + newest
+            weighed = mass[k] if is_replayed else _weighed(run, k, object_id, parents, own)
         with np.errstate(invalid="ignore"):
             evidence[k], rest[k] = weighed - before, mass[k] - weighed
         if is_view[k] and not own.is_revised:
-            alone[k] = _alone(run, k, own, object_id)
-        before, parents = mass[k], members
+            alone[k] = _alone(path[k - 1] if k else None, own, object_id)
+        before, parents = mass[k], frozenset(members)
     return ClassLedger(
         object_id=object_id,
-        hypothesis_ids=tuple(-1 if number is None else number for number in path),
+        steps=tuple(path),
         log_weight=_log_weight(run.keyframes[-1].live, member_ids),
         log_prior=prior,
         log_mass=mass,
@@ -149,17 +149,6 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
         is_view=is_view,
         alone=alone,
     )
-
-
-def ancestors(run: ReplayedRun, number: int) -> list[int | None]:
-    """A hypothesis of the last belief before it, keyframe by keyframe; None where it had no history yet."""
-    path: list[int | None] = []
-    own: int | None = number
-    for keyframe in reversed(run.keyframes):
-        live = keyframe.live.get(own) if own is not None else None
-        path.append(own if live is not None else None)
-        own = live.parent_id if live is not None else None
-    return path[::-1]
 
 
 def _weighed(run: ReplayedRun, k: int, object_id: int, parents: frozenset[int], own: LiveHistory) -> Array:
@@ -180,7 +169,7 @@ def _log_class(run: ReplayedRun, k: int, row: int, object_id: int) -> Array | No
     number = int(keyframe.candidates.ids[row])
     if number in keyframe.live:
         return keyframe.live[number].objects[object_id].log_class
-    if not run.enumerates_classes:
+    if not enumerates_classes(run.problem):
         return None
     associated = keyframe.candidates.associations[row].tolist()
     named = [
@@ -200,11 +189,12 @@ def _parent(run: ReplayedRun, keyframe: ReplayedKeyframe, k: int, row: int, obje
     return run.keyframes[k - 1].live[int(keyframe.candidates.parent_ids[row])].objects[object_id].log_class
 
 
-def _alone(run: ReplayedRun, k: int, own: LiveHistory, object_id: int) -> Array:
+def _alone(parent: LiveHistory | None, own: LiveHistory, object_id: int) -> Array:
     """(C,) what the record of a hypothesis gained with the keyframe, NaN where it has none."""
     told = own.objects[object_id]
-    after = told.log_likelihood
-    if after is None or told.newest is not None:
-        return np.full(len(run.log_class_prior[object_id]), np.nan) if told.newest is None else told.newest
-    before = run.keyframes[k - 1].live[own.parent_id].objects[object_id].log_likelihood if k else None
-    return after if before is None else after - before
+    if told.newest is not None:
+        return told.newest
+    if told.log_likelihood is None:
+        return np.full(len(told.log_class), np.nan)
+    before = None if parent is None else parent.objects[object_id].log_likelihood
+    return told.log_likelihood if before is None else told.log_likelihood - before

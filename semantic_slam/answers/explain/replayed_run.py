@@ -4,17 +4,17 @@ Inference is a function of the recorded configuration, measurements and odometry
 this; hypotheses have the ids that they had, by which the run is known to be the same.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from semantic_slam.answers.explain.live_history import LiveHistory, ObjectOfHistory, object_of
+from semantic_slam.answers.explain.revised_history import replayed_history
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.candidate_table import CandidateTable
@@ -27,30 +27,10 @@ from semantic_slam.inference.world.problem import Problem
 
 SAME_NATS = 1e-6
 """Largest difference of log weights and log odds between a run and its replay."""
+MOST_REPLAYED = 5
+"""Hypotheses of the last belief whose revised histories are replayed from the start, the heaviest ones."""
 COMPARED_PROBABILITY = 1e-12
 """Class probabilities below this are not compared: their logarithms are rounded where they are recorded."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ObjectOfHistory:
-    """What one hypothesis knows of the class of one object; C classes."""
-
-    log_class: Array  # (C,) log probabilities
-    log_likelihood: Array | None  # (C,) of its views from where this hypothesis has them; None: it has none on record
-    newest: Array | None  # (C,) of the newest of them given the others, where that is not what it added
-
-
-@dataclass(frozen=True, kw_only=True)
-class LiveHistory:
-    """A hypothesis after a keyframe."""
-
-    parent_id: int  # of the keyframe before, as beliefs tell it
-    log_weight: float
-    history: int  # equal for hypotheses with the same associations since the start, whatever their classes and modes
-    association: tuple[int, ...]  # (D,) object ids in this keyframe, -1 clutter
-    is_revised: bool  # its history was not its parent's
-    changes: tuple[tuple[int, int, int], ...]  # keyframe, detection, object or -1: where it differs from its parent's
-    objects: dict[int, ObjectOfHistory]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +50,7 @@ class ReplayedRun:
     root_ids: tuple[int, ...]
     log_class_prior: dict[int, Array]  # object id -> (C,)
     keyframes: tuple[ReplayedKeyframe, ...]  # K
+    revised: Mapping[int, tuple[LiveHistory, ...]]  # hypothesis of the last belief -> (K,) as it would have been
     largest_difference: float  # nats, of log weights and log class probabilities, to what was recorded
 
     @property
@@ -81,10 +62,12 @@ class ReplayedRun:
         """The number under which an object is reported, wherever a hypothesis has it."""
         return self.problem.displaced.on_map.get(object_id, object_id)
 
-    @cached_property
-    def enumerates_classes(self) -> bool:
-        """Whether each hypothesis has one class for an object, and others have the other ones."""
-        return int(getattr(self.problem.model, "num_classes", 0)) > 0
+    def path(self, number: int) -> list[LiveHistory | None]:
+        """(K,) a hypothesis of the last belief after every keyframe; None where it had no history yet."""
+        if number in self.revised:
+            return list(self.revised[number])
+        numbers = ancestors(self.keyframes, number)
+        return [None if n is None else self.keyframes[k].live[n] for k, n in enumerate(numbers)]
 
 
 class _WatchedPool:
@@ -118,50 +101,48 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
     pool = _WatchedPool()
     engine = Engine.of_run(record.run, pool)
     root_ids, told = tuple(engine.live), list[ReplayedKeyframe]()
-    histories = dict.fromkeys(root_ids, 0)
-    largest = 0.0
+    names = {n: _names(engine.problem, n) for n in object_ids}
+    prior = dict[int, Array]()
+    histories, largest = dict.fromkeys(root_ids, 0), 0.0
     for belief, keyframe in zip(record.beliefs, keyframes, strict=False):
         if keyframe.stamp_ns != belief.stamp_ns:
             raise _not_the_same(record, belief)
         again = engine.process(keyframe)
         largest = max(largest, _difference(record, belief, again))
-        aliases = {n: _aliases(engine.problem, n) for n in object_ids}
-        live = {n: _live(own, histories, pool.component(n), aliases, engine) for n, own in engine.live.items()}
+        prior = {n: engine.registry.log_class_prior_of([n])[0] for n in object_ids}
+        poses = dict(zip(again.hypothesis_ids.tolist(), again.poses, strict=True))
+        live = {}
+        for number, own in engine.live.items():
+            component = pool.component(number)
+            objects = {n: object_of(component, names[n], prior[n]) for n in object_ids}
+            live[number] = _live(own, histories, poses[number], objects)
         histories = {n: own.history for n, own in live.items()}
         told.append(ReplayedKeyframe(belief=belief, candidates=CandidateTable.of(pool.answers), live=live))
     if len(told) < len(record.beliefs):
         raise _not_the_same(record, record.beliefs[len(told)])
-    prior = {n: engine.registry.log_class_prior_of([n])[0] for n in object_ids}
     return ReplayedRun(
         problem=engine.problem,
         root_ids=root_ids,
         log_class_prior=prior,
         keyframes=tuple(told),
+        revised=_revised(engine, told, names, prior),
         largest_difference=largest,
     )
 
 
-def _aliases(problem: Problem, object_id: int) -> tuple[int, ...]:
+def _names(problem: Problem, object_id: int) -> tuple[int, ...]:
     """Numbers that hypotheses may have an object under."""
     elsewhere = problem.displaced.elsewhere.get(object_id)
     return (object_id,) if elsewhere is None else (object_id, elsewhere)
 
 
-def _live(
-    own: Hypothesis,
-    histories: dict[int, int],
-    component: Component,
-    aliases: dict[int, tuple[int, ...]],
-    engine: Engine,
-) -> LiveHistory:
+def _live(own: Hypothesis, before: dict[int, int], pose: Array, objects: dict[int, ObjectOfHistory]) -> LiveHistory:
+    """One hypothesis after a keyframe; ``before``: the histories of those that were live before it."""
     association = own.lineage[-1].association
-    is_revised = own.parent_id not in histories or own.revises is not None
-    if is_revised:
-        history = 0
-        for step in own.lineage:
-            history = hash((history, step.association))
-    else:
-        history = hash((histories[own.parent_id], association))
+    is_revised = own.parent_id not in before or own.revises is not None
+    history = 0 if is_revised else before[own.parent_id]
+    for step in own.lineage if is_revised else own.lineage[-1:]:
+        history = hash((history, step.association))
     return LiveHistory(
         parent_id=own.told_parent_id,
         log_weight=own.log_weight,
@@ -169,22 +150,39 @@ def _live(
         association=association,
         is_revised=is_revised,
         changes=tuple(own.changes()),
-        objects={n: _object(component, names, n, engine) for n, names in aliases.items()},
+        pose=pose,
+        objects=objects,
     )
 
 
-def _object(component: Component, names: tuple[int, ...], object_id: int, engine: Engine) -> ObjectOfHistory:
-    prior = engine.registry.log_class_prior_of([object_id])[0]
-    record = next((component.views[n] for n in names if n in component.views), None)
-    likelihood = None if record is None or len(record.log_likelihood) != len(prior) else record.log_likelihood
-    enumerated = next((component.classes[n] for n in names if n in component.classes), None)
-    if enumerated is not None:
-        log_class = np.where(np.arange(len(prior)) == enumerated, 0.0, -np.inf)
-    else:
-        joint = prior if likelihood is None else prior + likelihood
-        log_class = joint - log_sum_exp(joint) if len(joint) else joint
-    newest = None if record is None or likelihood is None else record.newest
-    return ObjectOfHistory(log_class=log_class, log_likelihood=likelihood, newest=newest)
+def _revised(
+    engine: Engine, told: Sequence[ReplayedKeyframe], names: dict[int, tuple[int, ...]], prior: dict[int, Array]
+) -> dict[int, tuple[LiveHistory, ...]]:
+    """The heaviest hypotheses at the end whose histories were not followed from the start, as they ended."""
+    if not engine.steps or enumerates_classes(engine.problem):
+        return {}
+    found = {}
+    for number in list(engine.live)[:MOST_REPLAYED]:
+        path = [None if n is None else told[k].live[n] for k, n in enumerate(ancestors(told, number))]
+        if any(own is None or own.is_revised for own in path):
+            found[number] = replayed_history(engine, engine.live[number].lineage, names, prior)
+    return found
+
+
+def ancestors(told: Sequence[ReplayedKeyframe], number: int) -> list[int | None]:
+    """A hypothesis of the last belief before it, keyframe by keyframe; None where it had no history yet."""
+    path: list[int | None] = []
+    own: int | None = number
+    for keyframe in reversed(told):
+        live = keyframe.live.get(own) if own is not None else None
+        path.append(own if live is not None else None)
+        own = live.parent_id if live is not None else None
+    return path[::-1]
+
+
+def enumerates_classes(problem: Problem) -> bool:
+    """Whether each hypothesis has one class for an object, and others have the other ones."""
+    return int(getattr(problem.model, "num_classes", 0)) > 0
 
 
 def _difference(record: Record, belief: HybridBelief, again: HybridBelief) -> float:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.answers.explain.ledger import ClassLedger
-from semantic_slam.answers.explain.replayed_run import LiveHistory, ReplayedKeyframe, ReplayedRun
+from semantic_slam.answers.explain.live_history import LiveHistory
+from semantic_slam.answers.explain.replayed_run import ReplayedKeyframe, ReplayedRun
 from semantic_slam.answers.explain.sightings import Sighting, object_name
 from semantic_slam.geometry.arrays import Flags
 

@@ -48,10 +48,11 @@ def sightings(
     from_front = bool(np.isfinite(sigma) and sigma < KNOWN_HEADING_RAD)
     found = []
     for k in np.flatnonzero(ledger.is_view).tolist():
-        belief, number = run.keyframes[k].belief, ledger.hypothesis_ids[k]
-        association = [run.on_map(n) for n in run.keyframes[k].live[number].association]
+        belief, own = run.keyframes[k].belief, ledger.steps[k]
+        assert own is not None  # it has seen something
+        association = [run.on_map(n) for n in own.association]
         told = measurements.get(belief.stamp_ns)
-        robot = planar_from_pose_vector(belief.poses[belief.hypothesis_ids.tolist().index(number)])
+        robot = planar_from_pose_vector(own.pose)
         sensor = told.sensor_position[:2] if told is not None else np.zeros(2)
         direction = float(camera_bearing(robot[None], place[None], sensor)[0])
         if from_front:

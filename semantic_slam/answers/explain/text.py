@@ -6,6 +6,7 @@ import numpy as np
 
 from semantic_slam.answers.explain.explanation import Explanation, HistoryExplained
 from semantic_slam.answers.explain.ledger import PairLedger
+from semantic_slam.answers.explain.replayed_run import enumerates_classes
 from semantic_slam.answers.explain.rivals import Rival
 from semantic_slam.answers.explain.sightings import Sighting, object_name
 
@@ -126,7 +127,9 @@ def views_table(told: Explanation, own: HistoryExplained) -> list[str]:
         gained = np.nan if k in shown else pair.last_nats if k == pair.until + 1 else float(pair.views[k])
         shown.add(k)
         total += gained
-        beside = _signed(by_itself) if told.run.enumerates_classes else ""  # else that is what the view brought
+        beside = (
+            _signed(by_itself) if enumerates_classes(told.run.problem) else ""
+        )  # else that is what the view brought
         rows.append(_view_row(view, _signed(gained), _signed(total), beside))
     rows.append(["earlier views revised", "", "", f"{pair.revised:+.3f}", "", "", "", "", ""])
     rows.append([*_end(told, pair), "", "", "", ""])
@@ -227,7 +230,11 @@ def _degrees(view: Sighting) -> str:
 
 
 def _rival_name(told: Explanation, rival: Rival) -> str:
-    return "no object" if rival.object_id < 0 else object_name(told.belief, rival.object_id)
+    """Name of what a detection might have been of; objects that only histories given up had have a number alone."""
+    if rival.object_id < 0:
+        return "no object"
+    known = rival.object_id in told.belief.object_ids
+    return object_name(told.belief, rival.object_id) if known else f"{rival.object_id} (given up)"
 
 
 def _signed(value: float) -> str:
