@@ -1,5 +1,6 @@
 """``explain REPORT_OR_BELIEF_BAG --object ID``: why a map believes what it does of one object."""
 
+import json
 from argparse import Namespace
 from pathlib import Path
 
@@ -26,6 +27,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument(
         "--history", type=int, default=1, metavar="N", help="of the last belief, by weight (default: 1, the heaviest)"
     )
+    parser.add_argument("--json", action="store_true", help="every history, with every digit, as JSON")
     arguments = parser.parse_args(words)
     if arguments.history < 1:
         raise InputError(f"--history {arguments.history}: must be at least 1; correct the number")
@@ -35,6 +37,7 @@ def parse(words: list[str] | None = None) -> Namespace:
 def command() -> None:
     """Parse, infer, print; raises InputError."""
     arguments = parse()
+    from semantic_slam.answers.explain.as_json import as_json
     from semantic_slam.answers.explain.explanation import explain
     from semantic_slam.answers.explain.text import lines_of
 
@@ -44,7 +47,10 @@ def command() -> None:
         raise InputError(
             f"--history {arguments.history}: the last belief has {len(told.histories)}; choose one of these"
         )
-    print("\n".join(lines_of(told, arguments.history - 1)))
+    if arguments.json:
+        print(json.dumps(as_json(told), indent=1, allow_nan=False))
+    else:
+        print("\n".join(lines_of(told, arguments.history - 1)))
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """``semantic_slam explain`` on belief bags: three sentences and tables, or one line with a remedy."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,19 @@ def test_it_prints_three_sentences_and_tables(folder, monkeypatch, capsys):
     assert len(rows) == 6 and sum(nats) == pytest.approx(float(total.split()[-1]), abs=0.01)
     assert histories.splitlines()[-1].startswith("belief")
     assert last.startswith("Inferred again: as recorded")
+
+
+def test_its_json_has_an_account_of_every_class_to_the_last_digit(folder, monkeypatch, capsys):
+    assert call(monkeypatch, folder / "report" / "belief", "--object", 1, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["class_names"][0] == "chair" and told["largest_difference_nats"] < 1e-6
+    (best, *_), names = told["histories"], told["class_names"]
+    probabilities = dict(zip(names, best["class_probabilities"], strict=True))
+    assert len(best["pairs"]) == len(names) - 1 and len(best["views"]) == 6
+    for pair in best["pairs"]:
+        one, other = (probabilities[name] for name in pair["classes"])
+        total = pair["prior"] + sum(pair["nats"].values()) + pair["revised"]
+        assert total == pytest.approx(np.log(one / other), abs=1e-6) == pair["log_odds"]
 
 
 @pytest.mark.parametrize(
