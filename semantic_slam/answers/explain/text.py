@@ -23,7 +23,13 @@ OUTLIER = 0.5
 def lines_of(told: Explanation, history: int = 0) -> list[str]:
     """All that is printed; ``history``: which of the explanation's, from 0 on."""
     own = told.histories[history]
-    parts = [sentences(told, own), views_table(told, own), histories_table(told), rivals_table(told, own)]
+    left = len(own.rivals) - MOST_RIVALS
+    parts = [
+        sentences(told, own),
+        _aligned(views_table(told, own)),
+        _aligned(histories_table(told)),
+        [*_aligned(rivals_table(told, own)), *([f"({left} less probable ones are not shown)"] if left > 0 else [])],
+    ]
     return [*"\n\n".join("\n".join(part) for part in parts if part).splitlines(), "", replay_line(told)]
 
 
@@ -111,12 +117,15 @@ def _was(rival: Rival) -> str:
     return "were" if len(rival.by) > 1 else "was"
 
 
-def views_table(told: Explanation, own: HistoryExplained) -> list[str]:
-    """A line for what was known before, each view, what was revised, and the sum."""
+def views_table(told: Explanation, own: HistoryExplained) -> list[list[str]]:
+    """Header, and a row for what was known before, each view, what was revised, and the sum, in columns with content.
+
+    Without class models the views alone.
+    """
     pair = own.pair
     if pair is None or told.classes is None:
         rows = [_view_row(view, "", "", "") for view in own.views]
-        return _aligned([["keyframe", "from [deg]", "range [m]", "", "", "", *DOUBTS], *rows])
+        return _filled([["keyframe", "from [deg]", "range [m]", "", "", "", *DOUBTS], *rows])
     one, other = (told.belief.class_names[cls] for cls in told.classes)
     header = ["keyframe", "from [deg]", "range [m]", f"{one}:{other}", "log odds", "view alone"]
     rows = [["prior", "", "", f"{pair.prior:+.3f}", f"{pair.prior:+.3f}", "", "", "", ""]]
@@ -133,7 +142,7 @@ def views_table(told: Explanation, own: HistoryExplained) -> list[str]:
         rows.append(_view_row(view, _signed(gained), _signed(total), beside))
     rows.append(["earlier views revised", "", "", f"{pair.revised:+.3f}", "", "", "", "", ""])
     rows.append([*_end(told, pair), "", "", "", ""])
-    return _aligned([[*header, *DOUBTS], *rows])
+    return _filled([[*header, *DOUBTS], *rows])
 
 
 def _end(told: Explanation, pair: PairLedger) -> list[str]:
@@ -150,8 +159,8 @@ def _view_row(view: Sighting, gained: str, total: str, alone: str) -> list[str]:
     return [str(view.keyframe), _degrees(view), f"{view.range_m:.2f}", gained, total, alone, *doubts]
 
 
-def histories_table(told: Explanation) -> list[str]:
-    """A line for each history of associations in the last belief, and one for all of them."""
+def histories_table(told: Explanation) -> list[list[str]]:
+    """Header, and a row for each history of associations in the last belief, and one for all of them."""
     header = ["history", "weight", "views", *(f"P({name})" for name in told.belief.class_names)]
     rows = [
         [str(1 + number), f"{own.weight:.4f}", str(len(own.views)), *_probabilities(np.exp(own.ledger.log_posterior))]
@@ -160,11 +169,11 @@ def histories_table(told: Explanation) -> list[str]:
     left = sum(own.weight for own in told.histories[MOST_HISTORIES:])
     rest = [[f"{len(told.histories) - MOST_HISTORIES} more", f"{left:.4f}"]] if told.histories[MOST_HISTORIES:] else []
     everything = ["belief", "1.0000", "", *_probabilities(told.belief.class_probabilities[told.row])]
-    return _aligned([header, *rows, *([*row, *[""] * (len(header) - 2)] for row in rest), everything])
+    return [header, *rows, *([*row, *[""] * (len(header) - 2)] for row in rest), everything]
 
 
-def rivals_table(told: Explanation, own: HistoryExplained) -> list[str]:
-    """A line for each of the likeliest alternatives."""
+def rivals_table(told: Explanation, own: HistoryExplained) -> list[list[str]]:
+    """Header, and a row for each of the likeliest alternatives."""
     if not own.rivals:
         return []
     header = [
@@ -191,8 +200,7 @@ def rivals_table(told: Explanation, own: HistoryExplained) -> list[str]:
         ]
         for rival in sorted(chosen, key=lambda rival: (rival.keyframe, rival.detection, -rival.then))
     ]
-    left = len(own.rivals) - len(chosen)
-    return [*_aligned([header, *rows]), *([f"({left} less probable ones are not shown)"] if left else [])]
+    return [header, *rows]
 
 
 def replay_line(told: Explanation) -> str:
@@ -249,10 +257,15 @@ def _probabilities(values: np.ndarray) -> list[str]:
     return [f"{value:.4f}" for value in values.tolist()]
 
 
-def _aligned(rows: list[list[str]]) -> list[str]:
-    """Columns to the right, the first one to the left, and none without content; the first row is the header."""
+def _filled(rows: list[list[str]]) -> list[list[str]]:
+    """The columns with content; the first row is the header."""
     columns = [column for column in zip(*rows, strict=True) if set(column[1:]) - {"", "-"}]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _aligned(rows: list[list[str]]) -> list[str]:
+    """Columns to the right, the first one to the left."""
+    columns = list(zip(*rows, strict=True))
     widths = [max(map(len, column)) for column in columns]
-    first = [cell.ljust(widths[0]) for cell in columns[0]]
-    others = [[cell.rjust(width) for cell in column] for column, width in zip(columns[1:], widths[1:], strict=True)]
-    return ["  ".join(cells).rstrip() for cells in zip(first, *others, strict=True)]
+    lines = [[row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))] for row in rows]
+    return ["  ".join(line).rstrip() for line in lines]
