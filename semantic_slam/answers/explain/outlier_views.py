@@ -30,7 +30,7 @@ class OutlierViews:
         return cls(scores=OutlierScores.of(model, settings.outlier_share), tempering=tempering)
 
     def probability(self, told: SemanticMeasurements, detection_id: int, log_likelihood: float) -> float:
-        """How probably one detection is one, from the log of the whole density under the object's class; NaN where it is not known."""
+        """How probably a detection is one, from the log of its density under the object's class; NaN where unknown."""
         rows = np.flatnonzero(told.detection_ids == detection_id)
         if not len(rows) or not np.isfinite(log_likelihood):
             return float("nan")

@@ -6,9 +6,10 @@ this; hypotheses have the ids that they had, by which the run is known to be the
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.answers.explain.live_history import LiveHistory, ObjectOfHistory, object_of
 from semantic_slam.answers.explain.revised_history import replayed_history
@@ -34,11 +35,28 @@ COMPARED_PROBABILITY = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
+class WeighedCandidates:
+    """All candidates of a keyframe, before copies are merged and before the light ones are pruned; D detections."""
+
+    ids: NDArray[np.uint64]  # (K,)
+    parent_ids: NDArray[np.uint64]  # (K,)
+    associations: NDArray[np.int32]  # (K, D) object ids, -1 clutter
+    classes: NDArray[np.int32]  # (K, D) -1 where a class is not enumerated, or stays open
+    log_weights: Array  # (K,) not normalised
+
+    @classmethod
+    def of(cls, answers: Sequence[Candidates]) -> Self:
+        """What backends answered, without the states."""
+        table = CandidateTable.of(answers)
+        return cls(**{name: getattr(table, name) for name in cls.__dataclass_fields__})
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReplayedKeyframe:
     """One keyframe as it was recorded, and what was weighed in it."""
 
     belief: HybridBelief  # recorded
-    candidates: CandidateTable  # all of them, before copies are merged and before the light ones are pruned
+    candidates: WeighedCandidates
     live: dict[int, LiveHistory]
 
 
@@ -117,7 +135,7 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
             objects = {n: object_of(component, names[n], prior[n]) for n in object_ids}
             live[number] = _live(own, histories, poses[number], objects)
         histories = {n: own.history for n, own in live.items()}
-        told.append(ReplayedKeyframe(belief=belief, candidates=CandidateTable.of(pool.answers), live=live))
+        told.append(ReplayedKeyframe(belief=belief, candidates=WeighedCandidates.of(pool.answers), live=live))
     if len(told) < len(record.beliefs):
         raise _not_the_same(record, record.beliefs[len(told)])
     return ReplayedRun(
