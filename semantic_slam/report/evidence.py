@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.answers.explain.explanation import Explanation, explanations
-from semantic_slam.answers.explain.text import replay_line, rivals_table, sentences, views_table
+from semantic_slam.answers.explain.sentences import sentences
+from semantic_slam.answers.explain.tables import rivals_table, views_table
+from semantic_slam.answers.explain.text import replay_line
 from semantic_slam.report.crops import BestView
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.frames import CropView
@@ -61,8 +63,7 @@ def shown_views(analysis: Analysis, told: Sequence[Explanation]) -> list[BestVie
 
 def _views(analysis: Analysis, told: Explanation) -> list[BestView]:
     own, rows = told.histories[0], _rows(analysis)
-    said = [_said(told, rows[view.keyframe]) for view in own.views]
-    chosen = np.argsort(-np.abs(np.nan_to_num(said)), kind="stable")[:MOST_PICTURES]
+    chosen = np.argsort(-np.abs(np.nan_to_num(told.alone(own))), kind="stable")[:MOST_PICTURES]
     found = []
     for view in (own.views[place] for place in sorted(chosen.tolist())):
         row = rows[view.keyframe]
@@ -74,14 +75,6 @@ def _views(analysis: Analysis, told: Explanation) -> list[BestView]:
         if len(places) and np.isfinite(measured.boxes[places[0]]).all():
             found.append(BestView(told.object_id, row, measured.boxes[places[0]], f"keyframe {view.keyframe}"))
     return found
-
-
-def _said(told: Explanation, row: int) -> float:
-    """Nats of a view by itself between the two classes that are compared; 0 without class models."""
-    if told.classes is None:
-        return 0.0
-    alone = told.histories[0].ledger.alone[row]
-    return float(alone[told.classes[0]] - alone[told.classes[1]])
 
 
 def _rows(analysis: Analysis) -> dict[int, int]:

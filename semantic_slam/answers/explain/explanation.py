@@ -10,11 +10,12 @@ from semantic_slam.answers.explain.ledger import ClassLedger, PairLedger, class_
 from semantic_slam.answers.explain.outlier_views import OutlierViews
 from semantic_slam.answers.explain.replayed_run import ReplayedRun, replay
 from semantic_slam.answers.explain.rivals import Rival, rivals
-from semantic_slam.answers.explain.sightings import Sighting, sightings
+from semantic_slam.answers.explain.sightings import Sighting, object_name, sightings
 from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record, json_object
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
@@ -45,6 +46,21 @@ class Explanation:
     def row(self) -> int:
         """Row of the object in the belief."""
         return int(np.flatnonzero(self.belief.object_ids == self.object_id)[0])
+
+    def name_of(self, number: int) -> str:
+        """Name of an object; those that only histories given up had have a number alone."""
+        if number < 0:
+            return "no object"
+        known = number in self.belief.object_ids
+        return object_name(self.belief, number) if known else f"{number} (given up)"
+
+    def alone(self, history: HistoryExplained) -> Array:
+        """(V,) nats of each view of a history by itself between the two classes, at its poses; NaN without classes."""
+        if self.classes is None:
+            return np.full(len(history.views), np.nan)
+        index = {keyframe.belief.keyframe: k for k, keyframe in enumerate(self.run.keyframes)}
+        rows, (one, other) = [index[view.keyframe] for view in history.views], self.classes
+        return np.asarray(history.ledger.alone[rows, one] - history.ledger.alone[rows, other])
 
 
 def explain(bag: Path, object_name: str, classes: tuple[str, str] | None = None) -> Explanation:
@@ -84,14 +100,13 @@ def explanation_of(
     configuration = from_dict(json_object(record.run.configuration), "run configuration")
     outliers, found = OutlierViews.of(configuration.semantic_model), []
     for ledger in ledgers:
-        seen = sightings(run, ledger, record.measurements, outliers)
         found.append(
             HistoryExplained(
                 ledger=ledger,
                 weight=float(np.exp(ledger.log_weight)),
                 pair=None if classes is None else ledger.pair(*classes),
-                views=seen,
-                rivals=rivals(run, ledger, seen),
+                views=sightings(run, ledger, record.measurements, outliers),
+                rivals=rivals(run, ledger),
             )
         )
     row = int(np.flatnonzero(last.object_ids == object_id)[0])

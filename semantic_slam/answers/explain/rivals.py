@@ -1,6 +1,6 @@
 """What else a detection might have been: how probable that was, and how it ended."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.answers.explain.ledger import ClassLedger
 from semantic_slam.answers.explain.live_history import LiveHistory
 from semantic_slam.answers.explain.replayed_run import ReplayedKeyframe, ReplayedRun
-from semantic_slam.answers.explain.sightings import Sighting, object_name
+from semantic_slam.answers.explain.sightings import object_name
 from semantic_slam.geometry.arrays import Flags
 
 LEAST_PROBABLE = 0.01
@@ -17,11 +17,12 @@ LEAST_PROBABLE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Rival:
-    """One alternative of one sighting."""
+    """One alternative of one detection."""
 
     keyframe: int
     detection: int
-    object_id: int  # -1: of no object
+    taken_id: int  # what the history takes it for; -1: no object
+    object_id: int  # what it might have been of
     then: float  # probability among all that was weighed in the keyframe
     now: float  # weight of the histories of the last belief that have it
     gone: int | None  # keyframe in which the last history with it was given up; None: one is in the last belief
@@ -30,28 +31,32 @@ class Rival:
     by: tuple[str, ...]  # what the best history saw in that keyframe
 
 
-def rivals(run: ReplayedRun, ledger: ClassLedger, seen: Sequence[Sighting]) -> tuple[Rival, ...]:
-    """All alternatives of the sightings of an object."""
-    index = {keyframe.belief.keyframe: k for k, keyframe in enumerate(run.keyframes)}
-    return tuple(
-        _rival(run, index[sighting.keyframe], sighting.detection, other, then)
-        for sighting in seen
-        for other, then in _alternatives(run, index[sighting.keyframe], sighting.detection)
-        if other != ledger.object_id
-    )
+def rivals(run: ReplayedRun, ledger: ClassLedger) -> tuple[Rival, ...]:
+    """What views of an object might have been of, and views of others that might have been of it."""
+    found = []
+    for k, own in enumerate(ledger.steps):
+        for detection, number in enumerate(() if own is None else own.association):
+            taken = run.on_map(number)
+            for other, then in _alternatives(run, k, detection):
+                if other != taken and ledger.object_id in (other, taken):
+                    found.append(_rival(run, k, detection, (taken, other), then))
+    return tuple(found)
 
 
 def _alternatives(run: ReplayedRun, k: int, detection: int) -> list[tuple[int, float]]:
     """Object and probability of whatever a detection may have been, the likeliest first."""
     candidates = run.keyframes[k].candidates
     weights = np.exp(candidates.log_weights - candidates.log_weights.max())
+    numbers, places = np.unique(candidates.associations[:, detection], return_inverse=True)
     total: dict[int, float] = {}
-    for number, weight in zip(candidates.associations[:, detection].tolist(), weights.tolist(), strict=True):
-        total[run.on_map(number)] = total.get(run.on_map(number), 0.0) + weight / float(weights.sum())
+    for number, mass in zip(numbers.tolist(), np.bincount(places, weights).tolist(), strict=True):
+        total[run.on_map(number)] = total.get(run.on_map(number), 0.0) + mass / float(weights.sum())
     return sorted(((n, p) for n, p in total.items() if p >= LEAST_PROBABLE), key=lambda item: -item[1])
 
 
-def _rival(run: ReplayedRun, k: int, detection: int, other: int, then: float) -> Rival:
+def _rival(run: ReplayedRun, k: int, detection: int, numbers: tuple[int, int], then: float) -> Rival:
+    """``numbers``: what the detection is taken for, and what it might have been of."""
+    taken, other = numbers
     place = run.keyframes[k].belief.keyframe, detection
     at, parents = k, frozenset[int]()
     alive = {n for n, own in run.keyframes[k].live.items() if run.on_map(own.association[detection]) == other}
@@ -74,6 +79,7 @@ def _rival(run: ReplayedRun, k: int, detection: int, other: int, then: float) ->
     return Rival(
         keyframe=place[0],
         detection=detection,
+        taken_id=taken,
         object_id=other,
         then=then,
         now=float(np.exp(rows).sum()),

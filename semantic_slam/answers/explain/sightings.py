@@ -33,6 +33,11 @@ class Sighting:
     no_object: float  # probability that the detection is of no object that is known; NaN in an open world
     outlier: float  # probability that the view tells nothing of its object; NaN where views cannot be outliers
 
+    @property
+    def degrees(self) -> str:
+        """The direction in whole degrees, 0 to 359."""
+        return str(round(float(np.rad2deg(self.direction_rad))) % 360)
+
 
 def sightings(
     run: ReplayedRun,
