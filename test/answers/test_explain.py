@@ -94,7 +94,9 @@ def recorded_log_odds(told: Recorded, k: int, number: int, object_id: int, one: 
     return float(np.log(mass[one]) - np.log(mass[other]))
 
 
-@pytest.mark.parametrize("kind", RUNS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow) if "gp" in kind else kind for kind in RUNS]
+)
 def test_prior_views_and_what_was_revised_add_up_to_the_recorded_log_odds(kind):
     told = RUNS[kind]()
     assert told.run.largest_difference < SAME_NATS
@@ -113,7 +115,7 @@ def test_prior_views_and_what_was_revised_add_up_to_the_recorded_log_odds(kind):
     assert compared >= 10
 
 
-@pytest.mark.parametrize("kind", ["parametric", "gp_independent"])
+@pytest.mark.parametrize("kind", ["parametric", pytest.param("gp_independent", marks=pytest.mark.slow)])
 def test_what_the_weights_say_of_a_view_is_what_its_likelihood_says(kind):
     kept = {"pruning": {"ratio": 1e12, "max_hypotheses": 200}}
     told = of_world(3, sigma_start_m=0.05, semantic_model={"kind": kind}, **kept)
@@ -147,6 +149,27 @@ def test_an_alternative_ends_where_recorded_beliefs_have_it_no_more():
             last = belief.keyframe
         assert rival.gone == max(last + 1, rival.keyframe)
         assert rival.log_odds < -np.log(told.run.problem.pruning.ratio) or not np.isfinite(rival.log_odds)
+
+
+@pytest.mark.slow
+def test_a_history_that_was_revised_is_told_as_it_ended():
+    overrides = {
+        "open_world": {"iterate_updates": False},
+        "revision": {"every_keyframes": 2, "lost_every_keyframes": 2},
+        "semantic_model": {"kind": "detector", "labels": ["object"]},
+    }
+    told = of_world(8, seed=2, association="open", **overrides)
+    members = next(own for own in histories(told.run) if own[0] in told.run.revised)
+    belief, number = told.record.beliefs[-1], members[0]
+    seen = 0
+    for row, object_id in enumerate(belief.object_ids.tolist()):
+        ledger = class_ledger(told.run, object_id, members)
+        pair = ledger.pair(0, 1)
+        exact = belief.hypothesis_class_probabilities[belief.hypothesis_ids.tolist().index(number), row]
+        assert pair.total == pytest.approx(np.log(exact[0] / exact[1]), abs=1e-6)
+        assert np.isfinite(pair.views[ledger.is_view]).all()
+        seen += int(ledger.is_view.sum())
+    assert seen > 8 and told.run.is_same
 
 
 def test_a_view_that_no_class_explains_is_judged_an_outlier():

@@ -138,12 +138,15 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
         told.append(ReplayedKeyframe(belief=belief, candidates=WeighedCandidates.of(pool.answers), live=live))
     if len(told) < len(record.beliefs):
         raise _not_the_same(record, record.beliefs[len(told)])
+    revised = _revised(engine, told, names, prior)
+    for number, path in revised.items():
+        largest = max(largest, _difference_of_end(path[-1], told[-1].live[number]))
     return ReplayedRun(
         problem=engine.problem,
         root_ids=root_ids,
         log_class_prior=prior,
         keyframes=tuple(told),
-        revised=_revised(engine, told, names, prior),
+        revised=revised,
         largest_difference=largest,
     )
 
@@ -201,6 +204,12 @@ def ancestors(told: Sequence[ReplayedKeyframe], number: int) -> list[int | None]
 def enumerates_classes(problem: Problem) -> bool:
     """Whether each hypothesis has one class for an object, and others have the other ones."""
     return int(getattr(problem.model, "num_classes", 0)) > 0
+
+
+def _difference_of_end(some: LiveHistory, other: LiveHistory) -> float:
+    """Largest difference, in nats, of the log class probabilities of a history that was replayed to those it has."""
+    pairs = [(own.log_class, other.objects[number].log_class) for number, own in some.objects.items()]
+    return max((float(np.abs(one - two).max(initial=0.0)) for one, two in pairs), default=0.0)
 
 
 def _difference(record: Record, belief: HybridBelief, again: HybridBelief) -> float:
