@@ -40,9 +40,9 @@ def _views(told: Explanation, own: HistoryExplained) -> str:
         return "It was never seen; what is believed of it is what the map said."
     spread = f"{len(own.views)} views {_directions(own.views)}"
     trust = _trust(own.views)
-    if own.pair is None or told.classes is None:
-        return f"It was seen in {spread}: {trust}."
     alone = told.alone(own)
+    if told.classes is None or not np.isfinite(alone).any():
+        return f"It was seen in {spread}: {trust}."
     most = int(np.argmax(np.abs(np.nan_to_num(alone))))
     told_most, little = own.views[most], int((np.abs(alone) < LITTLE_NATS).sum())
     one, other = (told.belief.class_names[cls] for cls in told.classes)
