@@ -45,6 +45,9 @@ def parse(words: list[str] | None = None) -> Namespace:
         help="run the bag with this configuration, too, and set the runs side by side; may be given up to"
         f" {MOST_COMPARED} times (beliefs go to DIR/belief_<name of the file>)",
     )
+    parser.add_argument(
+        "--explain", action="store_true", help="the evidence for each object in the report; infers the run once more"
+    )
     add_overwrite(parser)
     arguments = parser.parse_args(words)
     for name, least in (("seed", 0), ("max_keyframes", 1)):
@@ -92,14 +95,15 @@ def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | No
 
     if holds_beliefs(arguments.bag):
         _announce_unused(arguments)
-        return make_report(arguments.bag, out), damage_of(arguments.bag)
+        return make_report(arguments.bag, out, with_evidence=arguments.explain), damage_of(arguments.bag)
     paths = [arguments.config, *(arguments.compare or [])]
     runs = {run_name(path): effective_configuration(path, arguments.seed) for path in paths}
     names = list(runs)
     beliefs = {name: out / (f"belief_{name}" if name != names[0] else "belief") for name in names}
     faults = [run(arguments, name, runs[name], beliefs[name]) for name in names]
     compared = {name: beliefs[name] for name in names[1:]}
-    return make_report(beliefs[names[0]], out, arguments.bag, names[0], compared), faults[0]
+    explain = arguments.explain
+    return make_report(beliefs[names[0]], out, arguments.bag, names[0], compared, with_evidence=explain), faults[0]
 
 
 def effective_configuration(path: Path | None, seed: int | None) -> "Configuration":

@@ -43,6 +43,7 @@ COMMANDS = Group(
         "train": TRAIN,
         "fit": Command("semantic_slam.cli.fit_viewpoint_models:main", "fit class models over the direction of view"),
         "find": Command("semantic_slam.cli.find:main", "objects of a map by class, vector, text or picture"),
+        "explain": Command("semantic_slam.cli.explain:main", "why a map believes what it does of one object"),
         "calibrate": Command("semantic_slam.cli.calibrate:main", "a robot's noise, by the evidence of a drive"),
         "study": Command("semantic_slam.cli.laboratory:study", "run an experiment (laboratory)"),
         "bench": Command("semantic_slam.cli.laboratory:bench", "measure against peers (laboratory)"),

@@ -1,7 +1,7 @@
 """Camera pictures of a run: some keyframes at large, those of the slider, and what each object looks like."""
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,13 +56,16 @@ class Pictures:
     frames: list[FrameView] = field(default_factory=list)
     slider: dict[int, FrameView] = field(default_factory=dict)  # by the belief's place
     crops: dict[int, CropView] = field(default_factory=dict)  # by object id
+    views: dict[tuple[int, int], CropView] = field(default_factory=dict)  # by object id and the belief's place
     why_none: str = ""
 
 
-def picture_views(analysis: Analysis, source_bag: Path | None, colours: list[str]) -> Pictures:
+def picture_views(
+    analysis: Analysis, source_bag: Path | None, colours: list[str], views: Sequence[BestView] = ()
+) -> Pictures:
     """A dozen keyframes with detections, spread over the run, pictures for the slider and crops; or why there are none.
 
-    Each picture is read once, and forgotten.
+    Each picture is read once, and forgotten. ``views``: more crops that are wanted.
     """
     if source_bag is None or not source_bag.exists():
         return Pictures(why_none="The bag with the pictures is not there any more.")
@@ -71,7 +74,10 @@ def picture_views(analysis: Analysis, source_bag: Path | None, colours: list[str
     crops: dict[int, list[BestView]] = {}
     for view in best_views(analysis):
         crops.setdefault(view.row, []).append(view)
-    wanted = {stamps[row]: row for row in sorted(large | small | set(crops))}
+    more: dict[int, list[BestView]] = {}
+    for view in views:
+        more.setdefault(view.row, []).append(view)
+    wanted = {stamps[row]: row for row in sorted(large | small | set(crops) | set(more))}
     found = Pictures()
     try:
         for stamp, picture in _pictures(source_bag, set(wanted)):
@@ -81,6 +87,9 @@ def picture_views(analysis: Analysis, source_bag: Path | None, colours: list[str
             if row in small:
                 found.slider[row] = _view(analysis, row, picture, SLIDER_WIDTH, colours)
             found.crops.update((own.object_id, crop) for own in crops.get(row, []) if (crop := _crop(picture, own)))
+            found.views.update(
+                ((own.object_id, row), crop) for own in more.get(row, []) if (crop := _crop(picture, own))
+            )
     except InputError as fault:
         return Pictures(why_none=f"The pictures cannot be read: {fault}")
     found.frames.sort(key=lambda view: view.keyframe)

@@ -10,6 +10,7 @@ from semantic_slam.evaluation.record import json_object
 from semantic_slam.outputs import write_whole
 from semantic_slam.report.comparison import Run, comparison_rows
 from semantic_slam.report.document import Analysis, analyse, map_prior, report_document, tum_lines
+from semantic_slam.report.evidence import evidence_of
 from semantic_slam.report.page import render_page
 from semantic_slam.report.plain_json import to_text
 
@@ -20,22 +21,25 @@ def make_report(
     source_bag: Path | None = None,
     name: str = "this run",
     compared: Mapping[str, Path] | None = None,
+    *,
+    with_evidence: bool = False,
 ) -> list[Path]:
     """Write ``report.json``, ``objects.json``, ``trajectory.tum`` and ``report.html`` into the folder ``out``.
 
-    Nothing is inferred anew. Pictures come from ``source_bag``, else from the bag that the run configuration
-    names, when it is still there. ``compared`` are belief bags of the same input by the names of their runs, which the
-    report sets beside this one, called ``name``. Returns the paths written. Raises InputError when a bag holds no
-    beliefs.
+    Nothing is inferred anew, unless ``with_evidence`` is to tell why objects are what they are. Pictures come from
+    ``source_bag``, else from the bag that the run configuration names, when it is still there. ``compared`` are belief
+    bags of the same input by the names of their runs, which the report sets beside this one, called ``name``. Returns
+    the paths written. Raises InputError when a bag holds no beliefs.
     """
     runs = [Run(run_name, _analysis(path)) for run_name, path in {name: belief_bag, **(compared or {})}.items()]
     analysis, record = runs[0].analysis, runs[0].analysis.record
     document = report_document(analysis) | {"comparisons": comparison_rows(runs)}
+    explained = evidence_of(analysis, belief_bag) if with_evidence else []
     texts = {
         "report.json": to_text(document),
         "objects.json": map_prior(record).to_json() + "\n",
         "trajectory.tum": tum_lines(analysis),
-        "report.html": render_page(runs, source_bag or _named_source(record.run.source)),
+        "report.html": render_page(runs, source_bag or _named_source(record.run.source), explained),
     }
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -8,10 +8,12 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from semantic_slam.answers.explain.explanation import Explanation
 from semantic_slam.report.charts import time_charts, truth_charts
 from semantic_slam.report.comparison import Run
 from semantic_slam.report.comparison_view import comparison_view
 from semantic_slam.report.descriptors import descriptor_figures
+from semantic_slam.report.evidence import evidence_views, shown_views
 from semantic_slam.report.explanation_charts import explanation_charts
 from semantic_slam.report.frames import FrameView, picture_views
 from semantic_slam.report.metrics_table import metric_rows
@@ -24,14 +26,17 @@ from semantic_slam.report.verdict import verdict, warnings
 from semantic_slam.report.wording import number, percent
 
 
-def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
-    """The text of ``report.html``: of the first run, the others beside it. Whatever comes from a bag is escaped."""
+def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequence[Explanation] = ()) -> str:
+    """The text of ``report.html``: of the first run, the others beside it. Whatever comes from a bag is escaped.
+
+    ``explained``: what the first run says for what it believes of its objects.
+    """
     analysis = runs[0].analysis
     record, evaluation = analysis.record, analysis.evaluation
     last = record.beliefs[-1]
     colours = colours_by_weight(np.nan_to_num(last.existence) @ last.class_probabilities)
     classes = list(zip(last.class_names, colours, strict=True))
-    pictures = picture_views(analysis, source_bag, colours)
+    pictures = picture_views(analysis, source_bag, colours, shown_views(analysis, explained))
     objects = object_views(analysis, colours, pictures.crops)
     return (
         environment()
@@ -52,6 +57,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None) -> str:
             objects=objects,
             may_move=bool(np.isfinite(record.beliefs[-1].moving).any()),
             may_leave=bool(np.isfinite(record.beliefs[-1].missing).any()),
+            evidence=evidence_views(analysis, explained, pictures.views),
             descriptors=descriptor_figures(analysis),
             comparison=comparison_view(runs, classes),
             charts=[*time_charts(analysis), *explanation_charts(record)],

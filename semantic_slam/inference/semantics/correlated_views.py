@@ -164,6 +164,7 @@ class CorrelatedViews:
             log_likelihood=likelihood,
             mutual_information=self._epistemic(base, tracked, evidence, log_prior),
             in_coverage=tracked.flag and bool(covered) and (before is None or before.in_coverage),
+            newest=likelihood - self._averaged(by_track - evidence.newest, log_prior),
             recent=recent,
             log_dropped=log_dropped,
             dropped=dropped,

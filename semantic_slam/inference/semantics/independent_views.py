@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.planar_detection import PlanarDetection
@@ -152,8 +152,15 @@ class IndependentViews:
         inside &= given.step.in_coverage[used]
         inside &= np.array([record is None or record.in_coverage for record in before], dtype=bool)
         doubt = mutual_information(class_posterior((prior + known)[:, None], exact))
-        records = zip(rows.tolist(), object_ids, known + likelihoods, doubt.tolist(), inside.tolist(), strict=True)
+        told = known + np.where(_are_outliers(given, rows, numbers)[:, None], 0.0, likelihoods)
+        records = zip(rows.tolist(), object_ids, told, doubt.tolist(), inside.tolist(), strict=True)
         for row, object_id, log_likelihood, information, covered in records:
             views[row][object_id] = ObjectViews(
                 log_likelihood=log_likelihood, mutual_information=information, in_coverage=covered
             )
+
+
+def _are_outliers(given: SemanticInput, rows: Index, numbers: Index) -> Flags:
+    """(K,) views of objects whose class stays open: these candidates are the ones in which they tell nothing."""
+    classes = given.stack.rows.classes
+    return np.zeros(len(rows), dtype=bool) if classes is None else np.asarray(classes[rows, numbers] < 0)

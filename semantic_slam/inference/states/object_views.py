@@ -47,6 +47,7 @@ class ObjectViews:
     log_likelihood: Array  # (C,) log p(z_1:k | c) of the object's semantic measurements, tracks averaged out
     mutual_information: float  # nats, between class and the network's weights at the newest view
     in_coverage: bool  # every view lay inside the class models' coverage
+    newest: Array | None = None  # (C,) log p(z_k | c, z_1:k-1), where views change what earlier ones tell; else None
     recent: tuple[Any, ...] = ()  # views that later ones correlate with, oldest first
     log_dropped: Array | None = None  # (C,) share of log_likelihood of the views no longer in ``recent``
     dropped: int = 0  # number of those views

@@ -90,7 +90,9 @@ class MapView {
       this.arrow(o[0], o[1], o[0] + AHEAD * vx, o[1] + AHEAD * vy);
     }
     for (const j of order) this.robot(frame.h[j], j === best);
-    if (!this.small) objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
+    if (this.small) return;
+    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
+    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.question(this.x(o[0]), this.y(o[1]), scene.objects[place]));
   }
 
   grid() {
@@ -124,6 +126,12 @@ class MapView {
       const [tx, ty] = [this.x(about.true[0]), this.y(about.true[1])], c = (this.small ? 2.5 : 3.5) * u;
       make(this.svg, "path", { d: `M${tx - c} ${ty - c}L${tx + c} ${ty + c}M${tx - c} ${ty + c}L${tx + c} ${ty - c}`, stroke: INK, "stroke-width": 1.6 * u });
     }
+  }
+
+  question(x, y, about) { // an object that the page explains opens its account
+    if (!document.getElementById("why-" + about.id)) return;
+    const link = make(this.svg, "a", { href: "#why-" + about.id, "aria-label": "why " + about.label });
+    make(link, "circle", { cx: x, cy: y, r: 14 * this.u, fill: "transparent" });
   }
 
   arrow(x0, y0, x1, y1) {
@@ -264,6 +272,11 @@ for (const plot of plots) {
   plot.svg.addEventListener("pointermove", follow);
   plot.svg.addEventListener("pointerdown", follow);
 }
+function answer() { // open what the address names
+  const asked = document.getElementById(location.hash.slice(1));
+  if (asked && asked.tagName === "DETAILS") { asked.open = true; asked.scrollIntoView(); }
+}
+addEventListener("hashchange", answer);
 let width = 0;
 function redraw() {
   if (width === document.body.clientWidth) return;
@@ -273,3 +286,4 @@ function redraw() {
 }
 addEventListener("resize", redraw);
 redraw();
+answer();

@@ -1,0 +1,62 @@
+"""An explanation as plain values, every number to its last digit; NaN and infinities as None."""
+
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.answers.explain.explanation import Explanation, HistoryExplained
+from semantic_slam.answers.explain.ledger import ClassLedger
+
+SCHEMA_VERSION = 1
+
+
+def as_json(told: Explanation) -> dict[str, Any]:
+    """The belief in the object, and history by history what it is made of: the likeliest class against every other."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "object": told.object_id,
+        "name": told.name,
+        "class_names": list(told.belief.class_names),
+        "class_probabilities": told.belief.class_probabilities[told.row].tolist(),
+        "largest_difference_nats": told.run.largest_difference,
+        "histories": [_history(told, own) for own in told.histories],
+    }
+
+
+def _history(told: Explanation, own: HistoryExplained) -> dict[str, Any]:
+    ledger = own.ledger
+    posterior = ledger.log_posterior
+    best = int(np.argmax(posterior)) if len(posterior) else -1
+    others = [cls for cls in range(len(posterior)) if cls != best]
+    keyframes = [keyframe.belief.keyframe for keyframe in told.run.keyframes]
+    return {
+        "weight": own.weight,
+        "class_probabilities": np.exp(posterior).tolist(),
+        "views": [_finite(vars(view)) for view in own.views],
+        "pairs": [_pair(told, ledger, keyframes, best, other) for other in others],
+        "rivals": [_finite(vars(rival)) for rival in own.rivals],
+    }
+
+
+def _pair(told: Explanation, ledger: ClassLedger, keyframes: list[int], best: int, other: int) -> dict[str, Any]:
+    """``prior`` + the sum of ``nats`` + ``revised`` = ``log_odds``, in the belief of keyframe ``until``."""
+    pair, names = ledger.pair(best, other), told.belief.class_names
+    rows = np.flatnonzero(ledger.is_view & np.isfinite(pair.views))
+    return _finite(
+        {
+            "classes": [names[best], names[other]],
+            "prior": pair.prior,
+            "nats": {str(keyframes[row]): float(pair.views[row]) for row in rows},
+            "revised": pair.revised,
+            "log_odds": pair.log_odds,
+            "until": keyframes[pair.until] if pair.until >= 0 else None,
+            "given_up": keyframes[pair.until + 1] if pair.is_pruned else None,
+            "given_up_at": pair.gone,
+        }
+    )
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: None if isinstance(value, float) and not np.isfinite(value) else value for name, value in values.items()
+    }

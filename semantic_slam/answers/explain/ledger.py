@@ -1,0 +1,200 @@
+"""What each keyframe told of an object's class, in nats, along one history of associations.
+
+Hypotheses with one history of associations differ in classes and modes. Their mass, class by class, is
+
+    M_k(c) = sum_h w_h P(c | h),    P(c | associations, Z_1:k) ~ M_k(c),
+
+and what keyframe k says is log p(Z_k | c, Z_1:k-1) = log M'_k(c) - log M_k-1(c), up to a constant, with M' the mass
+before anything is pruned. Keyframes that see the object are its views. What remains is one account: what other
+keyframes told of earlier views (where the robot was, how the detector is set), pruning, and histories revised.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.answers.explain.live_history import LiveHistory
+from semantic_slam.answers.explain.replayed_run import ReplayedKeyframe, ReplayedRun, enumerates_classes
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.log_space import log_sum_exp
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairLedger:
+    """Class c against class c' in nats: ``prior`` + the sum of ``views`` + ``revised`` = ``log_odds``; V views."""
+
+    views: Array  # (K,) NaN in keyframes without a view, and after ``until``
+    prior: float
+    revised: float  # earlier views revised
+    log_odds: float  # in the last belief with both classes
+    until: int  # row of that belief; -1: before the first one
+    last_nats: (
+        float  # of the keyframe after, in which one of them was given up; NaN: nothing of it was weighed any more
+    )
+
+    @property
+    def is_pruned(self) -> bool:
+        """Whether one of the classes is not in the last belief."""
+        return self.until < len(self.views) - 1
+
+    @property
+    def was_weighed(self) -> bool:
+        """Whether the keyframe in which one of them was given up weighed both."""
+        return bool(np.isfinite(self.last_nats))
+
+    @property
+    def gone(self) -> float:
+        """Log odds by which one of the classes went; NaN: both are in the last belief."""
+        return self.log_odds + float(np.nan_to_num(self.last_nats)) if self.is_pruned else float("nan")
+
+    @property
+    def total(self) -> float:
+        """What the rows add up to."""
+        return self.prior + float(np.nansum(self.views)) + self.revised
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassLedger:
+    """Class by class; K keyframes, C classes."""
+
+    object_id: int
+    steps: tuple[LiveHistory | None, ...]  # (K,) one hypothesis with this history after every keyframe; None: none yet
+    log_weight: float  # of this history in the last belief
+    log_prior: Array  # (C,)
+    log_mass: Array  # (K, C) log M_k, which differ between classes by their log odds
+    evidence: Array  # (K, C) log M'_k - log M_k-1; NaN from where a class has no mass on
+    rest: Array  # (K, C) log M_k - log M'_k
+    is_view: Flags  # (K,) the keyframe sees the object
+    alone: Array  # (K, C) log p(z | c) of views at the poses of the hypothesis, NaN in other keyframes
+
+    @property
+    def log_posterior(self) -> Array:
+        """(C,) log probabilities of the classes after the last keyframe, if this history holds."""
+        last: Array = self.log_mass[-1]
+        return last - log_sum_exp(last) if len(last) else last
+
+    def last_with(self, cls: int) -> int:
+        """Last keyframe after which a class has mass; -1: it had some before the first one alone."""
+        there = np.flatnonzero(np.isfinite(self.log_mass[:, cls]))
+        return int(there[-1]) if len(there) else -1
+
+    def pair(self, one: int, other: int) -> PairLedger:
+        """Class ``one`` against class ``other``, up to the last belief in which both are."""
+        until = min(self.last_with(one), self.last_with(other))
+        known = np.arange(len(self.log_mass)) <= until
+        with np.errstate(invalid="ignore"):
+            nats = self.evidence[:, one] - self.evidence[:, other]
+            rest = (self.rest[:, one] - self.rest[:, other])[known].sum()
+        prior = float(self.log_prior[one] - self.log_prior[other])
+        return PairLedger(
+            views=np.where(known & self.is_view, nats, np.nan),
+            prior=prior,
+            revised=float(rest + nats[known & ~self.is_view].sum()),
+            log_odds=prior if until < 0 else float(self.log_mass[until, one] - self.log_mass[until, other]),
+            until=until,
+            last_nats=float(nats[until + 1]) if until + 1 < len(nats) and np.isfinite(nats[until + 1]) else np.nan,
+        )
+
+
+def histories(run: ReplayedRun) -> list[tuple[int, ...]]:
+    """Hypothesis ids of the last belief, those with one history of associations together; the heaviest first."""
+    groups: dict[int, list[int]] = {}
+    last = run.keyframes[-1].live
+    for number, own in last.items():
+        groups.setdefault(own.history, []).append(number)
+    return [tuple(numbers) for numbers in sorted(groups.values(), key=lambda numbers: -_log_weight(last, numbers))]
+
+
+def _log_weight(live: dict[int, LiveHistory], numbers: Sequence[int]) -> float:
+    return float(np.logaddexp.reduce([live[n].log_weight for n in numbers]))
+
+
+def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) -> ClassLedger:
+    """What was told of one object along the history that some hypotheses of the last belief have."""
+    path, prior = run.path(member_ids[0]), run.log_class_prior[object_id]
+    is_replayed = member_ids[0] in run.revised
+    mass, evidence, rest, alone = (np.full((len(path), len(prior)), np.nan) for _ in range(4))
+    is_view = np.zeros(len(path), dtype=bool)
+    before: Array = prior
+    parents = frozenset(run.root_ids)
+    for k, own in enumerate(path):
+        if own is None:  # what came before is nothing that is known
+            mass[k], evidence[k], rest[k] = before, 0.0, 0.0
+            continue
+        told, live = own.objects[object_id], {} if is_replayed else run.keyframes[k].live
+        members = {n: other for n, other in live.items() if other.history == own.history}
+        same = list(members.values()) or [own]
+        is_view[k] = any(run.on_map(n) == object_id for n in own.association)
+        mass[k] = log_sum_exp(np.array([o.log_weight + o.objects[object_id].log_class for o in same]), axis=0)
+        if own.is_revised:
+            weighed = before
+        elif is_view[k] and told.newest is not None:
+            weighed = before + told.newest
+        else:
+            weighed = mass[k] if is_replayed else _weighed(run, k, object_id, parents, own)
+        with np.errstate(invalid="ignore"):
+            evidence[k], rest[k] = weighed - before, mass[k] - weighed
+        if is_view[k] and not own.is_revised:
+            alone[k] = _alone(path[k - 1] if k else None, own, object_id)
+        before, parents = mass[k], frozenset(members)
+    return ClassLedger(
+        object_id=object_id,
+        steps=tuple(path),
+        log_weight=_log_weight(run.keyframes[-1].live, member_ids),
+        log_prior=prior,
+        log_mass=mass,
+        evidence=evidence,
+        rest=rest,
+        is_view=is_view,
+        alone=alone,
+    )
+
+
+def _weighed(run: ReplayedRun, k: int, object_id: int, parents: frozenset[int], own: LiveHistory) -> Array:
+    """(C,) log mass of all continuations by one association, those included that were pruned then."""
+    keyframe, logs = run.keyframes[k], list[Array]()
+    candidates = keyframe.candidates
+    same = (candidates.associations == np.array(own.association, dtype=int)).all(axis=1)
+    for row in np.flatnonzero(same & np.isin(candidates.parent_ids, list(parents))).tolist():
+        log_class = _log_class(run, k, row, object_id)
+        if log_class is not None:
+            logs.append(float(candidates.log_weights[row]) + log_class)
+    return log_sum_exp(np.array(logs), axis=0)
+
+
+def _log_class(run: ReplayedRun, k: int, row: int, object_id: int) -> Array | None:
+    """(C,) log class probabilities in a candidate; None where it was pruned, and only its component would tell them."""
+    keyframe = run.keyframes[k]
+    number = int(keyframe.candidates.ids[row])
+    if number in keyframe.live:
+        return keyframe.live[number].objects[object_id].log_class
+    if not enumerates_classes(run.problem):
+        return None
+    associated = keyframe.candidates.associations[row].tolist()
+    named = [
+        int(cls)
+        for other, cls in zip(associated, keyframe.candidates.classes[row], strict=True)
+        if run.on_map(other) == object_id and cls >= 0
+    ]
+    if named:
+        return np.where(np.arange(len(run.log_class_prior[object_id])) == named[0], 0.0, -np.inf)
+    return _parent(run, keyframe, k, row, object_id)
+
+
+def _parent(run: ReplayedRun, keyframe: ReplayedKeyframe, k: int, row: int, object_id: int) -> Array:
+    """(C,) log class probabilities in the parent of a candidate."""
+    if k == 0:
+        return run.log_class_prior[object_id]
+    return run.keyframes[k - 1].live[int(keyframe.candidates.parent_ids[row])].objects[object_id].log_class
+
+
+def _alone(parent: LiveHistory | None, own: LiveHistory, object_id: int) -> Array:
+    """(C,) what the record of a hypothesis gained with the keyframe, NaN where it has none."""
+    told = own.objects[object_id]
+    if told.newest is not None:
+        return told.newest
+    if told.log_likelihood is None:
+        return np.full(len(told.log_class), np.nan)
+    before = None if parent is None else parent.objects[object_id].log_likelihood
+    return told.log_likelihood if before is None else told.log_likelihood - before

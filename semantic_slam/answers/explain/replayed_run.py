@@ -1,0 +1,237 @@
+"""A recorded run inferred again: it tells, besides its beliefs, what was pruned and what each view said.
+
+Inference is a function of the recorded configuration, measurements and odometry, so that nothing has to be recorded for
+this; hypotheses have the ids that they had, by which the run is known to be the same.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.answers.explain.live_history import LiveHistory, ObjectOfHistory, object_of
+from semantic_slam.answers.explain.revised_history import replayed_history
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.record import Record
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.candidate_table import CandidateTable
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.world.problem import Problem
+
+SAME_NATS = 1e-6
+"""Largest difference of log weights and log odds between a run and its replay."""
+MOST_REPLAYED = 5
+"""Hypotheses of the last belief whose revised histories are replayed from the start, the heaviest ones."""
+COMPARED_PROBABILITY = 1e-12
+"""Class probabilities below this are not compared: their logarithms are rounded where they are recorded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeighedCandidates:
+    """All candidates of a keyframe, before copies are merged and before the light ones are pruned; D detections."""
+
+    ids: NDArray[np.uint64]  # (K,)
+    parent_ids: NDArray[np.uint64]  # (K,)
+    associations: NDArray[np.int32]  # (K, D) object ids, -1 clutter
+    classes: NDArray[np.int32]  # (K, D) -1 where a class is not enumerated, or stays open
+    log_weights: Array  # (K,) not normalised
+
+    @classmethod
+    def of(cls, answers: Sequence[Candidates]) -> Self:
+        """What backends answered, without the states."""
+        table = CandidateTable.of(answers)
+        return cls(**{name: getattr(table, name) for name in cls.__dataclass_fields__})
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayedKeyframe:
+    """One keyframe as it was recorded, and what was weighed in it."""
+
+    belief: HybridBelief  # recorded
+    candidates: WeighedCandidates
+    live: dict[int, LiveHistory]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayedRun:
+    """All keyframes of a run with what was said of some objects."""
+
+    problem: Problem
+    root_ids: tuple[int, ...]
+    log_class_prior: dict[int, Array]  # object id -> (C,)
+    keyframes: tuple[ReplayedKeyframe, ...]  # K
+    revised: Mapping[int, tuple[LiveHistory, ...]]  # hypothesis of the last belief -> (K,) as it would have been
+    largest_difference: float  # nats, of log weights and log class probabilities, to what was recorded
+
+    @property
+    def is_same(self) -> bool:
+        """Whether the replay gives what was recorded."""
+        return self.largest_difference <= SAME_NATS
+
+    def on_map(self, object_id: int) -> int:
+        """The number under which an object is reported, wherever a hypothesis has it."""
+        return self.problem.displaced.on_map.get(object_id, object_id)
+
+    def path(self, number: int) -> list[LiveHistory | None]:
+        """(K,) a hypothesis of the last belief after every keyframe; None where it had no history yet."""
+        if number in self.revised:
+            return list(self.revised[number])
+        numbers = ancestors(self.keyframes, number)
+        return [None if n is None else self.keyframes[k].live[n] for k, n in enumerate(numbers)]
+
+
+class _WatchedPool:
+    """One backend in this process, whose newest candidates and components can be looked at."""
+
+    def __init__(self) -> None:
+        self.backend_ids: tuple[int, ...] = (0,)
+        self._backend = Backend(0)
+        self.answers: list[Candidates] = []
+
+    def start(self, run: RunConfiguration) -> None:
+        self._backend.start(run)
+
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
+        self.answers = [self._backend.expand(keyframe)]
+        return self.answers
+
+    def commit(self, commit: Commit) -> list[Components]:
+        answer = self._backend.commit(commit)
+        return [] if answer is None else [answer]
+
+    def component(self, number: int) -> Component:
+        return self._backend.held[number].component
+
+
+def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection[int]) -> ReplayedRun:
+    """Infer a recorded run again and note what is said of the objects asked for.
+
+    Raises InputError where keyframes or hypotheses are not those recorded.
+    """
+    pool = _WatchedPool()
+    engine = Engine.of_run(record.run, pool)
+    root_ids, told = tuple(engine.live), list[ReplayedKeyframe]()
+    names = {n: _names(engine.problem, n) for n in object_ids}
+    prior = dict[int, Array]()
+    histories, largest = dict.fromkeys(root_ids, 0), 0.0
+    for belief, keyframe in zip(record.beliefs, keyframes, strict=False):
+        if keyframe.stamp_ns != belief.stamp_ns:
+            raise _not_the_same(record, belief)
+        again = engine.process(keyframe)
+        largest = max(largest, _difference(record, belief, again))
+        prior = {n: engine.registry.log_class_prior_of([n])[0] for n in object_ids}
+        poses = dict(zip(again.hypothesis_ids.tolist(), again.poses, strict=True))
+        live = {}
+        for number, own in engine.live.items():
+            component = pool.component(number)
+            objects = {n: object_of(component, names[n], prior[n]) for n in object_ids}
+            live[number] = _live(own, histories, poses[number], objects)
+        histories = {n: own.history for n, own in live.items()}
+        told.append(ReplayedKeyframe(belief=belief, candidates=WeighedCandidates.of(pool.answers), live=live))
+    if len(told) < len(record.beliefs):
+        raise _not_the_same(record, record.beliefs[len(told)])
+    revised = _revised(engine, told, names, prior)
+    for number, path in revised.items():
+        largest = max(largest, _difference_of_end(path[-1], told[-1].live[number]))
+    return ReplayedRun(
+        problem=engine.problem,
+        root_ids=root_ids,
+        log_class_prior=prior,
+        keyframes=tuple(told),
+        revised=revised,
+        largest_difference=largest,
+    )
+
+
+def _names(problem: Problem, object_id: int) -> tuple[int, ...]:
+    """Numbers that hypotheses may have an object under."""
+    elsewhere = problem.displaced.elsewhere.get(object_id)
+    return (object_id,) if elsewhere is None else (object_id, elsewhere)
+
+
+def _live(own: Hypothesis, before: dict[int, int], pose: Array, objects: dict[int, ObjectOfHistory]) -> LiveHistory:
+    """One hypothesis after a keyframe; ``before``: the histories of those that were live before it."""
+    association = own.lineage[-1].association
+    is_revised = own.parent_id not in before or own.revises is not None
+    history = 0 if is_revised else before[own.parent_id]
+    for step in own.lineage if is_revised else own.lineage[-1:]:
+        history = hash((history, step.association))
+    return LiveHistory(
+        parent_id=own.told_parent_id,
+        log_weight=own.log_weight,
+        history=history,
+        association=association,
+        is_revised=is_revised,
+        changes=tuple(own.changes()),
+        pose=pose,
+        objects=objects,
+    )
+
+
+def _revised(
+    engine: Engine, told: Sequence[ReplayedKeyframe], names: dict[int, tuple[int, ...]], prior: dict[int, Array]
+) -> dict[int, tuple[LiveHistory, ...]]:
+    """The heaviest hypotheses at the end whose histories were not followed from the start, as they ended."""
+    if not engine.steps or enumerates_classes(engine.problem):
+        return {}
+    found = {}
+    for number in list(engine.live)[:MOST_REPLAYED]:
+        path = [None if n is None else told[k].live[n] for k, n in enumerate(ancestors(told, number))]
+        if any(own is None or own.is_revised for own in path):
+            found[number] = replayed_history(engine, engine.live[number].lineage, names, prior)
+    return found
+
+
+def ancestors(told: Sequence[ReplayedKeyframe], number: int) -> list[int | None]:
+    """A hypothesis of the last belief before it, keyframe by keyframe; None where it had no history yet."""
+    path: list[int | None] = []
+    own: int | None = number
+    for keyframe in reversed(told):
+        live = keyframe.live.get(own) if own is not None else None
+        path.append(own if live is not None else None)
+        own = live.parent_id if live is not None else None
+    return path[::-1]
+
+
+def enumerates_classes(problem: Problem) -> bool:
+    """Whether each hypothesis has one class for an object, and others have the other ones."""
+    return int(getattr(problem.model, "num_classes", 0)) > 0
+
+
+def _difference_of_end(some: LiveHistory, other: LiveHistory) -> float:
+    """Largest difference, in nats, of the log class probabilities of a history that was replayed to those it has."""
+    pairs = [(own.log_class, other.objects[number].log_class) for number, own in some.objects.items()]
+    return max((float(np.abs(one - two).max(initial=0.0)) for one, two in pairs), default=0.0)
+
+
+def _difference(record: Record, belief: HybridBelief, again: HybridBelief) -> float:
+    """Largest difference, in nats, of log weights and of log class probabilities. Raises InputError."""
+    if sorted(belief.hypothesis_ids.tolist()) != sorted(again.hypothesis_ids.tolist()):
+        raise _not_the_same(record, belief)
+    places = {number: row for row, number in enumerate(again.hypothesis_ids.tolist())}
+    rows = np.array([places[number] for number in belief.hypothesis_ids.tolist()], dtype=int)
+    largest = float(np.abs(belief.log_weights - again.log_weights[rows]).max())
+    if not np.array_equal(belief.object_ids, again.object_ids):
+        raise _not_the_same(record, belief)
+    before, after = belief.hypothesis_class_probabilities, again.hypothesis_class_probabilities[rows]
+    compared = (before > COMPARED_PROBABILITY) | (after > COMPARED_PROBABILITY)
+    if compared.any():
+        with np.errstate(divide="ignore"):
+            largest = max(largest, float(np.abs(np.log(before[compared]) - np.log(after[compared])).max()))
+    return largest
+
+
+def _not_the_same(record: Record, belief: HybridBelief) -> InputError:
+    made_by: Any = record.run.revision or "not recorded"
+    return InputError(
+        f"keyframe {belief.keyframe}: inferred again, the hypotheses are not those recorded; explain with the version"
+        f" that recorded the bag (revision {made_by}), and without open_world.time_budget_ms, which no replay repeats"
+    )

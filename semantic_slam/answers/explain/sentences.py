@@ -1,0 +1,125 @@
+"""An explanation in three sentences."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semantic_slam.answers.explain.explanation import Explanation, HistoryExplained
+from semantic_slam.answers.explain.rivals import Rival
+from semantic_slam.answers.explain.sightings import Sighting
+
+LITTLE_NATS = 0.25
+"""Views that tell less between two classes than this are said to tell them hardly apart."""
+OUTLIER = 0.5
+"""Probability from which on a view is said to be judged an outlier."""
+
+
+def sentences(told: Explanation, own: HistoryExplained) -> list[str]:
+    """What is believed and what else it might be; which views said so; which object they were of."""
+    return [_belief(told, own), _views(told, own), _association(told, own)]
+
+
+def _belief(told: Explanation, own: HistoryExplained) -> str:
+    if told.classes is None or own.pair is None:
+        return (
+            f"{told.name} exists with probability {told.belief.existence[told.row]:.4f}; the run has no class models."
+        )
+    one, other = (told.belief.class_names[cls] for cls in told.classes)
+    probability = told.belief.class_probabilities[told.row, told.classes[0]]
+    begin = f"{told.name} is of class {one} with probability {probability:.4f}"
+    if not own.pair.is_pruned:
+        return f"{begin}; {other} is left with log odds of {own.pair.log_odds:+.2f} nats for {one}."
+    at = told.run.keyframes[own.pair.until + 1].belief.keyframe
+    if not own.pair.was_weighed:
+        return f"{begin}; {other} was not weighed in keyframe {at} any more (weights.gate, weights.max_candidates)."
+    return f"{begin}; {other} was given up in keyframe {at} at log odds of {own.pair.gone:+.2f} nats for {one}."
+
+
+def _views(told: Explanation, own: HistoryExplained) -> str:
+    if not own.views:
+        return "It was never seen; what is believed of it is what the map said."
+    spread = f"{len(own.views)} views {_directions(own.views)}"
+    trust = _trust(own.views)
+    alone = told.alone(own)
+    if told.classes is None or not np.isfinite(alone).any():
+        return f"It was seen in {spread}: {trust}."
+    most = int(np.argmax(np.abs(np.nan_to_num(alone))))
+    told_most, little = own.views[most], int((np.abs(alone) < LITTLE_NATS).sum())
+    one, other = (told.belief.class_names[cls] for cls in told.classes)
+    return (
+        f"Of {spread} the one of keyframe {told_most.keyframe} said most between {one} and {other} ({alone[most]:+.2f}"
+        f" nats, from {told_most.degrees} deg at {told_most.range_m:.1f} m), and {little} hardly tell them apart;"
+        f" {trust}."
+    )
+
+
+def _trust(views: Sequence[Sighting]) -> str:
+    """How far the views are to be trusted."""
+    strange, last = sum(not view.in_coverage for view in views), views[-1].mutual_information
+    told = [f"{strange} outside what the class models know"]
+    if np.isfinite([view.outlier for view in views]).any():
+        told.insert(0, f"{sum(view.outlier > OUTLIER for view in views)} judged outliers")
+    if np.isfinite(last):
+        told.append(f"model uncertainty {last:.3f} nats at the last one")
+    return ", ".join(told)
+
+
+def _association(told: Explanation, own: HistoryExplained) -> str:
+    of_it = [rival for rival in own.rivals if rival.taken_id == told.object_id]
+    of_others = [rival for rival in own.rivals if rival.taken_id != told.object_id]
+    if not of_it:
+        begin = "None of its views might have been of anything else"
+        return f"{begin}, but {_of_others(told, of_others)}." if of_others else f"{begin}."
+    likeliest = max(of_it, key=lambda rival: rival.then)
+    last = max(of_it, key=lambda rival: (rival.gone is None, rival.gone or 0, rival.log_odds))
+    told_of = [
+        f"{_count(of_it)} of its views might have been of something else, most of all that of keyframe"
+        f" {likeliest.keyframe}, of {told.name_of(likeliest.object_id)} with probability {likeliest.then:.2f} then,"
+        f" {_ended(likeliest)}"
+    ]
+    if last != likeliest:
+        other = told.name_of(last.object_id)
+        told_of.append(f"that of keyframe {last.keyframe} was the last in doubt, for {other}, {_ended(last)}")
+    if of_others:
+        told_of.append(_of_others(told, of_others))
+    return "; ".join(told_of) + "."
+
+
+def _of_others(told: Explanation, found: Sequence[Rival]) -> str:
+    """Detections that are taken for something else."""
+    most = max(found, key=lambda rival: rival.then)
+    return (
+        f"{_count(found)} taken for something else might have been of it, most of all that of keyframe {most.keyframe},"
+        f" {told.name_of(most.taken_id)} now, with probability {most.then:.2f} then, {_ended(most)}"
+    )
+
+
+def _count(found: Sequence[Rival]) -> int:
+    return len({(rival.keyframe, rival.detection) for rival in found})
+
+
+def _ended(rival: Rival) -> str:
+    """How an alternative ended."""
+    if rival.gone is None:
+        return f"and {rival.now:.4f} now"
+    seen = " and ".join(rival.by) or "nothing"
+    if not np.isfinite(rival.log_odds):
+        return f"given up in keyframe {rival.gone}, when nothing continued it; {seen} {_was(rival)} seen"
+    return (
+        f"given up in keyframe {rival.gone}, {-rival.log_odds:.1f} nats behind the best, when {seen} {_was(rival)} seen"
+    )
+
+
+def _was(rival: Rival) -> str:
+    return "were" if len(rival.by) > 1 else "was"
+
+
+def _directions(views: Sequence[Sighting]) -> str:
+    """The range of directions, across the widest gap between them."""
+    angles = np.sort(np.mod([view.direction_rad for view in views], 2.0 * np.pi))
+    gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
+    widest = int(np.argmax(gaps))
+    first, last = angles[(widest + 1) % len(angles)], angles[widest]
+    first, last = (float(np.rad2deg(value)) for value in (first, last))
+    where = "its front" if views[0].from_front else "the x axis of map"
+    return f"from {first:.0f} counter-clockwise to {last:.0f} deg of {where}"

@@ -1,0 +1,111 @@
+"""From where an object was seen along one history, and how far each view was to be trusted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.answers.explain.ledger import ClassLedger
+from semantic_slam.answers.explain.outlier_views import OutlierViews
+from semantic_slam.answers.explain.replayed_run import ReplayedRun
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+KNOWN_HEADING_RAD = 0.5
+"""Standard deviation of an object's heading up to which directions are told from its front."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sighting:
+    """One detection that the history has as the object."""
+
+    keyframe: int
+    stamp_ns: int
+    detection: int  # column among those of the keyframe
+    direction_rad: float  # from the object to the camera, counter-clockwise
+    from_front: bool  # the direction is told from the object's front, not from the x axis of map
+    range_m: float
+    mutual_information: float  # nats, between class and the network's weights, in the belief; NaN: models draw nothing
+    in_coverage: bool  # the picture is one of those that the class models know
+    no_object: float  # probability that the detection is of no object that is known; NaN in an open world
+    outlier: float  # probability that the view tells nothing of its object; NaN where views cannot be outliers
+
+    @property
+    def degrees(self) -> str:
+        """The direction in whole degrees, 0 to 359."""
+        return str(round(float(np.rad2deg(self.direction_rad))) % 360)
+
+
+def sightings(
+    run: ReplayedRun,
+    ledger: ClassLedger,
+    measurements: Mapping[int, SemanticMeasurements],
+    outliers: OutlierViews | None,
+) -> tuple[Sighting, ...]:
+    """All views of the object of a ledger, along its history."""
+    last = run.keyframes[-1].belief
+    row = last.object_ids.tolist().index(ledger.object_id)
+    place = planar_from_pose_vector(last.object_poses[row])
+    sigma = float(np.sqrt(last.object_covariances[row, 5, 5]))
+    from_front = bool(np.isfinite(sigma) and sigma < KNOWN_HEADING_RAD)
+    found = []
+    for k in np.flatnonzero(ledger.is_view).tolist():
+        belief, own = run.keyframes[k].belief, ledger.steps[k]
+        assert own is not None  # it has seen something
+        association = [run.on_map(n) for n in own.association]
+        told = measurements.get(belief.stamp_ns)
+        robot = planar_from_pose_vector(own.pose)
+        sensor = told.sensor_position[:2] if told is not None else np.zeros(2)
+        direction = float(camera_bearing(robot[None], place[None], sensor)[0])
+        if from_front:
+            direction = float(wrap_angle(direction - place[2]))
+        for detection in (d for d, n in enumerate(association) if n == ledger.object_id):
+            found.append(
+                Sighting(
+                    keyframe=belief.keyframe,
+                    stamp_ns=belief.stamp_ns,
+                    detection=detection,
+                    direction_rad=direction,
+                    from_front=from_front,
+                    range_m=_range(robot, place, sensor),
+                    mutual_information=_of_object(belief, belief.mutual_information, ledger.object_id),
+                    in_coverage=told is None or _in_coverage(told, int(belief.detection_ids[detection])),
+                    no_object=float(belief.outlier_probability[detection]),
+                    outlier=_outlier(outliers, told, int(belief.detection_ids[detection]), ledger, k),
+                )
+            )
+    return tuple(found)
+
+
+def _range(robot: Array, place: Array, sensor: Array) -> float:
+    """Metres between camera and object."""
+    cosine, sine = np.cos(robot[2]), np.sin(robot[2])
+    camera = robot[:2] + np.array([[cosine, -sine], [sine, cosine]]) @ sensor
+    return float(np.hypot(*(place[:2] - camera)))
+
+
+def _of_object(belief: HybridBelief, values: Array, object_id: int) -> float:
+    rows = np.flatnonzero(belief.object_ids == object_id)
+    return float(values[rows[0]]) if len(rows) else float("nan")
+
+
+def _in_coverage(told: SemanticMeasurements, detection_id: int) -> bool:
+    rows = np.flatnonzero(told.detection_ids == detection_id)
+    return not len(rows) or bool(told.in_coverage[rows[0]])
+
+
+def _outlier(
+    outliers: OutlierViews | None, told: SemanticMeasurements | None, detection_id: int, ledger: ClassLedger, k: int
+) -> float:
+    if outliers is None or told is None:
+        return float("nan")
+    return outliers.probability(told, detection_id, float(ledger.alone[k, int(np.argmax(ledger.log_posterior))]))
+
+
+def object_name(belief: HybridBelief, object_id: int) -> str:
+    """What a belief calls an object; its number where it does not know it."""
+    rows = np.flatnonzero(belief.object_ids == object_id)
+    return belief.object_names[rows[0]] if len(rows) else str(object_id)

@@ -1,0 +1,36 @@
+"""An explanation as plain text: three sentences, and tables."""
+
+from semantic_slam.answers.explain.explanation import Explanation
+from semantic_slam.answers.explain.sentences import sentences
+from semantic_slam.answers.explain.tables import MOST_RIVALS, histories_table, rivals_table, views_table
+
+
+def lines_of(told: Explanation, history: int = 0) -> list[str]:
+    """All that is printed; ``history``: which of the explanation's, from 0 on."""
+    own = told.histories[history]
+    left = len(own.rivals) - MOST_RIVALS
+    parts = [
+        sentences(told, own),
+        _aligned(views_table(told, own)),
+        _aligned(histories_table(told)),
+        [*_aligned(rivals_table(told, own)), *([f"({left} less probable ones are not shown)"] if left > 0 else [])],
+    ]
+    return [*"\n\n".join("\n".join(part) for part in parts if part).splitlines(), "", replay_line(told)]
+
+
+def replay_line(told: Explanation) -> str:
+    """Whether the numbers are those of the run."""
+    if told.run.is_same:
+        return f"Inferred again: as recorded, to {told.run.largest_difference:.0e} nats."
+    return (
+        f"Inferred again: differs from what was recorded by up to {told.run.largest_difference:.1e} nats; explain with"
+        " the version that recorded the bag to have its own numbers."
+    )
+
+
+def _aligned(rows: list[list[str]]) -> list[str]:
+    """Columns to the right, the first one to the left."""
+    columns = list(zip(*rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    lines = [[row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))] for row in rows]
+    return ["  ".join(line).rstrip() for line in lines]
