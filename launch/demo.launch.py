@@ -9,7 +9,6 @@ import signal
 import time
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, Shutdown, TimerAction
 from launch.events import matches_action
@@ -17,6 +16,7 @@ from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from semantic_slam.pipeline.default_configuration import configuration_for
 from semantic_slam.ros.node_set import node_set
 from semantic_slam.ros.supervisor import Supervisor
 from semantic_slam.ros.transport import is_installed
@@ -70,7 +70,7 @@ def start_nodes(context):
     )
     specs = node_set(
         Path(bag),
-        Path(config),
+        Path(config) if config else configuration_for(Path(bag)),
         int(backends),
         float(rate),
         record,
@@ -85,11 +85,14 @@ def start_nodes(context):
 
 
 def generate_launch_description():
-    default_config = Path(get_package_share_directory("semantic_slam")) / "config" / "default.yaml"
     return LaunchDescription(
         [
             DeclareLaunchArgument("bag", description="rosbag2 folder, .mcap or .db3 to replay"),
-            DeclareLaunchArgument("config", default_value=str(default_config), description="parameter file"),
+            DeclareLaunchArgument(
+                "config",
+                default_value="",
+                description="parameter file; empty: config/default.yaml, or detector.yaml where labels ask for it",
+            ),
             DeclareLaunchArgument("backends", default_value="2", description="number of backend nodes"),
             DeclareLaunchArgument("rate", default_value="0.0", description="0: lossless lock-step, 1: real time"),
             DeclareLaunchArgument("record", default_value="", description="belief bag to write; empty: none"),

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
+    from semantic_slam.answers.find_objects import find_objects
+    from semantic_slam.answers.question import Question
     from semantic_slam.configuration import Configuration, load_configuration
     from semantic_slam.errors import InputError, SemanticSlamError
     from semantic_slam.evaluation.belief_bag import read_record
@@ -34,8 +36,10 @@ __all__ = [
     "Keyframe",
     "MapPrior",
     "ObjectPrior",
+    "Question",
     "SemanticSlamError",
     "__version__",
+    "find_objects",
     "load_configuration",
     "read_map_prior",
     "read_record",
@@ -51,8 +55,10 @@ _ORIGIN = {
     "Keyframe": "inference.inputs.keyframe",
     "MapPrior": "inference.world.map_prior",
     "ObjectPrior": "inference.world.map_prior",
+    "Question": "answers.question",
     "SemanticSlamError": "errors",
     "__version__": "version",
+    "find_objects": "answers.find_objects",
     "load_configuration": "configuration",
     "read_map_prior": "inference.world.map_prior",
     "read_record": "evaluation.belief_bag",

@@ -1,5 +1,6 @@
 """README and docs say what is there: code runs, commands, files, sections and numbers exist."""
 
+import ast
 import os
 import re
 import subprocess
@@ -72,6 +73,13 @@ def test_its_python_runs_as_it_stands(tmp_path: Path) -> None:
 def test_its_ros_is_the_example_that_runs_with_the_nodes(name: str) -> None:
     example = (ROOT / "examples" / "print_belief.py").read_text(encoding="utf-8").partition('"""\n\n')[2]
     assert example in blocks(PAGES[name], "python")
+
+
+@pytest.mark.parametrize("name", ["docs/own_classes.md", "docs/python.md"])
+def test_what_its_python_imports_is_there(name: str) -> None:
+    parts = [part for block in blocks(PAGES[name], "python") for part in ast.parse(block).body]
+    imports = [part for part in parts if isinstance(part, ast.Import | ast.ImportFrom)]
+    exec(compile(ast.Module(imports, type_ignores=[]), name, "exec"), {})
 
 
 @pytest.mark.slow

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import multivariate_normal
 
 from semantic_slam.answers.appearances import Appearances
 from semantic_slam.answers.by_text import meant_by
 from semantic_slam.answers.by_vector import shown_by
 from semantic_slam.answers.question import Question
+from semantic_slam.answers.region import inside
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.belief import HybridBelief
@@ -30,17 +30,19 @@ class Found:
     """Objects with the probability asked for at least, the likeliest first."""
 
     objects: tuple[FoundObject, ...]
-    unknown: float  # of a picture: that it shows none of the objects; else that no object is what is looked for
+    unknown: float  # that none of the objects, in the region, is what is looked for, or what the picture shows
 
 
 def find_objects(belief: HybridBelief, question: Question, looks: Appearances | None = None) -> Found:
     """What is looked for among the objects of a belief; vectors need the ``looks`` of these. Raises InputError.
 
-    A vector shows one thing: the probabilities of the objects sum to 1 - unknown. A name may be that of many.
+    A vector shows one thing: the probabilities of the objects sum to 1 - unknown. A name may be that of many: then
+    unknown is the probability that there is none, and 1 - unknown that there is one at all.
     """
     existence = np.clip(np.nan_to_num(belief.existence), 0.0, 1.0)
-    probabilities, unknown = _probabilities(belief, question, looks, existence)
-    probabilities = probabilities * _inside(belief, question)
+    probabilities = _probabilities(belief, question, looks, existence) * inside(belief, question.region)
+    is_one_thing = question.vector is not None
+    unknown = 1.0 - probabilities.sum() if is_one_thing else np.prod(1.0 - probabilities)
     rows = [
         row for row in np.argsort(-probabilities, kind="stable") if probabilities[row] >= question.least_probability
     ]
@@ -55,27 +57,21 @@ def find_objects(belief: HybridBelief, question: Question, looks: Appearances | 
             )
             for row in rows
         ),
-        unknown=unknown,
+        unknown=float(np.clip(unknown, 0.0, 1.0)),
     )
 
 
-def _probabilities(
-    belief: HybridBelief, question: Question, looks: Appearances | None, existence: Array
-) -> tuple[Array, float]:
-    """(O,) that objects exist and are meant, and that none is."""
+def _probabilities(belief: HybridBelief, question: Question, looks: Appearances | None, existence: Array) -> Array:
+    """(O,) that objects exist and are meant."""
     ids: Index = belief.object_ids.astype(np.intp)
     if question.vector is not None or question.text_vectors:
         if looks is None:
             raise InputError("nothing is known of what the objects look like; give a belief bag with its measurements")
         if question.vector is not None:
-            shown = shown_by(question.vector, ids, existence, looks, question.mapped)
-            return shown[:-1], float(shown[-1])
-        meant: Array = existence * meant_by(
-            question.name, question.text_vectors, ids, existence, looks, question.mapped
-        )
-    else:
-        meant = existence * _of_class(belief, question.name)
-    return meant, float(np.prod(1.0 - meant))
+            return shown_by(question.vector, ids, existence, looks, question.mapped)[:-1]
+        meant = meant_by(question.name, question.text_vectors, ids, existence, looks, question.mapped)
+        return np.asarray(existence * meant)
+    return np.asarray(existence * _of_class(belief, question.name))
 
 
 def _of_class(belief: HybridBelief, name: str) -> Array:
@@ -86,18 +82,3 @@ def _of_class(belief: HybridBelief, name: str) -> Array:
             f"'{name}' is no class of the map, which knows {known}; ask for one of these, or give text vectors"
         )
     return np.asarray(np.nan_to_num(belief.class_probabilities[:, belief.class_names.index(name)]))
-
-
-def _inside(belief: HybridBelief, question: Question) -> Array:
-    """(O,) probabilities that the objects lie in the region."""
-    count = len(belief.object_ids)
-    if question.region is None:
-        return np.ones(count)
-    lower, upper = np.array(question.region[:2]), np.array(question.region[2:])
-    inside = np.zeros(count)
-    for row in range(count):
-        place, spread = belief.object_poses[row, :2], belief.object_covariances[row, :2, :2]
-        if np.isfinite(place).all() and np.isfinite(spread).all():
-            normal = multivariate_normal(place, spread, allow_singular=True)
-            inside[row] = np.clip(normal.cdf(upper, lower_limit=lower), 0.0, 1.0)
-    return inside

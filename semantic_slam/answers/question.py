@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from semantic_slam.answers.region import Region
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 
@@ -22,7 +23,7 @@ class Question:
     name: str = ""
     vector: Array | None = None  # (F,) of a picture, by the network that the detections' embeddings are of
     text_vectors: Mapping[str, Array] = field(default_factory=dict)  # name -> (F,), by its text encoder
-    region: tuple[float, float, float, float] | None = None  # x_min y_min x_max y_max in map, metres
+    region: Region | None = None
     least_probability: float = 0.0
     mapped: float = MAPPED  # probability that it is on the map at all, for vectors
 
@@ -34,11 +35,17 @@ class Question:
         if self.text_vectors and self.name not in self.text_vectors:
             known = ", ".join(sorted(self.text_vectors))
             raise InputError(f"no text vector is named '{self.name}'; there are {known}")
-        if not 0.0 <= self.least_probability <= 1.0 or not 0.0 < self.mapped < 1.0:
-            raise InputError("probabilities must lie between 0 and 1; correct the least one, or that of being mapped")
-        if self.region is not None:
-            x_min, y_min, x_max, y_max = self.region
-            if not np.isfinite(self.region).all() or x_min >= x_max or y_min >= y_max:
-                raise InputError(
-                    "the region must be x_min y_min x_max y_max in metres, with x_min below x_max; correct it"
-                )
+        check_limits(self.region, self.least_probability)
+        if not 0.0 < self.mapped < 1.0:
+            raise InputError("the probability of being mapped must lie between 0 and 1; correct it")
+
+
+def check_limits(region: Region | None, least_probability: float) -> None:
+    """Raises InputError for a region that is none, and for a number that is no probability."""
+    if not 0.0 <= least_probability <= 1.0:
+        raise InputError("the least probability must lie between 0 and 1; correct it")
+    if region is None:
+        return
+    x_min, y_min, x_max, y_max = region
+    if not np.isfinite(region).all() or x_min >= x_max or y_min >= y_max:
+        raise InputError("the region must be x_min y_min x_max y_max in metres, with x_min below x_max; correct it")

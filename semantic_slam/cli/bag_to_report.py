@@ -28,7 +28,8 @@ def parse(words: list[str] | None = None) -> Namespace:
         "--config",
         type=configuration_file,
         metavar="YAML",
-        help="file, or the name of a shipped configuration (default: default)",
+        help="file, or the name of a shipped configuration (default: default, or detector where the bag has other"
+        " labels than the default's classes)",
     )
     parser.add_argument(
         "--seed", type=int, metavar="N", help="seed of every random draw, instead of the configuration's"
@@ -96,6 +97,11 @@ def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | No
     if holds_beliefs(arguments.bag):
         _announce_unused(arguments)
         return make_report(arguments.bag, out, with_evidence=arguments.explain), damage_of(arguments.bag)
+    if arguments.config is None:
+        from semantic_slam.pipeline.default_configuration import configuration_for
+
+        arguments.config = configuration_for(arguments.bag, has_map=arguments.map_prior is not None)
+        check_names(arguments)
     paths = [arguments.config, *(arguments.compare or [])]
     runs = {run_name(path): effective_configuration(path, arguments.seed) for path in paths}
     names = list(runs)

@@ -11,6 +11,7 @@ from semantic_slam.errors import InputError
 if TYPE_CHECKING:
     from semantic_slam.answers.find_objects import Found
     from semantic_slam.answers.question import Question
+    from semantic_slam.answers.region import Region
 
 
 def parse(words: list[str] | None = None) -> Namespace:
@@ -51,7 +52,11 @@ def command() -> None:
     if len(asked) != 1:
         raise InputError(f"{program()}: give one of CROP, --name and --vector; {program()} --help tells more")
     if arguments.crop is not None:
-        find_lookalike.ask(arguments)
+        from semantic_slam.answers.question import check_limits
+
+        limits = _region(arguments), arguments.least_probability
+        check_limits(*limits)
+        find_lookalike.ask(arguments, *limits)
         return
     from semantic_slam.answers.appearances import appearances_of
     from semantic_slam.answers.find_objects import find_objects
@@ -75,10 +80,14 @@ def _question(arguments: Namespace) -> "Question":
         name=arguments.name,
         vector=read_vector(arguments.vector) if arguments.vector else None,
         text_vectors=read_text_vectors(arguments.text_vectors) if arguments.text_vectors else {},
-        region=tuple(arguments.region) if arguments.region else None,
+        region=_region(arguments),
         least_probability=arguments.least_probability,
         mapped=arguments.mapped,
     )
+
+
+def _region(arguments: Namespace) -> "Region | None":
+    return tuple(arguments.region) if arguments.region else None
 
 
 def table(found: "Found") -> list[str]:

@@ -1,6 +1,7 @@
 """``find_lookalike BELIEF CROP``: which mapped object looks like a crop."""
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,6 +9,7 @@ from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 
 if TYPE_CHECKING:
+    from semantic_slam.answers.region import Region
     from semantic_slam.inference.belief import HybridBelief
     from semantic_slam.inference.lookalike import Lookalikes
 
@@ -42,10 +44,11 @@ def command() -> None:
     ask(parse())
 
 
-def ask(arguments: Namespace) -> None:
-    """Print what the picture shows; raises InputError."""
+def ask(arguments: Namespace, region: "Region | None" = None, least_probability: float = 0.0) -> None:
+    """Print what the picture shows, among objects in the region that are probable enough; raises InputError."""
     import numpy as np
 
+    from semantic_slam.answers.region import inside
     from semantic_slam.configuration import from_dict
     from semantic_slam.evaluation.belief_bag import read_record
     from semantic_slam.evaluation.record import json_object
@@ -60,7 +63,10 @@ def ask(arguments: Namespace) -> None:
     box = np.array(arguments.box) if arguments.box else None
     last = record.beliefs[-1]
     found = LookalikeQuery(settings).ask(last, image, box, float(np.deg2rad(arguments.elevation_deg)))
-    print("\n".join(table(last, found)))
+    if region is not None:
+        shown = found.probabilities * inside(last, region)
+        found = replace(found, probabilities=shown, unknown=1.0 - float(shown.sum()))
+    print("\n".join(table(last, found, least_probability)))
 
 
 def belief_bag(path: Path) -> Path:
@@ -69,12 +75,14 @@ def belief_bag(path: Path) -> Path:
     return inside if inside.is_dir() else path
 
 
-def table(belief: "HybridBelief", found: "Lookalikes") -> list[str]:
+def table(belief: "HybridBelief", found: "Lookalikes", least_probability: float = 0.0) -> list[str]:
     """A line for each object, the likeliest first, and one for none of them."""
     import numpy as np
 
     lines = [f"{'probability':>11}  {'object':>6}  {'seen from':>9}  name"]
     for row in found.ranking():
+        if found.probabilities[row] < least_probability:
+            break
         degrees = f"{np.rad2deg(found.azimuth_rad[row]):.0f} deg"
         number, name = int(belief.object_ids[row]), belief.object_names[row]
         lines.append(f"{found.probabilities[row]:11.4f}  {number:6d}  {degrees:>9}  {name}")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.datasets import feature_images
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import plain_frame
@@ -159,6 +160,7 @@ READERS: dict[str, Callable[[Any], Detections]] = {
     "vision_msgs/msg/Detection3DArray": from_vision_msgs_3d,
     "yolo_msgs/msg/DetectionArray": from_yolo_msgs,
     "yolov8_msgs/msg/DetectionArray": from_yolo_msgs,
+    feature_images.TYPE: feature_images.from_feature_image,
 }
 """Detection types that can be read, by type name."""
 IN_THE_SENSOR = frozenset({"vision_msgs/msg/Detection3DArray"})

@@ -25,7 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--labels", type=Path, metavar="YAML", help="detector label: our label, or null to drop it")
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N detection messages")
     group = parser.add_argument_group("topics", "found by type when left out, as far as that is unique")
-    group.add_argument("--detections", metavar="TOPIC", help="vision_msgs, yolo_msgs or our own")
+    group.add_argument(
+        "--detections", metavar="TOPIC", help="of vision_msgs, yolo_msgs, semantic_inference_msgs or ours"
+    )
     group.add_argument("--image", metavar="TOPIC", help=f"colour images, raw or compressed; '{NONE}': places alone")
     group.add_argument("--depth", metavar="TOPIC", help=f"depth registered to the image; '{NONE}': bearing only")
     group.add_argument("--camera-info", metavar="TOPIC", help="intrinsics of the image")

@@ -282,7 +282,7 @@ class Backend:
             descriptors=_stacked([known.mean for known in descriptors], len(reported.ids)),
             descriptor_covariances=_stacked([known.variance for known in descriptors], len(reported.ids)),
         )
-        add_class_marginals(objects, components, reported)
+        add_class_marginals(objects, components, reported, self.problem.novelty_false_alarms)
         return Components(
             run_id=self.run_id,
             keyframe=keyframe,

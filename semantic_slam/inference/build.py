@@ -40,6 +40,7 @@ from semantic_slam.registry import OBSERVATIONS, SEMANTICS
 from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.model import ViewpointModel, feature_names
+from semantic_slam.viewpoint.novelty import QUANTILE
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 LEAST_CLASS_SHARE = 0.01
@@ -251,6 +252,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         ),
         latent=latent,
         embeddings=embeddings,
+        novelty_false_alarms=configuration.perception.novelty_false_alarms + 1.0 - QUANTILE,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
         pruning=configuration.pruning,

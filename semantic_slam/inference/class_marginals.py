@@ -10,10 +10,13 @@ from semantic_slam.inference.states.object_views import class_posterior
 from semantic_slam.inference.world.objects import ReportedObjects
 
 
-def add_class_marginals(table: ObjectTable, components: Sequence[Component], reported: ReportedObjects) -> None:
+def add_class_marginals(
+    table: ObjectTable, components: Sequence[Component], reported: ReportedObjects, false_alarms: float
+) -> None:
     """Write what the enumerated classes, or else the records of the views, tell into ``table``.
 
     The table's rows are the components over the objects that are reported, as nothing was seen of them.
+    ``false_alarms``: share of the views of known objects that are not recognised.
     """
     row_of, probabilities = reported.row_of, table.class_probabilities
     viewed = [
@@ -25,7 +28,10 @@ def add_class_marginals(table: ObjectTable, components: Sequence[Component], rep
     if viewed:
         h, rows, records = zip(*viewed, strict=True)
         table.mutual_information[h, rows] = [views.mutual_information for views in records]
-        table.in_coverage[h, rows] = [views.in_coverage for views in records]
+        judged = [len(components[number].views) for number in h]
+        table.in_coverage[h, rows] = [
+            views.coverage.holds(false_alarms, count) for views, count in zip(records, judged, strict=True)
+        ]
         table.forgotten_views[h, rows] = [views.dropped for views in records]
         if probabilities.shape[2]:
             likelihood = np.array([views.log_likelihood for views in records])

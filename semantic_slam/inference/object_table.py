@@ -53,7 +53,7 @@ class ObjectTable:
         metadata=quantity("C", absent=CLASS_PRIOR, rule=mixture_rules.mean)
     )
     mutual_information: Array = field(metadata=quantity(rule=mixture_rules.mean_where_known))  # nats, NaN: not seen
-    in_coverage: NDArray[np.bool_] = field(  # every view lay inside the class models' coverage
+    in_coverage: NDArray[np.bool_] = field(  # no more views outside the class models' coverage than by chance
         metadata=quantity(absent=True, dtype=np.bool_, rule=mixture_rules.of_most)
     )
     forgotten_views: NDArray[np.uint32] = field(  # views that a new one is no longer correlated with

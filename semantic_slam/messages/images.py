@@ -22,6 +22,8 @@ TO_RGB = {
 }
 DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Raw depth encodings: millimetres as 16-bit integers, metres as 32-bit floats."""
+NUMBER_TYPES = {"8UC1": "u1", "mono8": "u1", "16UC1": "u2", "mono16": "u2", "32SC1": "i4"}
+"""Encodings of images that number the segments of a picture."""
 METRES_PER_UNIT = 0.001
 NEAREST_MEDIAN_M, FARTHEST_MEDIAN_M = 0.02, 200.0
 """No depth camera sees most of its picture nearer, or farther."""
@@ -44,6 +46,12 @@ def decode_image(message: Any, topic: str) -> NDArray[np.uint8]:
     pixels = _rows(message, np.dtype(np.uint8), channels, topic)
     conversion = TO_RGB.get(message.encoding)
     return np.asarray(pixels if conversion is None else cv2.cvtColor(pixels, conversion), dtype=np.uint8)
+
+
+def decode_numbers(message: Any, topic: str) -> NDArray[Any]:
+    """(height, width) whole numbers of a raw image; raises MessageError that names the topic and what is accepted."""
+    kind = np.dtype(_known(message.encoding, NUMBER_TYPES, topic))
+    return _rows(message, kind.newbyteorder(">" if message.is_bigendian else "<"), 1, topic)
 
 
 def size_of(message: Any) -> tuple[int, int] | None:

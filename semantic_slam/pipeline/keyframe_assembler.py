@@ -10,6 +10,7 @@ in the odometry of the next keyframe.
 """
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -51,12 +52,20 @@ LONGEST_NAME = 80
 class KeyframeAssembler:
     """Decides which measurements become keyframes, and gives each its odometry. ``dropped`` counts, by reason."""
 
-    def __init__(self, configuration: Configuration, has_identities: bool = False) -> None:
-        """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`."""
+    def __init__(
+        self,
+        configuration: Configuration,
+        has_identities: bool = False,
+        passes_over: Callable[[SemanticMeasurements], bool] = lambda _: False,
+    ) -> None:
+        """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`.
+
+        ``passes_over``: whether measurements are to make no keyframe, which is counted.
+        """
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
         self._association = strategy_of(configuration)
-        self._has_identities = has_identities
+        self._has_identities, self._passes_over = has_identities, passes_over
         self._region = sensor_region(configuration.open_world)
         self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
@@ -168,6 +177,9 @@ class KeyframeAssembler:
         measurements = self._inside(measurements)
         as_stamped = self._standing(measurements.stamp_ns - self._expected_ns)
         if not self._is_chosen(measurements, as_stamped):
+            return None
+        if self._passes_over(measurements):
+            self.dropped[f"{topics.MEASUREMENTS}: no label named so far"] += 1
             return None
         named = self._with_identities(measurements)
         if named is None:

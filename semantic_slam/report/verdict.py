@@ -37,8 +37,8 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     outside = [view.label for view in objects if not view.in_coverage]
     if outside:
         found.append(
-            f"Some views of object{'s' if len(outside) > 1 else ''} {listed(outside)} lay outside what the class models"
-            " were fitted on; their probabilities deserve less trust."
+            f"More views of object{'s' if len(outside) > 1 else ''} {listed(outside)} lay outside what the class models"
+            " were fitted on than false alarms explain; their probabilities deserve less trust."
         )
     mass = analysis.record.beliefs[-1].discarded_mass
     if mass > 0.05:

@@ -11,7 +11,7 @@ from semantic_slam.cli.exit_codes import FAULT, CommandParser, program, run_main
 from semantic_slam.cli.needs import need_ros
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.outputs import add_overwrite, claimed_folder_again, claimed_report
-from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
+from semantic_slam.shipped import configuration_file
 
 DOMAINS = 50
 """ROS domains of demos that are told none, from 1 on; what runs beside them, such as tests, keeps to those above."""
@@ -29,9 +29,9 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--config",
         type=configuration_file,
-        default=DEFAULT_CONFIGURATION,
         metavar="YAML",
-        help="file, or the name of a shipped configuration (default: default)",
+        help="file, or the name of a shipped configuration (default: default, or detector where the bag has other"
+        " labels than the default's classes)",
     )
     parser.add_argument("--backends", type=int, default=2, help="number of backends (default: %(default)s)")
     parser.add_argument("--rate", type=float, default=0.0, help="0 (default): lossless, 1: real time")
@@ -45,6 +45,10 @@ def command() -> None:
     """Replay, record, report; raises SemanticSlamError with the last lines of a node that died."""
     arguments = parse()
     need_ros()
+    if arguments.config is None:
+        from semantic_slam.pipeline.default_configuration import configuration_for
+
+        arguments.config = configuration_for(arguments.bag)
     from semantic_slam.bag.continuation import METADATA
 
     with output_of(arguments) as out:

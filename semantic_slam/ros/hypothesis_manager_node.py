@@ -39,6 +39,7 @@ from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.detector_labels import with_labels
+from semantic_slam.pipeline.first_word import FirstWord
 from semantic_slam.pipeline.frame_count import FrameCount
 from semantic_slam.pipeline.journal import Journal, NoJournal, Record
 from semantic_slam.pipeline.journaled_pool import JournaledPool
@@ -79,7 +80,10 @@ class HypothesisManagerNode(PipelineNode):
         refuse_undeclared(self)
         self._source = _source(source_bag)
         self._journal = self._open_journal(journal, resume)
-        self._assembler = KeyframeAssembler(self._configuration, has_identities=self._wants_identities)
+        self._first_word = FirstWord(self._configuration.semantic_model)
+        self._assembler = KeyframeAssembler(
+            self._configuration, has_identities=self._wants_identities, passes_over=self._first_word.passes_over
+        )
         self._initial_pose: PoseEstimate | None = None
         self._manager: Engine | None = None
         self._frames = FrameCount()
@@ -187,9 +191,9 @@ class HypothesisManagerNode(PipelineNode):
         if measurements is not None:
             self._assembler.add_measurements(measurements)
 
-    def _infer(self, keyframes: list[Keyframe]) -> None:
+    def _infer(self, keyframes: list[Keyframe], *, at_end: bool = False) -> None:
         try:
-            for keyframe in keyframes:
+            for keyframe in self._first_word.released(keyframes, at_end=at_end):
                 if self._manager is None:
                     self._manager = self._start(keyframe)
                 belief = self._manager.process(keyframe)
@@ -217,7 +221,7 @@ class HypothesisManagerNode(PipelineNode):
         if self._initial_pose is not None:
             pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
         run = make_run_configuration(
-            with_labels(self._configuration, first.measurements, self._map_prior),
+            with_labels(self._configuration, first.measurements, self._map_prior, self._first_word.labels),
             self._map_prior,
             pose,
             covariance,
@@ -245,7 +249,7 @@ class HypothesisManagerNode(PipelineNode):
 
     def _finish(self) -> None:
         """All that is left."""
-        self._infer(self._assembler.flush())
+        self._infer(self._assembler.flush(), at_end=True)
         self._is_finished = True
 
     def _announce(self, *, finished: bool) -> None:
@@ -261,8 +265,9 @@ class HypothesisManagerNode(PipelineNode):
         self._progress.send(encode(ReplayProgress(stamp_ns, frames=frames, finished=finished)))
 
     def _statuses(self) -> list[Status]:
-        number = str(self._num_keyframes)
-        return [Status("keyframes", Level.OK, f"{number} keyframes", {"keyframes": number}), self._explanation]
+        number, waiting = str(self._num_keyframes), self._first_word.num_waiting
+        text = f"{number} keyframes" + (f", {waiting} wait for the first detection with a label" if waiting else "")
+        return [Status("keyframes", Level.OK, text, {"keyframes": number}), self._explanation]
 
 
 def _map_prior(path: str) -> MapPrior | None:

@@ -51,6 +51,7 @@ def test_an_object_at_the_edge_of_a_region_lies_in_it_by_half():
     known = replace(map_of(1), class_names=("cup",), class_probabilities=np.ones((1, 1)))
     found = find_objects(known, Question(name="cup", region=(0.0, -1.0, 1.0, 1.0)))
     assert found.objects[0].probability == pytest.approx(0.5, abs=1e-3)
+    assert found.unknown == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_view_shows_one_thing_and_what_hardly_exists_is_hardly_found():
@@ -58,6 +59,8 @@ def test_a_view_shows_one_thing_and_what_hardly_exists_is_hardly_found():
     found = find_objects(known, Question(vector=LOOKS[3]), appearances)
     assert found.objects[0].object_id == 3 and found.objects[0].probability > 0.99
     assert sum(own.probability for own in found.objects) + found.unknown == pytest.approx(1.0)
+    elsewhere = find_objects(known, Question(vector=LOOKS[3], region=(90.0, 90.0, 99.0, 99.0)), appearances)
+    assert elsewhere.unknown == pytest.approx(1.0, abs=1e-6)
     doubted = replace(known, existence=np.where(np.arange(COUNT) == 3, 0.1, 1.0))
     assert find_objects(doubted, Question(vector=LOOKS[3]), appearances).objects[0].probability <= 0.1
 

@@ -16,20 +16,21 @@ pytest.importorskip("semantic_slam_lab")
 from semantic_slam_lab.simulation.detector_bag import write_detector_bag
 from semantic_slam_lab.simulation.detector_words import NAMES, DetectorFaults
 
-ROOM, CONFIG = ROOT / "bags" / "aliased_room", ROOT / "config" / "detector.yaml"
+ROOM = ROOT / "bags" / "aliased_room"
 
 
 @pytest.mark.slow
-def test_eight_objects_have_the_right_name_and_nothing_else_exists(tmp_path: Path, monkeypatch) -> None:
+def test_eight_objects_have_the_right_name_and_nothing_else_exists(tmp_path: Path, monkeypatch, capsys) -> None:
     write_detector_bag(ROOM, tmp_path / "foreign", DetectorFaults(), seed=1)
     words = ["import_dataset", "bag", tmp_path / "foreign", "--out", tmp_path / "bag"]
     monkeypatch.setattr(sys, "argv", list(map(str, words)))
     import_dataset.command()
-    words = ["bag_to_report", tmp_path / "bag", "--out", tmp_path / "out", "--config", CONFIG]
+    words = ["bag_to_report", tmp_path / "bag", "--out", tmp_path / "out"]
     monkeypatch.setattr(sys, "argv", list(map(str, words)))
     with pytest.raises(SystemExit) as left:
         bag_to_report.main()
     assert not left.value.code
+    assert "using config/detector.yaml" in capsys.readouterr().out
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     objects = [item["class_probabilities"] for item in report["objects"] if item["existence"] > 0.5]
     assert len(objects) == 8 and min(max(own.values()) for own in objects) > 0.9

@@ -15,7 +15,7 @@ from worlds.belief_factory import write_belief_bag
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.class_models.latent_space import load_latent_model
-from semantic_slam.cli import bag_to_report, find_lookalike
+from semantic_slam.cli import bag_to_report, find, find_lookalike
 from semantic_slam.configuration import SemanticModelConfiguration, from_dict, load_configuration
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
@@ -110,6 +110,11 @@ def test_the_command_ranks_the_objects(
     assert sum(shares) == pytest.approx(1.0, abs=2e-3)
     assert shares[:-1] == sorted(shares[:-1], reverse=True)
     assert str(number) in [line.split()[1] for line in lines[:4]]
+    limits = ["--region", "90", "90", "99", "99", "--least-probability", "0.1"]
+    monkeypatch.setattr(sys, "argv", ["find", *words[1:], *limits])
+    find.command()
+    (nowhere,) = capsys.readouterr().out.splitlines()[1:]
+    assert nowhere.split() == ["1.0000", "-", "none", "of", "them"]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from worlds.bag_factory import of_topic, write_bag, write_configuration
 from worlds.node_runs import Replay, assert_same, beliefs, run
@@ -30,12 +31,13 @@ def test_places_give_the_beliefs_of_the_offline_pipeline_without_a_network(tmp_p
 
 
 def test_labels_give_the_names_of_the_offline_pipeline(tmp_path: Path) -> None:
-    """Live the first detections name the classes."""
+    """Live the first detections name the classes, before which two frames show and name nothing."""
     entries = place_entries("ranges", NUM_FRAMES)
-    for entry in of_topic(entries, topics.DETECTIONS):
+    for k, entry in enumerate(of_topic(entries, topics.DETECTIONS)):
         found = from_message(entry.message)
         labels = ("chair", "cup") if found.stamp_ns % 3 else ("cup", "cup")
-        entry.message = to_message(replace(found, labels=labels, class_names=("chair", "cup", "tv")))
+        told = replace(found, labels=labels, class_names=("chair", "cup", "tv"))
+        entry.message = to_message(told if k >= 2 else found.take(np.zeros(0, dtype=int)))
     settings = {"association": "open", "semantic_model": {"kind": "detector"}}
     configuration = write_configuration(tmp_path / "configuration", **settings)
     bag = write_bag(tmp_path / "bag", entries)

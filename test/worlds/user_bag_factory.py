@@ -45,6 +45,11 @@ YOLO = {
     "KeyPoint3DArray": "yolo_msgs/KeyPoint3D[] data\nstring frame_id",
     "KeyPoint3D": "int32 id\ngeometry_msgs/Point point\nfloat64 score",
 }
+SEMANTIC_INFERENCE = {
+    "FeatureImage": "std_msgs/Header header\nint32[] mask_ids\nsensor_msgs/Image image\n"
+    "semantic_inference_msgs/FeatureVector[] features",
+    "FeatureVector": "float32[] data",
+}
 
 
 DETECTORS = {
@@ -52,6 +57,7 @@ DETECTORS = {
     "vision_2": ("vision_msgs", VISION_2),
     "vision_3d": ("vision_msgs", VISION_3D),
     "yolo": ("yolo_msgs", YOLO),
+    "segments": ("semantic_inference_msgs", SEMANTIC_INFERENCE),
 }
 
 
@@ -258,6 +264,23 @@ class UserBag:
             for item in seen
         ]  # fmt: skip
         return self.make("yolo_msgs/msg/DetectionArray", header=self.header(stamp_ns), detections=rows)
+
+    def segments(self, stamp_ns: int, seen: list[Seen], encoding: str = "16UC1", numbered: bool = True) -> Any:
+        """Squares of pixels, the later in front, each with the vector (its number, 1, 0)."""
+        kind = {"16UC1": np.uint16, "32SC1": np.int32}[encoding]
+        numbers = np.zeros((HEIGHT, WIDTH), dtype=kind)
+        for number, item in enumerate(seen, start=1):
+            half, u = int(item.size) // 2, round(item.u)
+            numbers[60 - half : 60 + half, max(u - half, 0) : u + half] = number
+        return self.make(
+            "semantic_inference_msgs/msg/FeatureImage", header=self.header(stamp_ns),
+            mask_ids=np.arange(1, 1 + len(seen) * numbered, dtype=np.int32),
+            image=self.image(stamp_ns, numbers, encoding),
+            features=[
+                self.make("semantic_inference_msgs/msg/FeatureVector", data=np.array([n, 1, 0], dtype=np.float32))
+                for n in range(1, len(seen) + 1)
+            ],
+        )  # fmt: skip
 
 
 def picture(seed: int) -> np.ndarray:

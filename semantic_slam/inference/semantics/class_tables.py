@@ -19,7 +19,7 @@ from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.independent_views import ClassLikelihoods, DrawnFeatures
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
+from semantic_slam.inference.states.object_views import ObjectViews, class_posterior, coverage_of
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 from semantic_slam.viewpoint.outliers import OutlierScores
@@ -99,11 +99,11 @@ class ClassTables:
             draws = finite_log_sum_exp(table[None] + seen.drawn[azimuths].transpose(1, 2, 0))  # (M, C)
             best = int(np.argmax(prior + by_class))
             view = Viewpoints(*(value[azimuths[[int(after[best].argmax())]]] for value in vars(self._around).values()))
-            covered = inside and bool(self._model.in_coverage(np.array([best]), view)[0])
+            is_fitted = bool(self._model.in_coverage(np.array([best]), view)[0])
             record = ObjectViews(
                 log_likelihood=by_class,
                 mutual_information=float(mutual_information(class_posterior(prior, draws))),
-                in_coverage=covered and (before is None or before.in_coverage),
+                coverage=coverage_of(before).with_view(STEP_RAD * camera, is_recognised=inside, is_fitted=is_fitted),
                 recent=(after,),
             )
             seen.known[key] = (evidence, record)

@@ -19,7 +19,7 @@ from semantic_slam.inference.semantics.independent_views import score_offsets
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput, at_hand
 from semantic_slam.inference.semantics.track_samples import SampledRow, sample_rows
 from semantic_slam.inference.states.correction import Correction
-from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
+from semantic_slam.inference.states.object_views import ObjectViews, class_posterior, coverage_of
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.correlated import CorrelatedModel, Evidence
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
@@ -49,7 +49,7 @@ class TrackedViews:
     views: tuple[RecordedView, ...]  # V
     azimuth_rad: Array  # (P, V)
     detection: PlanarDetection  # the newest
-    flag: bool  # which lies inside the models' coverage
+    flag: bool  # whose picture is one of a known object
 
 
 class CorrelatedViews:
@@ -163,7 +163,9 @@ class CorrelatedViews:
         record = ObjectViews(
             log_likelihood=likelihood,
             mutual_information=self._epistemic(base, tracked, evidence, log_prior),
-            in_coverage=tracked.flag and bool(covered) and (before is None or before.in_coverage),
+            coverage=coverage_of(before).with_view(
+                float(np.angle(np.exp(1j * azimuth).mean())), is_recognised=tracked.flag, is_fitted=bool(covered)
+            ),
             newest=likelihood - self._averaged(by_track - evidence.newest, log_prior),
             recent=recent,
             log_dropped=log_dropped,

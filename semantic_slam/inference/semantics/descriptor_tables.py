@@ -20,7 +20,8 @@ from semantic_slam.inference.semantics.heading_update import DirectionalView, up
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
-from semantic_slam.inference.states.object_views import DescriptorRecord, HeadingRecord, ObjectViews
+from semantic_slam.inference.states.object_views import DescriptorRecord, HeadingRecord, ObjectViews, coverage_of
+from semantic_slam.inference.states.view_coverage import ViewCoverage
 from semantic_slam.latent.model import DescriptorBelief
 
 STEP_RAD = np.pi / 72.0
@@ -92,11 +93,13 @@ def _records(
         known = view.before.headings if view.before is not None else None
         fresh = (keyframe, detections[view.number])
         heading = HeadingRecord(modes, (*known.pending, fresh) if known else (fresh,))
-        made.append((_record(heading, likelihood, bool(in_coverage[view.number]), view.before), evidence))
+        bearing = STEP_RAD * round(view.bearing_rad / STEP_RAD)
+        coverage = coverage_of(view.before).with_view(bearing, is_recognised=bool(in_coverage[view.number]))
+        made.append((_record(heading, likelihood, coverage), evidence))
     return made
 
 
-def _record(heading: HeadingRecord, likelihood: Array, inside: bool, before: ObjectViews | None) -> ObjectViews:
+def _record(heading: HeadingRecord, likelihood: Array, coverage: ViewCoverage) -> ObjectViews:
     """Record of an object's views, which enter as factors as soon as its heading is known."""
     best, covariance, share = heading.modes.best()
     sigma = float(np.sqrt(covariance[-1, -1]))
@@ -108,7 +111,7 @@ def _record(heading: HeadingRecord, likelihood: Array, inside: bool, before: Obj
     return ObjectViews(
         log_likelihood=likelihood,
         mutual_information=float("nan"),
-        in_coverage=inside and (before is None or before.in_coverage),
+        coverage=coverage,
         descriptor=DescriptorRecord(
             mean=mean, variance=variance, direction_sigma_rad=sigma, entering=entering, heading_rad=float(best[-1])
         ),

@@ -14,7 +14,7 @@ from semantic_slam.inference.semantics.descriptor_problem import DescriptorProbl
 from semantic_slam.inference.semantics.descriptor_tables import UnorientedView, update_unoriented
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
-from semantic_slam.inference.states.object_views import DescriptorRecord, ObjectViews, class_posterior
+from semantic_slam.inference.states.object_views import DescriptorRecord, ObjectViews, class_posterior, coverage_of
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.perception.uncertainty import mutual_information
 
@@ -129,6 +129,7 @@ class DescriptorViews:
         likelihood = self._observation.model.class_log_likelihood(belief)
         places = given.stack.rows.objects[rows[batch], number]
         epistemic = epistemic_parts(self._observation.model, belief, given.log_class_prior[places])
+        bearings = _bearings(given)
         for at, (row, own) in enumerate(zip(batch, number, strict=True)):
             object_id = given.object_ids[places[at]]
             records = views[rows[row]]
@@ -140,7 +141,9 @@ class DescriptorViews:
             records[object_id] = ObjectViews(
                 log_likelihood=likelihood[at],
                 mutual_information=float(epistemic[at]),
-                in_coverage=bool(given.step.in_coverage[index]) and (before is None or before.in_coverage),
+                coverage=coverage_of(before).with_view(
+                    float(bearings[own][rows[row]]), is_recognised=bool(given.step.in_coverage[index])
+                ),
                 descriptor=DescriptorRecord(
                     mean=belief.mean[at],
                     variance=belief.sigma[at] ** 2,
@@ -148,6 +151,14 @@ class DescriptorViews:
                     entering=(*entering, (given.step.index, given.step.detections[index])),
                 ),
             )
+
+
+def _bearings(given: SemanticInput) -> list[Array]:
+    """n of (K,) bearings [rad] in map from the object of a detection to the camera, at the modes."""
+    stack, states = given.stack, given.stack.states(given.mode.y)
+    sensors = [given.step.detections[index].sensor for index in given.used]
+    robots = stack.robots_of(states)
+    return [camera_bearing(robots, stack.objects_of(states, at), sensor) for at, sensor in enumerate(sensors)]
 
 
 def best_mode(problem: DescriptorProblem) -> tuple[Array, Mode]:

@@ -123,8 +123,6 @@ def _views(told: dict[int, _Told], log_settings: Array) -> dict[int, ObjectViews
     log_weights = others - finite_log_sum_exp(others, axis=1)[:, None]
     likelihood = finite_log_sum_exp(log_weights[..., None] + np.array([one.by_setting for one in own]), axis=1)
     return {
-        number: ObjectViews(
-            log_likelihood=likelihood[row], mutual_information=float("nan"), in_coverage=True, recent=(own[row],)
-        )
+        number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))
         for row, number in enumerate(numbers)
     }

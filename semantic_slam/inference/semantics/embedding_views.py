@@ -110,4 +110,4 @@ def _record(views: ObjectViews) -> EmbeddingRecord:
 
 def _views(record: EmbeddingRecord) -> ObjectViews:
     """The record of an object's views; vectors name no class."""
-    return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), in_coverage=True, recent=(record,))
+    return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), recent=(record,))

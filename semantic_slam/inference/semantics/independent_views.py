@@ -11,7 +11,7 @@ from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
-from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
+from semantic_slam.inference.states.object_views import ObjectViews, class_posterior, coverage_of
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
 from semantic_slam.viewpoint.outliers import OutlierScores
@@ -149,14 +149,18 @@ class IndependentViews:
         known = np.array([record.log_likelihood if record else unseen for record in before])
         prior = given.log_class_prior[places]
         inside = self._model.in_coverage(np.argmax(prior + known + likelihoods, axis=1), viewpoints)
-        inside &= given.step.in_coverage[used]
-        inside &= np.array([record is None or record.in_coverage for record in before], dtype=bool)
+        coverages = [
+            coverage_of(record).with_view(float(azimuth), is_recognised=bool(known_picture), is_fitted=bool(fitted))
+            for record, azimuth, known_picture, fitted in zip(
+                before, viewpoints.azimuth_rad, given.step.in_coverage[used], inside, strict=True
+            )
+        ]
         doubt = mutual_information(class_posterior((prior + known)[:, None], exact))
         told = known + np.where(_are_outliers(given, rows, numbers)[:, None], 0.0, likelihoods)
-        records = zip(rows.tolist(), object_ids, told, doubt.tolist(), inside.tolist(), strict=True)
-        for row, object_id, log_likelihood, information, covered in records:
+        records = zip(rows.tolist(), object_ids, told, doubt.tolist(), coverages, strict=True)
+        for row, object_id, log_likelihood, information, coverage in records:
             views[row][object_id] = ObjectViews(
-                log_likelihood=log_likelihood, mutual_information=information, in_coverage=covered
+                log_likelihood=log_likelihood, mutual_information=information, coverage=coverage
             )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.correction import Correction
+from semantic_slam.inference.states.view_coverage import NO_VIEWS, ViewCoverage
 
 if TYPE_CHECKING:
     from semantic_slam.inference.states.heading_mixture import HeadingMixture
@@ -46,14 +47,19 @@ class ObjectViews:
 
     log_likelihood: Array  # (C,) log p(z_1:k | c) of the object's semantic measurements, tracks averaged out
     mutual_information: float  # nats, between class and the network's weights at the newest view
-    in_coverage: bool  # every view lay inside the class models' coverage
     newest: Array | None = None  # (C,) log p(z_k | c, z_1:k-1), where views change what earlier ones tell; else None
+    coverage: ViewCoverage = NO_VIEWS  # which of the views the class models know
     recent: tuple[Any, ...] = ()  # views that later ones correlate with, oldest first
     log_dropped: Array | None = None  # (C,) share of log_likelihood of the views no longer in ``recent``
     dropped: int = 0  # number of those views
     correction: Correction | None = None  # of the object's pose
     descriptor: DescriptorRecord | None = None  # with a learned latent space
     headings: HeadingRecord | None = None
+
+
+def coverage_of(views: ObjectViews | None) -> ViewCoverage:
+    """What a record says of the coverage; of none, that nothing was seen."""
+    return NO_VIEWS if views is None else views.coverage
 
 
 def class_posterior(log_prior: Array, log_likelihood: Array) -> Array:

@@ -61,6 +61,7 @@ class Problem:
     semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
     embeddings: EmbeddingModel | None = None  # of vectors of appearance, where these are evidence
+    novelty_false_alarms: float = 0.0  # share of the views of known objects that are not recognised
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)

@@ -293,11 +293,11 @@ def test_views_outside_the_coverage_are_remembered(correlated: CorrelatedModel, 
     for semantics in (tracks_of(correlated, 50), IndependentViews(shipped, 1.0)):
         scene = OneObject(known([0, 0, 0]), known([2, 0, 0]))
         inside = step_of(0, detection(shipped.tables[0].mean[180]), np.zeros(3), 1e-3)
-        assert scene.take(inside, semantics).records([0])[0][0].in_coverage
+        assert scene.take(inside, semantics).records([0])[0][0].coverage.holds(0.0, 1)
         outside = dataclasses.replace(inside, index=1, stamp_ns=2, in_coverage=np.zeros(1, dtype=bool))
-        assert not scene.take(outside, semantics).records([0])[0][0].in_coverage
+        assert not scene.take(outside, semantics).records([0])[0][0].coverage.holds(0.0, 1)
         again = dataclasses.replace(inside, index=2, stamp_ns=3)
-        assert not scene.take(again, semantics).records([0])[0][0].in_coverage
+        assert list(scene.take(again, semantics).records([0])[0][0].coverage.looks.values()) == [(3, 1)]
 
 
 def test_even_weights_correct_nothing() -> None:

@@ -1,0 +1,68 @@
+"""Detects objects in pictures with a NanoDet ONNX file, run by OpenCV:
+
+python examples/detector_node.py nanodet_m.onnx coco.names --ros-args -r image/compressed:=/camera/image/compressed
+
+With -p compressed:=false it takes the topic image instead.
+"""
+
+import sys
+from pathlib import Path
+
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.utilities import remove_ros_args
+from semantic_slam_msgs.msg import DetectionArray
+from sensor_msgs.msg import CompressedImage, Image
+
+from semantic_slam.errors import MessageError
+from semantic_slam.messages.images import decode_image
+from semantic_slam.perception.onnx_detector import OnnxDetector, read_class_names
+
+
+def detection_array(detector, image):
+    """The DetectionArray of what a detector sees in an Image or CompressedImage.
+
+    For a detector of yours fill the same fields: boxes and labels, and if it tells them the classes that it knows with
+    the scores of all. A picture of nothing is a message, too: it says what is not there. Types are what the fields
+    want, float() and list(): rclpy checks none of them. Raises MessageError for a picture that does not decode.
+    """
+    found = detector(decode_image(image, "image"), stamp_ns=0, frame_id=image.header.frame_id)
+    message = DetectionArray(header=image.header)  # stamp and frame of the picture
+    message.boxes = found.boxes.ravel().tolist()  # D x 4: x_min, y_min, x_max, y_max in pixels
+    message.labels, message.scores = list(found.labels), found.scores.tolist()
+    message.track_ids = [""] * len(found)
+    message.class_names = list(found.class_names)  # C, in the order of the scores
+    message.class_scores = found.class_scores.ravel().tolist()  # D x C
+    return message
+
+
+class DetectorNode(Node):
+    def __init__(self, detector):
+        super().__init__("detector")
+        self._detector = detector
+        self._publisher = self.create_publisher(DetectionArray, "detections", 10)
+        is_compressed = self.declare_parameter("compressed", True).value
+        kind, topic = (CompressedImage, "image/compressed") if is_compressed else (Image, "image")
+        self.create_subscription(kind, topic, self._detect, qos_profile_sensor_data)
+
+    def _detect(self, image):
+        try:
+            self._publisher.publish(detection_array(self._detector, image))
+        except MessageError as fault:
+            self.get_logger().warning(str(fault), throttle_duration_sec=10.0)
+
+
+def main():
+    network, names = map(Path, remove_ros_args(sys.argv)[1:])
+    rclpy.init(args=sys.argv)
+    try:
+        rclpy.spin(DetectorNode(OnnxDetector(network, read_class_names(names))))
+    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()
