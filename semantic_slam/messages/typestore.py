@@ -39,13 +39,31 @@ def serialize(message: Any) -> bytes:
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
 
 
+HEADER = 4
+"""Bytes that say how the rest is encoded."""
+MOST_BEHIND = 128
+"""Bytes that a writer may leave behind a message: rclpy's ``serialize_message`` gives as many as it had reserved."""
+
+
 def deserialize(data: bytes, type_name: str) -> Any:
     """Message from its CDR bytes; raises MessageError."""
     try:
-        return typestore().deserialize_cdr(data, type_name)
+        return _deserialized(data, type_name)
     except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
         reason = " ".join(f"{type(fault).__name__} {fault}".split())[:100]
         raise MessageError(
             f"{type_name}: {len(data)} bytes do not decode ({reason}); was another definition used?",
             "message does not decode",
         ) from None
+
+
+def _deserialized(data: bytes, type_name: str) -> Any:
+    if len(data) < HEADER or bytes(data[:2]) not in (b"\x00\x00", b"\x00\x01"):
+        raise ValueError("no plain CDR")
+    store = typestore()
+    definition = store.get_msgdef(type_name)
+    read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
+    message, end = read(data[HEADER:], 0, definition.cls, store)
+    if len(data) - HEADER - end > MOST_BEHIND:
+        raise ValueError(f"the message ends after {HEADER + end}")
+    return message

@@ -7,11 +7,14 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_share_directory
 from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.serde import SerdeError
+from semantic_slam_msgs.msg import DetectionArray
 from semantic_slam_msgs.msg import ReplayProgress as ReplayProgressMessage
 
+from semantic_slam.errors import MessageError
 from semantic_slam.messages.codec import decode, encode
 from semantic_slam.messages.ground_truth import ReplayProgress
-from semantic_slam.messages.typestore import DEFINITIONS, PACKAGE, typestore
+from semantic_slam.messages.typestore import DEFINITIONS, MOST_BEHIND, PACKAGE, deserialize, typestore
 
 NAMES = sorted(path.stem for path in DEFINITIONS.glob("*.msg"))
 NODES = ["bag_player", "bag_recorder", "backend_node", "classifier_node", "hypothesis_manager_node"]
@@ -39,6 +42,18 @@ def test_codec_reads_what_rclpy_writes() -> None:
     message.header.stamp.nanosec = 5
     read = decode(serialize_message(message), f"{PACKAGE}/msg/ReplayProgress")
     assert read == ReplayProgress(stamp_ns=5, frames=7, finished=True)
+
+
+def test_codec_reads_detections_behind_which_rclpy_leaves_what_it_had_reserved() -> None:
+    """As bags have them that are written by rosbag2_py."""
+    labels = ["chair", "cup"]
+    written = serialize_message(DetectionArray(labels=labels, boxes=[0.0] * 8, scores=[0.5, 0.25]))
+    type_name = f"{PACKAGE}/msg/DetectionArray"
+    with pytest.raises(SerdeError):
+        typestore().deserialize_cdr(written, type_name)  # what this is for
+    assert list(deserialize(written, type_name).labels) == labels
+    with pytest.raises(MessageError, match="message ends after"):
+        deserialize(written + bytes(MOST_BEHIND), type_name)
 
 
 @pytest.mark.slow
