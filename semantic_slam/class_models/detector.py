@@ -3,7 +3,9 @@
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
+from semantic_slam.viewpoint.label_settings import LabelSettings
 
 
 def load_label_model(settings: SemanticModelConfiguration) -> LabelModel | None:
@@ -30,12 +32,10 @@ def _model(settings: SemanticModelConfiguration) -> LabelModel:
         raise InputError("semantic_model.count_factors must be above 0, one at least; correct them")
     return LabelModel(
         labels=labels,
-        accuracy=settings.label_accuracy,
-        counts=settings.label_counts,
-        outlier_share=settings.outlier_share,
-        repeat_shares=settings.repeat_shares,
-        repeat_rad=settings.repeat_rad,
-        count_factors=settings.count_factors,
+        settings=LabelSettings.grid(settings.repeat_shares, (settings.repeat_rad,), settings.count_factors),
+        confusions=(
+            Confusion.symmetric(len(labels), settings.label_accuracy, settings.label_counts, settings.outlier_share),
+        ),
     )
 
 

@@ -449,12 +449,12 @@ def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) 
         object_id=item.object_id,
         name=item.name,
         prior=prior(item.pose, item.covariance),
-        class_prior=_class_prior(item, class_names),
+        class_prior=class_prior(item, class_names),
         existence=item.existence,
     )
 
 
-def _class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
+def class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
     """(C,) probabilities; none is zero, for what an earlier run discarded may have been the truth."""
     uniform = np.full(len(class_names), 1.0 / max(len(class_names), 1))
     given = np.array([item.class_probabilities.get(name, 0.0) for name in class_names])
