@@ -71,7 +71,8 @@ class ViewShares:
     likelihood: Array  # (R, K)
     base: Array  # (R, K, N) counts before any view
     added: Array  # (R, K, N) probability that it is new and means the word
-    outlier: Array  # (R, K) probability that it is one
+    inlier: Array  # (R, K) probability that it is new and no outlier
+    outlier: Array  # (R, K) that it is one
 
     @property
     def drawn(self) -> Array:
@@ -86,6 +87,7 @@ class LabelModel:
     labels: tuple[str, ...]  # L, all different
     settings: LabelSettings  # R
     confusions: tuple[Confusion, ...]  # of each stretch, fitted without it; the last of all other views
+    class_shares: Array  # (C,) probability that an object that no map knows is of each class
     stretch_edges_ns: tuple[int, ...] = field(default=())  # where stretches begin, and where the last one ends
 
     @property
@@ -179,6 +181,7 @@ class LabelModel:
             likelihood=likelihood,
             base=base,
             added=added,
+            inlier=inlier / likelihood,
             outlier=outlier / likelihood,
         )
 

@@ -1,0 +1,109 @@
+"""Confusions by expectation and maximisation, repeated until held-out log evidence stops rising.
+
+Each stretch of the drives is held out once: the words in it are judged by the model that is fitted to all others, given
+the views of the same objects there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.training.labels.expectation import Expectation, Replayed, expected, replayed
+from semantic_slam.training.labels.maximisation import BeforeFit
+from semantic_slam.training.labels.tracks import Track
+from semantic_slam.viewpoint.label_model import LabelModel, LabelView
+
+STRETCHES = 5
+"""Of a drive."""
+NO_STRETCH = -1
+FOLDS = (*range(STRETCHES), NO_STRETCH)
+"""What is left out of each of the models."""
+MOST_ROUNDS = 20
+LEAST_GAIN = 0.1
+"""Nats of held-out log evidence that a round has to add."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """Models of which each leaves a stretch out, the last one none; they share their settings."""
+
+    models: tuple[LabelModel, ...]  # of ``FOLDS``
+    held_out: float  # nats, log evidence of every stretch under the model without it
+    rounds: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pass:
+    """All tracks under one model."""
+
+    model: LabelModel
+    told: Expectation  # by what is not left out
+    log_evidence: Array  # (R,) with what is
+
+    @property
+    def weights(self) -> Array:
+        """(R,) of the settings, by what is not left out."""
+        logs = self.model.settings.log_weights + self.told.log_evidence
+        return np.asarray(np.exp(logs - finite_log_sum_exp(logs)))
+
+    @property
+    def gain(self) -> float:
+        """Log evidence of what is left out, given the rest, in nats."""
+        logs = self.model.settings.log_weights
+        with_it, without = (finite_log_sum_exp(logs + own) for own in (self.log_evidence, self.told.log_evidence))
+        return float(with_it - without)
+
+
+def fitted(models: Sequence[LabelModel], before: BeforeFit, tracks: Sequence[Track]) -> Fitted:
+    """From where ``models`` are, one for each of ``FOLDS``."""
+    passes = [passed(model, tracks, fold) for model, fold in zip(models, FOLDS, strict=True)]
+    best = Fitted(models=tuple(models), held_out=_held_out(passes), rounds=0)
+    for number in range(1, MOST_ROUNDS + 1):
+        models = [refitted(own, before) for own in passes]
+        passes = [passed(model, tracks, fold) for model, fold in zip(models, FOLDS, strict=True)]
+        held_out = _held_out(passes)
+        if held_out < best.held_out + LEAST_GAIN:
+            break
+        best = Fitted(models=tuple(models), held_out=held_out, rounds=number)
+    return best
+
+
+def refitted(own: Pass, before: BeforeFit) -> LabelModel:
+    """The model after one round."""
+    told, weights = own.told, own.weights
+    confusion, shares = before.fitted(told, weights), before.class_shares(told, weights)
+    return replace(own.model, confusions=(confusion,), class_shares=shares)
+
+
+def passed(model: LabelModel, tracks: Sequence[Track], fold: int) -> Pass:
+    """What tracks tell, with a stretch left out."""
+    told = Expectation.nothing(model)
+    log_evidence = np.zeros(model.num_settings)
+    for track in tracks:
+        kept, left = views_of(track, fold)
+        own = replayed(model, track, kept)
+        told = told.plus(expected(model, own, own.rows), track.weight)
+        log_evidence += track.weight * with_views(model, own, left).log_evidence
+    return Pass(model=model, told=told, log_evidence=log_evidence)
+
+
+def views_of(track: Track, fold: int) -> tuple[list[LabelView], list[LabelView]]:
+    """What a model is fitted to of a track, and what is left out of it."""
+    kept = [view for view, stretch in zip(track.views, track.stretches, strict=True) if stretch != fold]
+    left = [view for view, stretch in zip(track.views, track.stretches, strict=True) if stretch == fold]
+    return kept, left
+
+
+def with_views(model: LabelModel, own: Replayed, views: Sequence[LabelView]) -> Replayed:
+    """A track with further views."""
+    record = own.record
+    for view in views:
+        record = model.after(record, view)
+    return replace(own, record=record)
+
+
+def _held_out(passes: Sequence[Pass]) -> float:
+    return sum(own.gain for own in passes[:-1])

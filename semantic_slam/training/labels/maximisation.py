@@ -1,0 +1,65 @@
+"""What a class is called, from words that are expected to be drawn from that, by levels that lend each other strength.
+
+All classes share how often their own label is right; what one is called else, and from which side, departs from that as
+far as there are views: every level counts as many as the one below had before any.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.training.labels.expectation import Expectation
+from semantic_slam.viewpoint.label_confusion import Confusion
+
+OUTLIER_VIEWS = 20.0
+"""Views that the outlier share known before counts as."""
+NEIGHBOUR_SHARE = 0.25
+"""Share of the views of a sector that count for each of its neighbours."""
+
+
+CLASS_OBJECTS = 1.0
+"""Objects of each class that count as seen before any was."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeforeFit:
+    """What is expected of any detector."""
+
+    num_labels: int
+    accuracy: float
+    counts: float  # views that every level counts as
+    outlier_share: float
+
+    def confusion(self) -> Confusion:
+        """Of every class alike, from all sides."""
+        return Confusion.symmetric(self.num_labels, self.accuracy, self.counts, self.outlier_share)
+
+    def fitted(self, told: Expectation, setting_weights: Array) -> Confusion:
+        """With what is told under the settings, which have (R,) weights."""
+        drawn = np.tensordot(setting_weights, told.drawn, axes=1)  # (S, L, W)
+        inliers, outliers = float(setting_weights @ told.inliers), float(setting_weights @ told.outliers)
+        share = (OUTLIER_VIEWS * self.outlier_share + outliers) / (OUTLIER_VIEWS + inliers + outliers)
+        total = drawn.sum(axis=0)
+        right, size = float(np.trace(total)), self.num_labels
+        accuracy = (self.counts * self.accuracy + right) / (self.counts + float(total.sum()))
+        shared = Confusion.symmetric(size, accuracy, self.counts, share)
+        classes = self._after(shared.counts[0], total)
+        sectors = self._after(np.broadcast_to(classes, drawn.shape), _smoothed(drawn)) if len(drawn) > 1 else classes[None]
+        return Confusion(counts=sectors, none=self.confusion().none, outlier_share=share)
+
+    def class_shares(self, told: Expectation, setting_weights: Array) -> Array:
+        """(C,) of the objects."""
+        objects = CLASS_OBJECTS + setting_weights @ told.classes
+        return np.asarray(objects / objects.sum())
+
+    def _after(self, before: Array, drawn: Array) -> Array:
+        """(..., W) counts, as many as before, with their shares after words were drawn."""
+        after = before + drawn
+        return np.asarray(self.counts * after / after.sum(axis=-1, keepdims=True))
+
+
+def _smoothed(drawn: Array) -> Array:
+    """(S, L, W) with what neighbours tell."""
+    beside = np.roll(drawn, 1, axis=0) + np.roll(drawn, -1, axis=0)
+    return np.asarray((1.0 - 2.0 * NEIGHBOUR_SHARE) * drawn + NEIGHBOUR_SHARE * beside)
