@@ -167,13 +167,13 @@ class LabelModel:
         """What one more view, which has a word, may be."""
         reported = {view.answer, *np.flatnonzero(view.shares > view.shares.min() * LEAST_REPORTED).tolist()}
         words = tuple(dict.fromkeys((*record.words, *sorted(reported))))
-        repeating, repeated = self._repeats(record, view)  # (R, 1), 0 or 1
+        repeating, earlier = self._repeats(record, view)  # (R, 1), a word
         before, base, meant, rest = self._meant(record, words, view)
         share = self.confusions[view.stretch].outlier_share
         new = meant.sum(axis=2) + rest  # (R, K)
         inlier = (1.0 - repeating) * (1.0 - share) * new
         outlier = (1.0 - repeating) * share / self.num_words
-        likelihood = repeated * repeating + outlier + inlier
+        likelihood = (earlier == view.answer) * repeating + outlier + inlier
         added = meant * np.isin(words, list(reported)) * (inlier / (likelihood * new))[..., None]
         return ViewShares(
             words=words,
@@ -207,17 +207,28 @@ class LabelModel:
         by_score = self.settings.by_score[:, None]
         return np.asarray(by_score * view.shares + (1.0 - by_score) * (np.arange(self.num_words) == view.answer))
 
-    def _repeats(self, record: LabelRecord, view: LabelView) -> tuple[Array, float]:
-        """(R, 1) probabilities that the nearest earlier view is repeated, and 1 if its word is the answer, else 0."""
+    def word_probabilities(self, record: LabelRecord, view: LabelView) -> Array:
+        """(R, K, W) of what one more view may be called; its own answer and scores do not matter."""
+        repeating, earlier = self._repeats(record, view)
+        counts = np.zeros((*record.counts.shape[:2], self.num_words))
+        counts[..., list(record.words)] = record.counts
+        counts += self._factors * self._prior(view)
+        share = self.confusions[view.stretch].outlier_share
+        new = (1.0 - share) * counts / counts.sum(axis=2, keepdims=True) + share / self.num_words
+        repeated = repeating[..., None] * (np.arange(self.num_words) == earlier)
+        return np.asarray(repeated + (1.0 - repeating[..., None]) * new)
+
+    def _repeats(self, record: LabelRecord, view: LabelView) -> tuple[Array, int]:
+        """(R, 1) probabilities that the nearest earlier view is repeated, and its word."""
         seen = np.flatnonzero(record.answers >= 0)
         if not len(seen):
-            return np.zeros((self.num_settings, 1)), 0.0
+            return np.zeros((self.num_settings, 1)), -1
         turns = np.abs(seen - view.direction)
         turned = STEP_RAD * np.minimum(turns, DIRECTIONS - turns)
         away = np.hypot(turned, record.log_ranges[seen] - view.log_range)
         nearest = int(np.argmin(away))
         share = self.settings.repeat_shares * np.exp(-away[nearest] / self.settings.repeat_rads)
-        return share[:, None], float(record.answers[seen[nearest]] == view.answer)
+        return share[:, None], int(record.answers[seen[nearest]])
 
     def _meant(self, record: LabelRecord, words: tuple[int, ...], view: LabelView) -> tuple[Array, Array, Array, Array]:
         """Of ``words`` before a view: counts, those before any view, q(w) E[theta(w)]; and (R, K) that of all others.

@@ -2,12 +2,13 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.log_space import log_sum_exp
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +45,11 @@ class LabelSettings:
             log_weights=np.full(len(factors), -np.log(len(factors))),
         )
 
-    def weighted(self, log_weights: Array, least: float) -> Self:
-        """With other (R,) weights, without those that then have less than ``least`` of the greatest."""
-        kept = np.flatnonzero(log_weights >= log_weights.max() + np.log(least))
-        weights = np.exp(log_weights[kept] - log_weights.max())
-        values = {item.name: getattr(self, item.name)[kept] for item in fields(self)}
-        return type(self)(**{**values, "log_weights": np.log(weights / weights.sum())})
+    def weighted(self, log_weights: Array) -> Self:
+        """With other (R,) weights, up to a factor."""
+        return replace(self, log_weights=log_weights - log_sum_exp(log_weights))
+
+    def take(self, rows: Index) -> Self:
+        """Some of them, as likely to each other as before."""
+        kept = type(self)(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
+        return kept.weighted(kept.log_weights)

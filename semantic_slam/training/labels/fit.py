@@ -12,7 +12,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.training.labels.expectation import Expectation, Replayed, expected, replayed
-from semantic_slam.training.labels.maximisation import BeforeFit
+from semantic_slam.training.labels.maximisation import BeforeFit, class_shares
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.label_model import LabelModel, LabelView
 
@@ -30,9 +30,18 @@ LEAST_GAIN = 0.1
 class Fitted:
     """Models of which each leaves a stretch out, the last one none; they share their settings."""
 
-    models: tuple[LabelModel, ...]  # of ``FOLDS``
-    held_out: float  # nats, log evidence of every stretch under the model without it
+    passes: tuple["Pass", ...]  # of ``FOLDS``
     rounds: int
+
+    @property
+    def held_out(self) -> float:
+        """Log evidence of every stretch under the model without it, in nats."""
+        return sum(own.gain for own in self.passes[:-1])
+
+    @property
+    def whole(self) -> "Pass":
+        """Of the model that leaves nothing out."""
+        return self.passes[-1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,23 +68,26 @@ class Pass:
 
 def fitted(models: Sequence[LabelModel], before: BeforeFit, tracks: Sequence[Track]) -> Fitted:
     """From where ``models`` are, one for each of ``FOLDS``."""
-    passes = [passed(model, tracks, fold) for model, fold in zip(models, FOLDS, strict=True)]
-    best = Fitted(models=tuple(models), held_out=_held_out(passes), rounds=0)
+    best = as_they_are(models, tracks)
     for number in range(1, MOST_ROUNDS + 1):
-        models = [refitted(own, before) for own in passes]
-        passes = [passed(model, tracks, fold) for model, fold in zip(models, FOLDS, strict=True)]
-        held_out = _held_out(passes)
-        if held_out < best.held_out + LEAST_GAIN:
+        found = as_they_are([refitted(own, before) for own in best.passes], tracks)
+        if found.held_out < best.held_out + LEAST_GAIN:
             break
-        best = Fitted(models=tuple(models), held_out=held_out, rounds=number)
+        best = replace(found, rounds=number)
     return best
+
+
+def as_they_are(models: Sequence[LabelModel], tracks: Sequence[Track]) -> Fitted:
+    """Models that are not changed."""
+    passes = tuple(passed(model, tracks, fold) for model, fold in zip(models, FOLDS, strict=True))
+    return Fitted(passes=passes, rounds=0)
 
 
 def refitted(own: Pass, before: BeforeFit) -> LabelModel:
     """The model after one round."""
     told, weights = own.told, own.weights
-    confusion, shares = before.fitted(told, weights), before.class_shares(told, weights)
-    return replace(own.model, confusions=(confusion,), class_shares=shares)
+    shares = class_shares(weights @ told.classes)
+    return replace(own.model, confusions=(before.fitted(told, weights),), class_shares=shares)
 
 
 def passed(model: LabelModel, tracks: Sequence[Track], fold: int) -> Pass:
@@ -103,7 +115,3 @@ def with_views(model: LabelModel, own: Replayed, views: Sequence[LabelView]) -> 
     for view in views:
         record = model.after(record, view)
     return replace(own, record=record)
-
-
-def _held_out(passes: Sequence[Pass]) -> float:
-    return sum(own.gain for own in passes[:-1])

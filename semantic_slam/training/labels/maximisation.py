@@ -22,6 +22,11 @@ CLASS_OBJECTS = 1.0
 """Objects of each class that count as seen before any was."""
 
 
+def class_shares(objects: Array) -> Array:
+    """(C,) shares of classes, from (C,) objects of each."""
+    return np.asarray((CLASS_OBJECTS + objects) / (CLASS_OBJECTS + objects).sum())
+
+
 @dataclass(frozen=True, kw_only=True)
 class BeforeFit:
     """What is expected of any detector."""
@@ -45,13 +50,10 @@ class BeforeFit:
         accuracy = (self.counts * self.accuracy + right) / (self.counts + float(total.sum()))
         shared = Confusion.symmetric(size, accuracy, self.counts, share)
         classes = self._after(shared.counts[0], total)
-        sectors = self._after(np.broadcast_to(classes, drawn.shape), _smoothed(drawn)) if len(drawn) > 1 else classes[None]
+        sectors = (
+            self._after(np.broadcast_to(classes, drawn.shape), _smoothed(drawn)) if len(drawn) > 1 else classes[None]
+        )
         return Confusion(counts=sectors, none=self.confusion().none, outlier_share=share)
-
-    def class_shares(self, told: Expectation, setting_weights: Array) -> Array:
-        """(C,) of the objects."""
-        objects = CLASS_OBJECTS + setting_weights @ told.classes
-        return np.asarray(objects / objects.sum())
 
     def _after(self, before: Array, drawn: Array) -> Array:
         """(..., W) counts, as many as before, with their shares after words were drawn."""

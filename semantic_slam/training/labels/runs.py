@@ -32,7 +32,9 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     named = [run.sha256 for run in runs if run.sha256]
     twice = [str(folder) for folder, run in zip(folders, runs, strict=True) if named.count(run.sha256) > 1]
     if twice:
-        raise InputError(f"{' and '.join(twice)}: are runs of one bag, whose views would count twice; leave out all but one")
+        raise InputError(
+            f"{' and '.join(twice)}: are runs of one bag, whose views would count twice; leave out all but one"
+        )
     return runs
 
 
@@ -48,10 +50,9 @@ def _read(folder: Path) -> Run:
             f"{folder}: ran with semantic_model.kind: {kind}, by which labels name nothing; run the bag with --config"
             " config/detector.yaml first"
         )
-    source = json_object(record.run.source)
     return Run(
         record=record,
         configuration=configuration,
-        bag=str(source.get("path") or folder),
-        sha256=str(source.get("sha256") or ""),
+        bag=str(json_object(record.run.source).get("path") or folder),
+        sha256=record.run.source_sha256,
     )
