@@ -21,6 +21,7 @@ def unfitted(labels=LABELS, counts=4.0, outlier_share=0.05, repeat_shares=REPEAT
         labels=labels,
         settings=LabelSettings.grid(repeat_shares, (REPEAT_RAD,), (1.0,)),
         confusions=(Confusion.symmetric(len(labels), 0.75, counts, outlier_share),),
+        class_shares=np.full(len(labels) + 1, 1.0 / (len(labels) + 1)),
     )
 
 

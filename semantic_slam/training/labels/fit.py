@@ -1,26 +1,16 @@
-"""Confusions by expectation and maximisation, repeated until held-out log evidence stops rising.
+"""Models by expectation and maximisation, repeated until held-out log evidence stops rising.
 
 Each stretch of the drives is held out once: the words in it are judged by the model that is fitted to all others, given
 the views of the same objects there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.log_space import finite_log_sum_exp
-from semantic_slam.training.labels.expectation import Expectation, Replayed, expected, replayed
-from semantic_slam.training.labels.maximisation import BeforeFit, class_shares
+from semantic_slam.training.labels.passes import FOLDS, Pass, passed
 from semantic_slam.training.labels.tracks import Track
-from semantic_slam.viewpoint.label_model import LabelModel, LabelView
+from semantic_slam.viewpoint.label_model import LabelModel
 
-STRETCHES = 5
-"""Of a drive."""
-NO_STRETCH = -1
-FOLDS = (*range(STRETCHES), NO_STRETCH)
-"""What is left out of each of the models."""
 MOST_ROUNDS = 20
 LEAST_GAIN = 0.1
 """Nats of held-out log evidence that a round has to add."""
@@ -30,7 +20,7 @@ LEAST_GAIN = 0.1
 class Fitted:
     """Models of which each leaves a stretch out, the last one none; they share their settings."""
 
-    passes: tuple["Pass", ...]  # of ``FOLDS``
+    passes: tuple[Pass, ...]  # of ``FOLDS``
     rounds: int
 
     @property
@@ -39,41 +29,23 @@ class Fitted:
         return sum(own.gain for own in self.passes[:-1])
 
     @property
-    def whole(self) -> "Pass":
+    def whole(self) -> Pass:
         """Of the model that leaves nothing out."""
         return self.passes[-1]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pass:
-    """All tracks under one model."""
-
-    model: LabelModel
-    told: Expectation  # by what is not left out
-    log_evidence: Array  # (R,) with what is
-
-    @property
-    def weights(self) -> Array:
-        """(R,) of the settings, by what is not left out."""
-        logs = self.model.settings.log_weights + self.told.log_evidence
-        return np.asarray(np.exp(logs - finite_log_sum_exp(logs)))
-
-    @property
-    def gain(self) -> float:
-        """Log evidence of what is left out, given the rest, in nats."""
-        logs = self.model.settings.log_weights
-        with_it, without = (finite_log_sum_exp(logs + own) for own in (self.log_evidence, self.told.log_evidence))
-        return float(with_it - without)
+Refit = Callable[[Pass, int], LabelModel]
+"""A model after one round, from the pass of the one before and its place in ``FOLDS``."""
 
 
-def fitted(models: Sequence[LabelModel], before: BeforeFit, tracks: Sequence[Track]) -> Fitted:
-    """From where ``models`` are, one for each of ``FOLDS``."""
-    best = as_they_are(models, tracks)
-    for number in range(1, MOST_ROUNDS + 1):
-        found = as_they_are([refitted(own, before) for own in best.passes], tracks)
-        if found.held_out < best.held_out + LEAST_GAIN:
-            break
-        best = replace(found, rounds=number)
+def fitted(models: Sequence[LabelModel], refit: Refit, tracks: Sequence[Track], patience: int) -> Fitted:
+    """From ``models``, one for each of ``FOLDS``; so many rounds in a row may add nothing before it ends."""
+    best = found = as_they_are(models, tracks)
+    while found.rounds < min(MOST_ROUNDS, best.rounds + patience):
+        models = [refit(own, place) for place, own in enumerate(found.passes)]
+        found = replace(as_they_are(models, tracks), rounds=found.rounds + 1)
+        if found.held_out >= best.held_out + LEAST_GAIN:
+            best = found
     return best
 
 
@@ -81,37 +53,3 @@ def as_they_are(models: Sequence[LabelModel], tracks: Sequence[Track]) -> Fitted
     """Models that are not changed."""
     passes = tuple(passed(model, tracks, fold) for model, fold in zip(models, FOLDS, strict=True))
     return Fitted(passes=passes, rounds=0)
-
-
-def refitted(own: Pass, before: BeforeFit) -> LabelModel:
-    """The model after one round."""
-    told, weights = own.told, own.weights
-    shares = class_shares(weights @ told.classes)
-    return replace(own.model, confusions=(before.fitted(told, weights),), class_shares=shares)
-
-
-def passed(model: LabelModel, tracks: Sequence[Track], fold: int) -> Pass:
-    """What tracks tell, with a stretch left out."""
-    told = Expectation.nothing(model)
-    log_evidence = np.zeros(model.num_settings)
-    for track in tracks:
-        kept, left = views_of(track, fold)
-        own = replayed(model, track, kept)
-        told = told.plus(expected(model, own, own.rows), track.weight)
-        log_evidence += track.weight * with_views(model, own, left).log_evidence
-    return Pass(model=model, told=told, log_evidence=log_evidence)
-
-
-def views_of(track: Track, fold: int) -> tuple[list[LabelView], list[LabelView]]:
-    """What a model is fitted to of a track, and what is left out of it."""
-    kept = [view for view, stretch in zip(track.views, track.stretches, strict=True) if stretch != fold]
-    left = [view for view, stretch in zip(track.views, track.stretches, strict=True) if stretch == fold]
-    return kept, left
-
-
-def with_views(model: LabelModel, own: Replayed, views: Sequence[LabelView]) -> Replayed:
-    """A track with further views."""
-    record = own.record
-    for view in views:
-        record = model.after(record, view)
-    return replace(own, record=record)

@@ -8,7 +8,8 @@ import numpy as np
 from semantic_slam.evaluation.classification import expected_calibration_error
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.labels.expectation import replayed
-from semantic_slam.training.labels.fit import FOLDS, Fitted, Pass, views_of, with_views
+from semantic_slam.training.labels.fit import Fitted
+from semantic_slam.training.labels.passes import FOLDS, Pass, views_of, with_views
 from semantic_slam.training.labels.tracks import Track
 
 LEAST_WEIGHT = 0.5

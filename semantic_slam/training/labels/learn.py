@@ -10,19 +10,17 @@ import numpy as np
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.expectation import Expectation
-from semantic_slam.training.labels.fit import FOLDS, NO_STRETCH, STRETCHES, Fitted, as_they_are, fitted, passed
+from semantic_slam.training.labels.fit import Fitted, as_they_are
 from semantic_slam.training.labels.judgement import Judgement, judged
 from semantic_slam.training.labels.maximisation import BeforeFit, class_shares
+from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, passed
 from semantic_slam.training.labels.report import report_of
 from semantic_slam.training.labels.runs import Run
 from semantic_slam.training.labels.tracks import Track, stretch_edges, tracks_of
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_settings import LabelSettings
 from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels
 
-REPEAT_SHARES, REPEAT_RADS, COUNT_FACTORS = (0.0, 0.5, 0.8, 0.95, 0.99), (0.25, 0.5, 1.0, 2.0), (1.0, 3.0, 10.0, 30.0)
-"""Settings that are tried, besides whether scores count. What none of the labels means stays as unknown as it was."""
 LEAST_SHARE = 1e-3
 """Of the likeliest setting; others are not handed on."""
 LEAST_GAIN = 3.0
@@ -77,17 +75,12 @@ def learn(runs: Sequence[Run]) -> FittedLabels:
         outlier_share=settings.outlier_share,
     )
     unfitted = as_they_are([start] * len(FOLDS), told.every)
-    found = _tried(start, before, told.every)
+    same = alike(start, before, told.every)
+    found = max(same, by_side(same, before, told.every), key=lambda own: own.held_out)
     first, last = judged(unfitted, told.every), judged(found, told.every)
     is_better = _is_better(first, last)
     report = report_of(found, is_better, first, last)
     return _handed_on(found, told, report) if is_better else _as_before(unfitted, told, report)
-
-
-def _tried(start: LabelModel, before: BeforeFit, tracks: Sequence[Track]) -> Fitted:
-    """With more settings than before, from there."""
-    settings = LabelSettings.grid(REPEAT_SHARES, REPEAT_RADS, COUNT_FACTORS, other_factor=1.0)
-    return fitted([replace(start, settings=settings)] * len(FOLDS), before, tracks)
 
 
 def _is_better(first: Judgement, last: Judgement) -> bool:

@@ -4,12 +4,13 @@ All classes share how often their own label is right; what one is called else, a
 far as there are views: every level counts as many as the one below had before any.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.labels.expectation import Expectation
+from semantic_slam.training.labels.passes import Pass
 from semantic_slam.viewpoint.label_confusion import Confusion
 
 OUTLIER_VIEWS = 20.0
@@ -40,20 +41,21 @@ class BeforeFit:
         """Of every class alike, from all sides."""
         return Confusion.symmetric(self.num_labels, self.accuracy, self.counts, self.outlier_share)
 
-    def fitted(self, told: Expectation, setting_weights: Array) -> Confusion:
-        """With what is told under the settings, which have (R,) weights."""
-        drawn = np.tensordot(setting_weights, told.drawn, axes=1)  # (S, L, W)
-        inliers, outliers = float(setting_weights @ told.inliers), float(setting_weights @ told.outliers)
+    def fitted(self, own: Pass) -> Confusion:
+        """Of all sides alike, by what a pass has told."""
+        told, weights = own.told, own.weights
+        drawn = np.tensordot(weights, told.drawn, axes=1)[0]  # (L, W)
+        inliers, outliers = float(weights @ told.inliers), float(weights @ told.outliers)
         share = (OUTLIER_VIEWS * self.outlier_share + outliers) / (OUTLIER_VIEWS + inliers + outliers)
-        total = drawn.sum(axis=0)
-        right, size = float(np.trace(total)), self.num_labels
-        accuracy = (self.counts * self.accuracy + right) / (self.counts + float(total.sum()))
-        shared = Confusion.symmetric(size, accuracy, self.counts, share)
-        classes = self._after(shared.counts[0], total)
-        sectors = (
-            self._after(np.broadcast_to(classes, drawn.shape), _smoothed(drawn)) if len(drawn) > 1 else classes[None]
-        )
-        return Confusion(counts=sectors, none=self.confusion().none, outlier_share=share)
+        accuracy = (self.counts * self.accuracy + float(np.trace(drawn))) / (self.counts + float(drawn.sum()))
+        shared = Confusion.symmetric(self.num_labels, accuracy, self.counts, share)
+        classes = self._after(shared.counts, drawn[None])
+        return Confusion(counts=classes, none=self.confusion().none, outlier_share=share)
+
+    def by_side(self, told: Expectation, weights: Array, alike: Confusion) -> Confusion:
+        """Of each side, by what is told under settings of (R,) weights; ``alike`` is of all sides."""
+        drawn = np.tensordot(weights, told.drawn, axes=1)  # (S, L, W)
+        return replace(alike, counts=self._after(np.broadcast_to(alike.counts, drawn.shape), _smoothed(drawn)))
 
     def _after(self, before: Array, drawn: Array) -> Array:
         """(..., W) counts, as many as before, with their shares after words were drawn."""
