@@ -26,12 +26,12 @@ def learn_labels(arguments: argparse.Namespace) -> None:
 
 
 def _learn(folders: list[Path], models: Path, report: Path) -> list[str]:
-    from semantic_slam.training.labels.learn import learn
+    from semantic_slam.training.labels.learn import RunTracks, learn
     from semantic_slam.training.labels.report import lines_of
     from semantic_slam.training.labels.runs import read_runs
     from semantic_slam.viewpoint.label_store import save_labels
 
-    fitted = learn(read_runs(folders))
+    fitted = learn(RunTracks.of(read_runs(folders)))
     save_labels(fitted, models)
     report.write_text(json.dumps(fitted.report, indent=1) + "\n", encoding="utf-8")
     return lines_of(fitted.report)

@@ -24,6 +24,8 @@ REPEAT_SHARES, REPEAT_RADS, COUNT_FACTORS = (0.0, 0.5, 0.8, 0.95, 0.99), (0.25, 
 """Settings that are tried, besides whether scores count. What none of the labels means stays as unknown as it was."""
 SECTORS = 12
 """Sides of an object; headings are as fine."""
+BEGINNING = 4.0
+"""Times that the views of those objects count in the beginning, so that headings have something to agree with."""
 PATIENCE = 4
 """Rounds in a row that sides may need before headings agree."""
 
@@ -55,10 +57,10 @@ def by_side(found: Fitted, before: BeforeFit, tracks: Sequence[Track]) -> Fitted
 
 
 def _narrowed(whole: Pass) -> LabelSettings:
-    """Without settings whose scores or distance of repeats differ from the likeliest one's."""
+    """Settings that differ from the likeliest one by how often views repeat, which sides may explain, or by counts."""
     settings, best = whole.model.settings, int(np.argmax(whole.weights))
     same = (settings.by_score == settings.by_score[best]) & (settings.repeat_rads == settings.repeat_rads[best])
-    return settings.take(np.flatnonzero(same))
+    return settings.take(np.flatnonzero(same & (settings.count_factors >= settings.count_factors[best])))
 
 
 def _begun(model: LabelModel, before: BeforeFit, tracks: Sequence[Track], fold: int) -> LabelModel:
@@ -75,7 +77,7 @@ def _begun(model: LabelModel, before: BeforeFit, tracks: Sequence[Track], fold: 
         if worth > best.get(number, (0.0,))[0]:
             best[number] = worth, track, seen
     for _, track, seen in best.values():
-        told = told.plus(expected(turned, seen, _ahead(turned, seen.rows)), track.weight)
+        told = told.plus(expected(turned, seen, _ahead(turned, seen.rows)), BEGINNING * track.weight)
     even = np.exp(turned.settings.log_weights)
     return replace(turned, confusions=(before.by_side(told, even, confusion),))
 

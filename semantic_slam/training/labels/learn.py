@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.labels.candidates import alike, by_side
@@ -30,12 +31,23 @@ MOST_MISCALIBRATION = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Runs:
-    """What runs tell, each by itself."""
+class RunTracks:
+    """What B runs of one detector tell, each by itself."""
 
-    runs: Sequence[Run]
-    edges: Sequence[tuple[int, ...]]
-    tracks: Sequence[Sequence[Track]]
+    settings: SemanticModelConfiguration  # before any fit, with the labels of all
+    runs: Sequence[Run]  # B
+    edges: Sequence[tuple[int, ...]]  # B, where the stretches of each begin, and where the last one ends
+    tracks: Sequence[Sequence[Track]]  # B
+
+    @classmethod
+    def of(cls, runs: Sequence[Run]) -> Self:
+        """From the beliefs of runs. Raises InputError where not one object was seen."""
+        labels = tuple(sorted({label for run in runs for label in run.settings.labels}))
+        edges = [stretch_edges(run, STRETCHES) for run in runs]
+        tracks = [tracks_of(run, labels, own) for run, own in zip(runs, edges, strict=True)]
+        if not any(tracks):
+            raise InputError("no run has an object that was seen; drive by objects that the detector reports")
+        return cls(settings=replace(runs[0].settings, labels=labels), runs=runs, edges=edges, tracks=tracks)
 
     @property
     def every(self) -> list[Track]:
@@ -56,20 +68,13 @@ class _Runs:
         )
 
 
-def learn(runs: Sequence[Run]) -> FittedLabels:
-    """From runs of one detector. Raises InputError where not one object was seen."""
-    labels = tuple(sorted({label for run in runs for label in run.settings.labels}))
-    edges = [stretch_edges(run, STRETCHES) for run in runs]
-    told = _Runs(
-        runs=runs, edges=edges, tracks=[tracks_of(run, labels, own) for run, own in zip(runs, edges, strict=True)]
-    )
-    if not told.every:
-        raise InputError("no run has an object that was seen; drive by objects that the detector reports")
-    settings = replace(runs[0].settings, labels=labels)
+def learn(told: RunTracks) -> FittedLabels:
+    """The models that held-out stretches prefer; those before any fit where there is too little to learn from."""
+    settings = told.settings
     start = load_label_model(settings)
     assert start is not None
     before = BeforeFit(
-        num_labels=len(labels),
+        num_labels=len(settings.labels),
         accuracy=settings.label_accuracy,
         counts=settings.label_counts,
         outlier_share=settings.outlier_share,
@@ -88,7 +93,7 @@ def _is_better(first: Judgement, last: Judgement) -> bool:
     return last.log_evidence >= first.log_evidence + LEAST_GAIN and is_calibrated
 
 
-def _handed_on(found: Fitted, told: _Runs, report: dict[str, Any]) -> FittedLabels:
+def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:
     """With the settings that are left, and what bags tell of settings and classes without one of them."""
     whole = found.whole
     kept = np.flatnonzero(whole.weights >= LEAST_SHARE * whole.weights.max())
@@ -113,7 +118,7 @@ def _handed_on(found: Fitted, told: _Runs, report: dict[str, Any]) -> FittedLabe
     )
 
 
-def _as_before(unfitted: Fitted, told: _Runs, report: dict[str, Any]) -> FittedLabels:
+def _as_before(unfitted: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:
     model = unfitted.whole.model
     return FittedLabels(
         labels=model.labels,

@@ -37,6 +37,7 @@ Place = tuple[int, int]
 class Track:
     """Views that are of one object, in the order of the drive."""
 
+    object_id: int
     views: tuple[LabelView, ...]  # V
     stretches: tuple[int, ...]  # (V,) of the drive
     weight: float  # probability that the object is there and these are its views
@@ -90,6 +91,7 @@ class _Reader:
         stamps = [self._run.record.beliefs[keyframe].stamp_ns for keyframe, _ in places]
         stretches = np.clip(np.searchsorted(edges, stamps, side="right") - 1, 0, len(edges) - 2)
         return Track(
+            object_id=number,
             views=tuple(self._view(number, *place) for place in places),
             stretches=tuple(stretches.tolist()),
             weight=weight,
