@@ -13,6 +13,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.training.labels import candidates
 from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.maximisation import BeforeFit
@@ -49,6 +50,14 @@ def around(random: np.random.Generator, count: int) -> np.ndarray:
     return (random.integers(DIRECTIONS) + np.arange(count) * DIRECTIONS // count) % DIRECTIONS
 
 
+@pytest.fixture
+def few_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fewer ways in which the detector may be set, for less work."""
+    for name, values in (("REPEAT_SHARES", (0.0, 0.5)), ("REPEAT_RADS", (0.5,)), ("COUNT_FACTORS", (3.0, 30.0))):
+        monkeypatch.setattr(candidates, name, values)
+
+
+@pytest.mark.usefixtures("few_settings")
 def test_confusions_and_shares_are_found_without_being_told_what_is_what():
     random = np.random.default_rng(0)
     classes = [0, 1, 2, 0, 1, 0] * 3
@@ -59,6 +68,7 @@ def test_confusions_and_shares_are_found_without_being_told_what_is_what():
     np.testing.assert_allclose(whole.class_shares, [10 / 22, 7 / 22, 4 / 22, 1 / 22], atol=0.03)
 
 
+@pytest.mark.usefixtures("few_settings")
 def test_a_side_that_looks_like_something_else_is_found_whatever_the_headings():
     """From behind, a third of all directions, sofas are mostly cups; where that is on the map is different for each."""
     random = np.random.default_rng(2)
