@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags, Index
 
 HIDDEN_NONE = 2
 """What none of the labels may mean: called by other words, or by any word."""
@@ -40,15 +40,20 @@ class Confusion:
         """S, and the number of headings of each class."""
         return len(self.counts)
 
-    def rows(self) -> Array:
-        """(S, K, W) counts of the words that a view from sector s of the map draws from, K = L S + HIDDEN_NONE.
+    @property
+    def is_sided(self) -> Flags:
+        """(L,) whether a class looks different from some side."""
+        return np.asarray((self.counts != self.counts[:1]).any(axis=(0, 2)))
 
-        The first L S rows are the classes, each with its headings 0 ... S - 1.
+    def rows(self, headings: Index) -> Array:
+        """(S, K, W) counts of the words that a view from sector s of the map draws from, K = sum + HIDDEN_NONE.
+
+        First the classes, each with as many of the headings 0 ... S - 1 as (L,) ``headings`` says.
         """
-        sectors, labels, words = self.counts.shape
+        sectors = self.num_sectors
         numbers = np.arange(sectors)
         seen = self.counts[(numbers[:, None] - numbers) % sectors]  # (sector, heading, L, W)
-        classes = seen.transpose(0, 2, 1, 3).reshape(sectors, labels * sectors, words)
+        classes = seen.transpose(0, 2, 1, 3)[:, numbers < headings[:, None]]
         return np.concatenate([classes, np.broadcast_to(self.none, (sectors, *self.none.shape))], axis=1)
 
     def sector_of(self, direction: int) -> int:

@@ -32,52 +32,11 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
+from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelRecord, LabelView, ViewShares
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
 LEAST_REPORTED = 1.0 + 1e-9
 """Scores above the least by this factor were reported; the others share evenly what these leave."""
-ANY_STRETCH = -1
-"""Stretch of a view of which no model was fitted without it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelView:
-    """What a detector says of one object at a time, and from where it is seen."""
-
-    answer: int  # the word, -1: none
-    shares: Array  # (W,) scores of all words
-    direction: int  # cell of the direction from object to camera, in map
-    log_range: float  # of the distance in metres
-    stretch: int = ANY_STRETCH  # of the drive
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelRecord:
-    """The words of one object so far; R settings, K rows (``Confusion.rows``), N words."""
-
-    log_likelihood: Array  # (R, K) of all views
-    words: tuple[int, ...]  # N that were reported
-    counts: Array  # (R, K, N) of new answers
-    answers: Index  # (DIRECTIONS,) the newest word seen from each direction, -1: never seen from there
-    log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewShares:
-    """What a view may be under each setting and row, given the views before."""
-
-    words: tuple[int, ...]  # N with those of this view
-    before: Array  # (R, K, N) counts of new answers
-    likelihood: Array  # (R, K)
-    base: Array  # (R, K, N) counts before any view
-    added: Array  # (R, K, N) probability that it is new and means the word
-    inlier: Array  # (R, K) probability that it is new and no outlier
-    outlier: Array  # (R, K) that it is one
-
-    @property
-    def drawn(self) -> Array:
-        """(R, K, N) share of ``added`` that is drawn from what the class is called, not from the object's own words."""
-        return np.asarray(self.added * self.base / (self.base + self.before))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +48,7 @@ class LabelModel:
     confusions: tuple[Confusion, ...]  # of each stretch, fitted without it; the last of all other views
     class_shares: Array  # (C,) probability that an object that no map knows is of each class
     stretch_edges_ns: tuple[int, ...] = field(default=())  # where stretches begin, and where the last one ends
+    is_lean: bool = True  # classes that look alike from all sides have one heading
 
     @property
     def class_names(self) -> tuple[str, ...]:
@@ -107,23 +67,34 @@ class LabelModel:
 
     @property
     def num_headings(self) -> int:
-        """Ways in which objects may be turned, as far as that makes a difference."""
+        """Ways in which objects may be turned."""
         return self.confusions[-1].num_sectors
+
+    @cached_property
+    def headings(self) -> Index:
+        """(L,) ways in which an object of a class may be turned, as far as that makes a difference."""
+        is_sided = np.any([own.is_sided for own in self.confusions], axis=0)
+        return np.where(is_sided | (not self.is_lean), self.num_headings, 1)
+
+    @cached_property
+    def _first_rows(self) -> Index:
+        """(L,) the first row of each class."""
+        return np.cumsum(self.headings) - self.headings
 
     @cached_property
     def priors(self) -> tuple[Array, ...]:
         """(S, K, W) Dirichlet counts of each row before any view, by sector of the map, for each of ``confusions``."""
-        return tuple(confusion.rows() for confusion in self.confusions)
+        return tuple(confusion.rows(self.headings) for confusion in self.confusions)
 
     def log_rows(self, log_prior: Array) -> Array:
         """(K,) log prior of each row, from the (C,) of the classes."""
-        own = np.repeat(log_prior[:-1] - np.log(self.num_headings), self.num_headings)
+        own = np.repeat(log_prior[:-1] - np.log(self.headings), self.headings)
         return np.append(own, np.full(HIDDEN_NONE, log_prior[-1] - np.log(HIDDEN_NONE)))
 
     @cached_property
     def _factors(self) -> Array:
         """(R, K, 1) on the Dirichlet counts of each row before any view."""
-        own = np.repeat(self.settings.count_factors[:, None], len(self.labels) * self.num_headings, axis=1)
+        own = np.repeat(self.settings.count_factors[:, None], self.headings.sum(), axis=1)
         others = np.repeat(self.settings.other_factors[:, None], HIDDEN_NONE, axis=1)
         return np.concatenate([own, others], axis=1)[..., None]
 
@@ -187,11 +158,19 @@ class LabelModel:
 
     def by_setting(self, record: LabelRecord) -> Array:
         """(R, C) log likelihood of all views under each setting, over headings and what none of these may be."""
-        told, size = record.log_likelihood, (self.num_settings, len(self.labels), self.num_headings)
-        own = told[:, :-HIDDEN_NONE].reshape(size)
-        classes = finite_log_sum_exp(own, axis=2) - np.log(size[2]) if size[2] > 1 else own[..., 0]
+        told = record.log_likelihood
+        classes = self._over_headings(told[:, :-HIDDEN_NONE])
         none = finite_log_sum_exp(told[:, -HIDDEN_NONE:], axis=1) - np.log(HIDDEN_NONE)
         return np.column_stack([classes, none])
+
+    def _over_headings(self, told: Array) -> Array:
+        """(R, L) log means over the headings of each class."""
+        if told.shape[1] == len(self.labels):
+            return told
+        first, headings = self._first_rows, self.headings
+        greatest = np.maximum.reduceat(told, first, axis=1)
+        shares = np.exp(told - np.repeat(greatest, headings, axis=1))
+        return np.asarray(np.log(np.add.reduceat(shares, first, axis=1) / headings) + greatest)
 
     def class_log_likelihood(self, record: LabelRecord) -> Array:
         """(C,) log likelihood of all views, where nothing else tells which setting is right."""

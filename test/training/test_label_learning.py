@@ -21,7 +21,8 @@ from semantic_slam.training.labels.passes import FOLDS, STRETCHES
 from semantic_slam.training.labels.runs import read_runs
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS
-from semantic_slam.viewpoint.label_model import LabelModel, LabelView
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_record import LabelView
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
 LABELS = ("cup", "sofa", "tv")

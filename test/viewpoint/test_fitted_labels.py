@@ -8,7 +8,8 @@ from scipy.special import gammaln
 
 from semantic_slam.errors import InputError
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
-from semantic_slam.viewpoint.label_model import ANY_STRETCH, LabelModel, LabelView
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelView
 from semantic_slam.viewpoint.label_settings import LabelSettings
 from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels, read_labels, save_labels
 from semantic_slam.viewpoint.label_vocabulary import with_vocabulary
@@ -67,6 +68,16 @@ def test_headings_are_summed_over():
             for heading in range(SIDES)
         ]
         assert found[row] == pytest.approx(np.log(np.mean(by_heading)), abs=1e-6)
+
+
+def test_classes_whose_sides_are_alike_need_one_heading():
+    counts = SIDED.counts.copy()
+    counts[:, 1] = counts[0, 1]
+    lean = model(replace(SIDED, counts=counts))
+    whole = replace(lean, is_lean=False)
+    assert lean.headings.tolist() == [SIDES, 1]
+    views = [view(*own) for own in [(0, 3), (1, 20), (0, 40), (2, 71)]]
+    np.testing.assert_allclose(told(lean, views), told(whole, views))
 
 
 def test_an_object_that_is_turned_by_a_side_is_as_likely():

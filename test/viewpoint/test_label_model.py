@@ -8,7 +8,8 @@ from scipy.special import gammaln
 from scipy.stats import dirichlet
 
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
-from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel, LabelRecord, LabelView
+from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
+from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
 LABELS = ("chair", "cup", "tv")

@@ -23,7 +23,8 @@ from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.viewpoint.label_confusion import STEP_RAD
-from semantic_slam.viewpoint.label_model import LabelModel, LabelRecord, LabelView
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
 
 
 @dataclass(frozen=True, kw_only=True)

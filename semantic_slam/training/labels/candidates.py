@@ -66,7 +66,8 @@ def _narrowed(whole: Pass) -> LabelSettings:
 def _begun(model: LabelModel, before: BeforeFit, tracks: Sequence[Track], fold: int) -> LabelModel:
     """With sides as the object of each class has them that has the most views."""
     confusion = model.confusions[-1]
-    turned = replace(model, confusions=(replace(confusion, counts=np.repeat(confusion.counts, SECTORS, axis=0)),))
+    same = replace(confusion, counts=np.repeat(confusion.counts, SECTORS, axis=0))
+    turned = replace(model, confusions=(same,), is_lean=False)
     told, best = Expectation.nothing(turned), dict[int, tuple[float, Track, Replayed]]()
     for track in tracks:
         kept, _ = views_of(track, fold)

@@ -10,7 +10,7 @@ import numpy as np
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.expectation import Expectation
 from semantic_slam.training.labels.fit import Fitted, as_they_are
@@ -20,12 +20,15 @@ from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, p
 from semantic_slam.training.labels.report import report_of
 from semantic_slam.training.labels.runs import Run
 from semantic_slam.training.labels.tracks import Track, stretch_edges, tracks_of
+from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels
 
 LEAST_SHARE = 1e-3
 """Of the likeliest setting; others are not handed on."""
 LEAST_GAIN = 3.0
 """Nats by which held-out log evidence has to be better than before any fit."""
+LEAST_WORDS = 3.0
+"""Drawn from what a class is called, from which on its sides are told apart."""
 MOST_MISCALIBRATION = 0.02
 """How much more than before any fit the calibration error of held-out words may be."""
 
@@ -107,15 +110,22 @@ def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> Fitted
         return settings, class_shares(np.exp(settings) @ told.classes)
 
     log_settings, shares = of(own)
+    words = np.tensordot(whole.weights, whole.told.drawn, axes=1).sum(axis=(0, 2))  # (L,)
     without = [of([*own[:number], *own[number + 1 :]]) for number in range(len(own))]
     return FittedLabels(
         labels=model.labels,
         settings=model.settings.weighted(log_settings),
-        confusions=tuple(own.model.confusions[-1] for own in found.passes),
+        confusions=tuple(_lean(own.model.confusions[-1], words >= LEAST_WORDS) for own in found.passes),
         class_shares=shares,
         bags=told.bags(without),
         report=report,
     )
+
+
+def _lean(confusion: Confusion, is_known: Flags) -> Confusion:
+    """With all sides alike of classes that are not known (L,): of these no run has to sum over headings."""
+    even = confusion.counts.mean(axis=0, keepdims=True)
+    return replace(confusion, counts=np.where(is_known[:, None], confusion.counts, even))
 
 
 def _as_before(unfitted: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:

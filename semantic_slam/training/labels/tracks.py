@@ -23,7 +23,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import joined
 from semantic_slam.training.labels.runs import Run
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
-from semantic_slam.viewpoint.label_model import LabelView
+from semantic_slam.viewpoint.label_record import LabelView
 
 LEAST_WEIGHT = 0.01
 """Tracks that are less likely are left out."""
