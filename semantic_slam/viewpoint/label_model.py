@@ -210,7 +210,7 @@ class LabelModel:
         return share[:, None], int(record.answers[seen[nearest]])
 
     def _meant(self, record: LabelRecord, words: tuple[int, ...], view: LabelView) -> tuple[Array, Array, Array, Array]:
-        """Of ``words`` before a view: counts, those before any view, q(w) E[theta(w)]; and (R, K) that of all others.
+        """Counts of ``words`` before a view, those before any view, q(w) E[theta(w)]; and (R, K) that of all others.
 
         The first three are (R, K, N).
         """

@@ -31,7 +31,7 @@ class Expectation:
 
     @classmethod
     def nothing(cls, model: LabelModel) -> Self:
-        """Of no track."""
+        """Sums over no track."""
         count = model.num_settings
         return cls(
             drawn=np.zeros((count, model.num_headings, len(model.labels), model.num_words)),

@@ -30,7 +30,7 @@ class Fitted:
 
     @property
     def whole(self) -> Pass:
-        """Of the model that leaves nothing out."""
+        """The pass of the model that leaves nothing out."""
         return self.passes[-1]
 
 

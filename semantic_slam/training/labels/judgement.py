@@ -13,12 +13,12 @@ from semantic_slam.training.labels.passes import FOLDS, Pass, views_of, with_vie
 from semantic_slam.training.labels.tracks import Track
 
 LEAST_WEIGHT = 0.5
-"""Of the tracks whose words are judged."""
+"""Tracks that are less likely are not judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """Of words that each model was not fitted to."""
+    """How good the models are at words that they were not fitted to."""
 
     log_evidence: float  # nats
     calibration_error: float  # of the likeliest word

@@ -24,11 +24,11 @@ from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels
 
 LEAST_SHARE = 1e-3
-"""Of the likeliest setting; others are not handed on."""
+"""Settings with less than this share of the likeliest one's weight are not handed on."""
 LEAST_GAIN = 3.0
 """Nats by which held-out log evidence has to be better than before any fit."""
 LEAST_WORDS = 3.0
-"""Drawn from what a class is called, from which on its sides are told apart."""
+"""Words drawn from what a class is called, from which on its sides are told apart."""
 MOST_MISCALIBRATION = 0.02
 """How much more than before any fit the calibration error of held-out words may be."""
 

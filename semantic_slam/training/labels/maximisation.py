@@ -38,11 +38,11 @@ class BeforeFit:
     outlier_share: float
 
     def confusion(self) -> Confusion:
-        """Of every class alike, from all sides."""
+        """What every class alike is called, from all sides."""
         return Confusion.symmetric(self.num_labels, self.accuracy, self.counts, self.outlier_share)
 
     def fitted(self, own: Pass) -> Confusion:
-        """Of all sides alike, by what a pass has told."""
+        """What classes are called from all sides alike, by what a pass has told."""
         told, weights = own.told, own.weights
         drawn = np.tensordot(weights, told.drawn, axes=1)[0]  # (L, W)
         inliers, outliers = float(weights @ told.inliers), float(weights @ told.outliers)
@@ -53,7 +53,7 @@ class BeforeFit:
         return Confusion(counts=classes, none=self.confusion().none, outlier_share=share)
 
     def by_side(self, told: Expectation, weights: Array, alike: Confusion) -> Confusion:
-        """Of each side, by what is told under settings of (R,) weights; ``alike`` is of all sides."""
+        """What classes are called from each side, told under settings of (R,) weights; ``alike`` is of all sides."""
         drawn = np.tensordot(weights, told.drawn, axes=1)  # (S, L, W)
         return replace(alike, counts=self._after(np.broadcast_to(alike.counts, drawn.shape), _smoothed(drawn)))
 

@@ -13,7 +13,7 @@ from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelView
 
 STRETCHES = 5
-"""Of a drive."""
+"""Parts of a drive, each of which is held out once."""
 NO_STRETCH = -1
 FOLDS = (*range(STRETCHES), NO_STRETCH)
 """What is left out of each of the models."""

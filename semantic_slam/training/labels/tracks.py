@@ -116,7 +116,7 @@ class _Reader:
         )
 
     def _measurements(self, stamp_ns: int) -> SemanticMeasurements:
-        """Those of a keyframe, as the run took them."""
+        """Measurements of a keyframe, as the run took them."""
         if stamp_ns not in self._measured:
             told = self._run.record.measurements[stamp_ns]
             self._measured[stamp_ns] = joined(told, self._run.configuration.perception.same_outline)
