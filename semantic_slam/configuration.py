@@ -41,7 +41,11 @@ class SemanticModelConfiguration:
         " detector: a detector's own labels and scores, embedding: vectors that detections carry, without training",
         choices=CLASS_MODELS,
     )
-    path: str = parameter("", "file of the viewpoint models, or of the latent space; empty: the shipped one")
+    path: str = parameter(
+        "",
+        "file of the viewpoint models, or of the latent space; empty: the shipped one. detector: what semantic_slam fit"
+        " --from-run wrote; empty: nothing was fitted",
+    )
     space: str = parameter("", "latent: the space that the file must hold; empty: any, a run notes which it is")
     class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
     likelihood_tempering: float = parameter(

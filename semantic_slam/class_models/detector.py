@@ -1,18 +1,35 @@
-"""The configured model of a detector's labels: nothing to train, nothing to load."""
+"""The configured model of a detector's labels: as any detector, or as fitted to runs of this one."""
+
+from pathlib import Path
+
+import numpy as np
 
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
+from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.label_store import FittedLabels, read_labels
+from semantic_slam.viewpoint.label_vocabulary import with_vocabulary
 
 
-def load_label_model(settings: SemanticModelConfiguration) -> LabelModel | None:
-    """The model of the detector's words, or None where these say nothing. Raises InputError."""
+def load_label_model(settings: SemanticModelConfiguration, bag_sha256: str = "") -> LabelModel | None:
+    """The model of the detector's words, or None where these say nothing. Raises InputError.
+
+    ``bag_sha256`` is the digest of the bag that it is for: models that were fitted to it are used where they were not.
+    """
     load = class_model_kind(settings).labels
-    return load(settings) if load is not None else None
+    return load(settings, bag_sha256) if load is not None else None
 
 
-def _model(settings: SemanticModelConfiguration) -> LabelModel:
+def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
+    """What the configured file holds, None where none is configured, or where labels say nothing. Raises InputError."""
+    is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None
+    return read_labels(Path(settings.path)) if is_fitted else None
+
+
+def _model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelModel:
     labels = settings.labels
     if not labels:
         raise InputError(
@@ -28,14 +45,16 @@ def _model(settings: SemanticModelConfiguration) -> LabelModel:
         raise InputError("semantic_model.repeat_shares must be in [0, 1), one at least; correct them")
     if not settings.count_factors or min(settings.count_factors) <= 0.0:
         raise InputError("semantic_model.count_factors must be above 0, one at least; correct them")
+    fitted = fitted_labels(settings)
+    if fitted is not None:
+        return with_vocabulary(fitted.model(bag_sha256), labels)
     return LabelModel(
         labels=labels,
-        accuracy=settings.label_accuracy,
-        counts=settings.label_counts,
-        outlier_share=settings.outlier_share,
-        repeat_shares=settings.repeat_shares,
-        repeat_rad=settings.repeat_rad,
-        count_factors=settings.count_factors,
+        settings=LabelSettings.grid(settings.repeat_shares, (settings.repeat_rad,), settings.count_factors),
+        confusions=(
+            Confusion.symmetric(len(labels), settings.label_accuracy, settings.label_counts, settings.outlier_share),
+        ),
+        class_shares=np.full(len(labels) + 1, 1.0 / (len(labels) + 1)),
     )
 
 

@@ -27,7 +27,9 @@ class ClassModelKind:
 
     viewpoint: "Callable[[SemanticModelConfiguration], ViewpointModel] | None" = None  # P(z | c, viewpoint)
     descriptors: "Callable[[SemanticModelConfiguration], DescriptorModel] | None" = None  # P(f | viewpoint, e) instead
-    labels: "Callable[[SemanticModelConfiguration], LabelModel] | None" = None  # a detector's words instead
+    labels: "Callable[[SemanticModelConfiguration, str], LabelModel] | None" = (
+        None  # a detector's words instead; the text is the digest of the run's bag, "" where there is none
+    )
     embeddings: "Callable[[SemanticModelConfiguration], EmbeddingModel] | None" = None  # vectors of appearance instead
     extractor: "Callable[[SemanticModelConfiguration], FeatureExtractor] | None" = None  # f, None: class probabilities
     appearance: "Callable[[SemanticModelConfiguration], KnownAppearance | None] | None" = (

@@ -1,4 +1,4 @@
-"""``fit_viewpoint_models {--turntables DIR | --avd SCENE | --bag BAG} --out FILE``: class models from known views."""
+"""``fit_viewpoint_models {--turntables DIR | --avd SCENE | --bag BAG | --from-run DIR…} --out FILE``: class models."""
 
 import argparse
 import json
@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.fit_label_models import learn_labels
 from semantic_slam.cli.needs import need_training
 from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
@@ -17,7 +18,9 @@ from semantic_slam.outputs import add_overwrite, claimed_files
 def parse() -> argparse.Namespace:
     """Arguments of the command line; raises InputError."""
     parser = CommandParser(
-        description="Fit a Gaussian process per class and feature over the direction of view.",
+        description="Fit class models over the direction of view: a Gaussian process per class and feature of a"
+        " classifier of ours (--turntables, --avd, --bag), or what a detector of yours confuses (--from-run). The"
+        " file goes into the next run's configuration as semantic_model.path.",
     )
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
@@ -25,6 +28,14 @@ def parse() -> argparse.Namespace:
     )
     source.add_argument("--avd", type=Path, metavar="SCENE", help="AVD-format scene: views along a drive through it")
     source.add_argument("--bag", type=Path, help="bag with images, detections and the /ground_truth topics")
+    source.add_argument(
+        "--from-run",
+        type=Path,
+        nargs="+",
+        metavar="DIR",
+        help="folders of reports of runs with semantic_model.kind: detector: what the detector calls things from where,"
+        " learned from their beliefs, without anybody's labels",
+    )
     add_photographs(parser)
     parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")
     parser.add_argument("--weights", type=Path, help="network to fit the models of; default: the shipped one")
@@ -53,6 +64,9 @@ def parse() -> argparse.Namespace:
 def command() -> None:
     """Parse, then fit to outputs that are whole or not there."""
     arguments = parse()
+    if arguments.from_run:
+        learn_labels(arguments)
+        return
     if arguments.draws < 2:
         raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
     if arguments.classes and not arguments.turntables:

@@ -49,7 +49,7 @@ class Backend:
         """Begin a run: hold the hypothesis before any measurement."""
         self.run_id = run.run_id
         self.problem = self._given_problem or problem_of(run)
-        self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names), self.problem.displaced)
+        self.registry = ObjectRegistry(self.problem.objects, self.problem.class_shares, self.problem.displaced)
         self.association: AssociationStrategy = self.problem.association(self.problem, self.registry)
         self.expander = Expander(self.problem, self.association)
         self.steps: list[Step] = []

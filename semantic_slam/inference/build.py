@@ -212,7 +212,8 @@ def problem_of(run: RunConfiguration) -> Problem:
     configuration = _as_used(configuration, association)
     settings = configuration.semantic_model
     tempering = _tempering(settings)
-    model, descriptors, labels = load_model(settings), load_latent_model(settings), load_label_model(settings)
+    model, descriptors = load_model(settings), load_latent_model(settings)
+    labels = load_label_model(settings, run.source_sha256)
     outliers, embeddings = _outliers(model, settings), load_embedding_model(settings)
     sensing = _sensing(configuration, model, descriptors, outliers, labels, embeddings)
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
@@ -236,6 +237,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         robot=robot,
         objects=objects,
         class_names=run.class_names,
+        class_shares=labels.class_shares if labels is not None else _even(len(run.class_names)),
         seed=configuration.seed,
         association=association,
         semantics=semantics.of(
@@ -449,15 +451,20 @@ def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) 
         object_id=item.object_id,
         name=item.name,
         prior=prior(item.pose, item.covariance),
-        class_prior=_class_prior(item, class_names),
+        class_prior=class_prior(item, class_names),
         existence=item.existence,
     )
 
 
-def _class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
+def class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
     """(C,) probabilities; none is zero, for what an earlier run discarded may have been the truth."""
-    uniform = np.full(len(class_names), 1.0 / max(len(class_names), 1))
+    uniform = _even(len(class_names))
     given = np.array([item.class_probabilities.get(name, 0.0) for name in class_names])
     if given.sum() <= 0.0:
         return uniform
     return np.asarray((1.0 - LEAST_CLASS_SHARE) * given / given.sum() + LEAST_CLASS_SHARE * uniform)
+
+
+def _even(num_classes: int) -> Array:
+    """(C,) probabilities of classes of which nothing is known."""
+    return np.full(num_classes, 1.0 / max(num_classes, 1))

@@ -77,7 +77,7 @@ class Engine:
         self.reference = reference_of(run, self.problem) if problem is None else None
         pool.start(run)
         self.association: type[AssociationStrategy] = self.problem.association
-        self.registry = ObjectRegistry(self.problem.objects, len(self.problem.class_names), self.problem.displaced)
+        self.registry = ObjectRegistry(self.problem.objects, self.problem.class_shares, self.problem.displaced)
         self.hypotheses = Hypotheses(self.problem.log_root_weights, pool.backend_ids[0])
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         merges = self.association.merges_copies

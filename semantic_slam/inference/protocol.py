@@ -5,6 +5,7 @@ Commit -> Components: the survivors are forked, updated and reported. Whether ba
 or behind topics, a manager sees only :class:`BackendPool`.
 """
 
+import json
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,6 +34,15 @@ class RunConfiguration:
     class_names: tuple[str, ...]
     source: str = ""  # JSON: path, sha256
     revision: str = ""
+
+    @property
+    def source_sha256(self) -> str:
+        """Digest of the bag that the run is of, "" where that is not told."""
+        try:
+            told = json.loads(self.source or "{}")
+        except ValueError:
+            return ""
+        return str(told.get("sha256") or "") if isinstance(told, dict) else ""
 
 
 @dataclass(frozen=True, kw_only=True)

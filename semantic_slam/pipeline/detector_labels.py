@@ -4,10 +4,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
+from semantic_slam.class_models.detector import fitted_labels
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
-from semantic_slam.configuration import Configuration
+from semantic_slam.configuration import Configuration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.codec import from_message
@@ -46,6 +47,16 @@ def are_asked_for(configuration: Configuration) -> bool:
     return kind.labels is not None or not kind.sees_places_alone
 
 
+def known_to_fit(settings: SemanticModelConfiguration, sha256: str) -> str:
+    """What to say where the configured models were fitted to the bag of that digest, else "". Raises InputError."""
+    fitted = fitted_labels(settings)
+    if fitted is None or fitted.bag(sha256) is None:
+        return ""
+    return (
+        f"{settings.path} was fitted to this bag, too; every stretch of it has the models that were fitted without it"
+    )
+
+
 def with_labels(
     configuration: Configuration,
     measurements: SemanticMeasurements,
@@ -55,13 +66,16 @@ def with_labels(
     """The configuration with the labels that objects may be named by, where nobody has listed these.
 
     ``measurements`` are the first of the run, ``labels`` those of all detections as far as they are known. Objects of a
-    map may be what the map says. Raises InputError for labels that the classes of a network cannot mean.
+    map may be what the map says, and any object what fitted models know. Raises InputError for labels that the classes
+    of a network cannot mean.
     """
     settings, wanted = configuration.semantic_model, configuration.perception.labels
     told = sorted(label for label in {*labels, *labels_of(measurements)} if not wanted or label in wanted)
     if class_model_kind(settings).labels is not None:
         mapped = {name for item in prior.objects for name in item.class_probabilities} if prior is not None else set()
-        known = settings.labels or tuple(sorted({*told, *mapped} - {NONE_OF_THESE}))
+        fitted = fitted_labels(settings)
+        learned = fitted.labels if fitted is not None else ()
+        known = settings.labels or tuple(sorted({*told, *mapped, *learned} - {NONE_OF_THESE}))
         return replace(configuration, semantic_model=replace(settings, labels=known))
     if measurements.class_probability_samples.shape[1] > 0:
         _check_meant(configuration, told)

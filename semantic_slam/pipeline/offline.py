@@ -29,7 +29,7 @@ from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.build_classifier import build_classifier
-from semantic_slam.pipeline.detector_labels import are_asked_for, labels_in
+from semantic_slam.pipeline.detector_labels import are_asked_for, known_to_fit, labels_in
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.inference_stage import InferenceStage
@@ -77,7 +77,10 @@ def run_bag(
         if are_asked_for(configuration):
             preamble.labels = labels_in(reader, found.measurements or found.detections)
         prior = map_prior if map_prior is not None else find_map_prior(bag)
-        source = source_text(bag, reader.sha256())
+        digest = reader.sha256()
+        if told := known_to_fit(configuration.semantic_model, digest):
+            print(f"{bag}: {told}")
+        source = source_text(bag, digest)
         inference = InferenceStage(configuration, prior, preamble, source, pool or InProcessPool(num_backends))
         with BagWriter(out_bag) as writer:
             run = OfflineRun(configuration, found, preamble, inference, writer)

@@ -1,8 +1,10 @@
-"""What a detector's words tell of an object's class, before anybody has counted what it confuses.
+"""What a detector's words tell of an object's class, with its confusions integrated out for each object.
 
-An object of class c is called by a row of probabilities theta_c over words, which nobody knows: Dirichlet, with most of
-its counts on the class's own label and the rest spread evenly. An object that none of the labels means is either called
-otherwise, too, or by any label alike. Words count one after the other (Polya's urn), for each object by itself.
+An object of class c is called by a row of probabilities theta_c over words, which nobody knows: Dirichlet. Before
+anybody has counted what the detector confuses, most of the counts are on the class's own label and the rest is spread
+evenly. Fitted ones are the detector's, and may depend on the side that is seen (:class:`Confusion`), with the object's
+heading one of several that are as likely. An object that none of the labels means is either called otherwise, too, or
+by any label alike. Words count one after the other (Polya's urn), for each object by itself.
 
 Views repeat themselves. From the place of an earlier view the detector repeats that answer with a probability rho,
 whatever the object is, and else answers anew; rho decreases by 1 / e with every ``repeat_rad`` by which the direction
@@ -14,15 +16,14 @@ Scores say how sure an answer is: q(w), in place of [w = word], in sum_w theta_c
 that of scores under any class.
 
 How large rho is from the same place, whether scores tell more than the word, and how many counts a row has (few: each
-object is confused in a way of its own; many: any box may be confused) is decided by evidence, in settings that are as
-likely before the first view: by that of all objects, for the detector is one.
+object is confused in a way of its own; many: any box may be confused) is decided by evidence, in settings that have
+weights before the first view: by that of all objects, for the detector is one.
 
 Given theta the recursion is exact, and given which answers are new and what they mean so are the counts. Together they
 are not: an answer counts by the probability that it is new and means the word (assumed-density filtering).
 """
 
-import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,34 +31,12 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
+from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
+from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelRecord, LabelView, ViewShares
+from semantic_slam.viewpoint.label_settings import LabelSettings
 
-HIDDEN_NONE = 2
-"""Rows that are this class: called by other words, and by any word."""
-DIRECTIONS = 72
-"""Cells around an object: the newest view from each is remembered."""
-STEP_RAD = 2.0 * np.pi / DIRECTIONS
 LEAST_REPORTED = 1.0 + 1e-9
 """Scores above the least by this factor were reported; the others share evenly what these leave."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelRecord:
-    """The words of one object so far; R settings, K rows (the classes, and what none of these may be), N words."""
-
-    log_likelihood: Array  # (R, K) of all views
-    words: tuple[int, ...]  # N that were reported
-    counts: Array  # (R, K, N) of new answers
-    answers: Index  # (DIRECTIONS,) the newest word seen from each direction, -1: never seen from there
-    log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Settings:
-    """R ways that the detector may have."""
-
-    repeat_shares: Array  # (R, 1) rho from the same place
-    by_score: Array  # (R, 1) 1 where scores count besides the word, else 0
-    factors: Array  # (R, 1, 1) on the Dirichlet counts of each row before any view
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +44,11 @@ class LabelModel:
     """P(words of an object | class), the confusion of its class integrated out; L labels, W = L + 1 words."""
 
     labels: tuple[str, ...]  # L, all different
-    accuracy: float  # expected probability of a class's own label
-    counts: float  # views that this expectation counts as
-    outlier_share: float  # e
-    repeat_shares: tuple[float, ...]  # rho from the same place
-    repeat_rad: float
-    count_factors: tuple[float, ...] = (1.0,)  # on ``counts``
+    settings: LabelSettings  # R
+    confusions: tuple[Confusion, ...]  # of each stretch, fitted without it; the last of all other views
+    class_shares: Array  # (C,) probability that an object that no map knows is of each class
+    stretch_edges_ns: tuple[int, ...] = field(default=())  # where stretches begin, and where the last one ends
+    is_lean: bool = True  # classes that look alike from all sides have one heading
 
     @property
     def class_names(self) -> tuple[str, ...]:
@@ -82,27 +60,54 @@ class LabelModel:
         """W, with the word that stands for any other label."""
         return len(self.labels) + 1
 
-    @cached_property
-    def prior(self) -> Array:
-        """(K, W) Dirichlet counts of each row before any view."""
-        size = self.num_words
-        spread = np.full((size, size), (1.0 - self.accuracy) / max(size - 1, 1))
-        np.fill_diagonal(spread, self.accuracy)
-        return np.asarray(self.counts * np.vstack([spread, np.full((1, size), 1.0 / size)]))
+    @property
+    def num_settings(self) -> int:
+        """R, of which the detector has one."""
+        return len(self.settings)
+
+    @property
+    def num_headings(self) -> int:
+        """Ways in which objects may be turned."""
+        return self.confusions[-1].num_sectors
 
     @cached_property
-    def _settings(self) -> "_Settings":
-        every = itertools.product(self.count_factors, (0.0, 1.0), self.repeat_shares)
-        factors, by_score, shares = np.array(list(every)).T
-        return _Settings(
-            repeat_shares=shares[:, None],
-            by_score=by_score[:, None],
-            factors=factors[:, None, None],
-        )
+    def headings(self) -> Index:
+        """(L,) ways in which an object of a class may be turned, as far as that makes a difference."""
+        is_sided = np.any([own.is_sided for own in self.confusions], axis=0)
+        return np.where(is_sided | (not self.is_lean), self.num_headings, 1)
+
+    @cached_property
+    def _first_rows(self) -> Index:
+        """(L,) the first row of each class."""
+        return np.cumsum(self.headings) - self.headings
+
+    @cached_property
+    def priors(self) -> tuple[Array, ...]:
+        """(S, K, W) Dirichlet counts of each row before any view, by sector of the map, for each of ``confusions``."""
+        return tuple(confusion.rows(self.headings) for confusion in self.confusions)
+
+    def log_rows(self, log_prior: Array) -> Array:
+        """(K,) log prior of each row, from the (C,) of the classes."""
+        own = np.repeat(log_prior[:-1] - np.log(self.headings), self.headings)
+        return np.append(own, np.full(HIDDEN_NONE, log_prior[-1] - np.log(HIDDEN_NONE)))
+
+    @cached_property
+    def _factors(self) -> Array:
+        """(R, K, 1) on the Dirichlet counts of each row before any view."""
+        own = np.repeat(self.settings.count_factors[:, None], self.headings.sum(), axis=1)
+        others = np.repeat(self.settings.other_factors[:, None], HIDDEN_NONE, axis=1)
+        return np.concatenate([own, others], axis=1)[..., None]
+
+    def stretch_of(self, stamp_ns: int) -> int:
+        """Stretch of the drive that a stamp lies in, where the models were fitted to this drive."""
+        edges = self.stretch_edges_ns
+        if not edges or not edges[0] <= stamp_ns <= edges[-1]:
+            return ANY_STRETCH
+        return min(int(np.searchsorted(edges, stamp_ns, side="right")) - 1, len(edges) - 2)
 
     def start(self) -> LabelRecord:
         """Nothing seen yet."""
-        size = (self.num_settings, len(self.prior))
+        size = (self.num_settings, self.priors[-1].shape[1])
         return LabelRecord(
             log_likelihood=np.zeros(size),
             words=(),
@@ -111,68 +116,110 @@ class LabelModel:
             log_ranges=np.zeros(DIRECTIONS),
         )
 
-    def after(self, record: LabelRecord, answer: int, shares: Array, direction: int, log_range: float) -> LabelRecord:
-        """With one more view: its word (-1: none) with the (W,) scores of all, from a cell and a log distance."""
-        if answer < 0:
+    def after(self, record: LabelRecord, view: LabelView) -> LabelRecord:
+        """With one more view."""
+        if view.answer < 0:
             return replace(record, log_likelihood=record.log_likelihood - np.log(self.num_words))
-        reported = {answer, *np.flatnonzero(shares > shares.min() * LEAST_REPORTED).tolist()}
-        words = tuple(dict.fromkeys((*record.words, *sorted(reported))))
-        repeating, repeated = self._repeats(record, answer, direction, log_range)  # (R, 1), 0 or 1
-        before, meant, rest = self._meant(record, words, self._weights(answer, shares))
-        new = meant.sum(axis=2) + rest  # (R, K)
-        inlier = (1.0 - repeating) * (1.0 - self.outlier_share) * new
-        outlier = (1.0 - repeating) * self.outlier_share / self.num_words
-        likelihood = repeated * repeating + outlier + inlier
-        added = meant * np.isin(words, list(reported)) * (inlier / (likelihood * new))[..., None]
+        return self.counted(record, view, self.shares(record, view))
+
+    def counted(self, record: LabelRecord, view: LabelView, shares: ViewShares) -> LabelRecord:
+        """With one more view, which has a word, by what it may be."""
         answers, log_ranges = record.answers.copy(), record.log_ranges.copy()
-        answers[direction], log_ranges[direction] = answer, log_range
+        answers[view.direction], log_ranges[view.direction] = view.answer, view.log_range
         return LabelRecord(
-            log_likelihood=record.log_likelihood + np.log(likelihood),
-            words=words,
-            counts=before + added,
+            log_likelihood=record.log_likelihood + np.log(shares.likelihood),
+            words=shares.words,
+            counts=shares.before + shares.added,
             answers=answers,
             log_ranges=log_ranges,
         )
 
-    @property
-    def num_settings(self) -> int:
-        """R, of which the detector has one."""
-        return len(self._settings.repeat_shares)
+    def shares(self, record: LabelRecord, view: LabelView) -> ViewShares:
+        """What one more view, which has a word, may be."""
+        reported = {view.answer, *np.flatnonzero(view.shares > view.shares.min() * LEAST_REPORTED).tolist()}
+        words = tuple(dict.fromkeys((*record.words, *sorted(reported))))
+        repeating, earlier = self._repeats(record, view)  # (R, 1), a word
+        before, base, meant, rest = self._meant(record, words, view)
+        share = self.confusions[view.stretch].outlier_share
+        new = meant.sum(axis=2) + rest  # (R, K)
+        inlier = (1.0 - repeating) * (1.0 - share) * new
+        outlier = (1.0 - repeating) * share / self.num_words
+        likelihood = (earlier == view.answer) * repeating + outlier + inlier
+        added = meant * np.isin(words, list(reported)) * (inlier / (likelihood * new))[..., None]
+        return ViewShares(
+            words=words,
+            before=before,
+            likelihood=likelihood,
+            base=base,
+            added=added,
+            inlier=inlier / likelihood,
+            outlier=outlier / likelihood,
+        )
 
     def by_setting(self, record: LabelRecord) -> Array:
-        """(R, C) log likelihood of all views under each setting, over what none of these may be."""
+        """(R, C) log likelihood of all views under each setting, over headings and what none of these may be."""
         told = record.log_likelihood
+        classes = self._over_headings(told[:, :-HIDDEN_NONE])
         none = finite_log_sum_exp(told[:, -HIDDEN_NONE:], axis=1) - np.log(HIDDEN_NONE)
-        return np.column_stack([told[:, :-HIDDEN_NONE], none])
+        return np.column_stack([classes, none])
+
+    def _over_headings(self, told: Array) -> Array:
+        """(R, L) log means over the headings of each class."""
+        if told.shape[1] == len(self.labels):
+            return told
+        first, headings = self._first_rows, self.headings
+        greatest = np.maximum.reduceat(told, first, axis=1)
+        shares = np.exp(told - np.repeat(greatest, headings, axis=1))
+        return np.asarray(np.log(np.add.reduceat(shares, first, axis=1) / headings) + greatest)
 
     def class_log_likelihood(self, record: LabelRecord) -> Array:
         """(C,) log likelihood of all views, where nothing else tells which setting is right."""
-        return np.asarray(finite_log_sum_exp(self.by_setting(record), axis=0) - np.log(self.num_settings))
+        weighted = self.by_setting(record) + self.settings.log_weights[:, None]
+        return np.asarray(finite_log_sum_exp(weighted, axis=0))
 
-    def _weights(self, answer: int, shares: Array) -> Array:
+    def _prior(self, view: LabelView) -> Array:
+        """(K, W) counts before any view of the words that this one draws from."""
+        return np.asarray(self.priors[view.stretch][self.confusions[view.stretch].sector_of(view.direction)])
+
+    def _weights(self, view: LabelView) -> Array:
         """(R, W) how far each word is meant: the answer alone, or as the scores have it."""
-        by_score = self._settings.by_score
-        return np.asarray(by_score * shares + (1.0 - by_score) * (np.arange(self.num_words) == answer))
+        by_score = self.settings.by_score[:, None]
+        return np.asarray(by_score * view.shares + (1.0 - by_score) * (np.arange(self.num_words) == view.answer))
 
-    def _repeats(self, record: LabelRecord, answer: int, direction: int, log_range: float) -> tuple[Array, float]:
-        """(R, 1) probabilities that the nearest earlier view is repeated, and 1 if its word is the answer, else 0."""
+    def word_probabilities(self, record: LabelRecord, view: LabelView) -> Array:
+        """(R, K, W) of what one more view may be called; its own answer and scores do not matter."""
+        repeating, earlier = self._repeats(record, view)
+        counts = np.zeros((*record.counts.shape[:2], self.num_words))
+        counts[..., list(record.words)] = record.counts
+        counts += self._factors * self._prior(view)
+        share = self.confusions[view.stretch].outlier_share
+        new = (1.0 - share) * counts / counts.sum(axis=2, keepdims=True) + share / self.num_words
+        repeated = repeating[..., None] * (np.arange(self.num_words) == earlier)
+        return np.asarray(repeated + (1.0 - repeating[..., None]) * new)
+
+    def _repeats(self, record: LabelRecord, view: LabelView) -> tuple[Array, int]:
+        """(R, 1) probabilities that the nearest earlier view is repeated, and its word."""
         seen = np.flatnonzero(record.answers >= 0)
         if not len(seen):
-            return np.zeros_like(self._settings.repeat_shares), 0.0
-        turns = np.abs(seen - direction)
+            return np.zeros((self.num_settings, 1)), -1
+        turns = np.abs(seen - view.direction)
         turned = STEP_RAD * np.minimum(turns, DIRECTIONS - turns)
-        away = np.hypot(turned, record.log_ranges[seen] - log_range)
+        away = np.hypot(turned, record.log_ranges[seen] - view.log_range)
         nearest = int(np.argmin(away))
-        share = self._settings.repeat_shares * np.exp(-away[nearest] / self.repeat_rad)
-        return share, float(record.answers[seen[nearest]] == answer)
+        share = self.settings.repeat_shares * np.exp(-away[nearest] / self.settings.repeat_rads)
+        return share[:, None], int(record.answers[seen[nearest]])
 
-    def _meant(self, record: LabelRecord, words: tuple[int, ...], weights: Array) -> tuple[Array, Array, Array]:
-        """Counts (R, K, N) of ``words`` before a view, q(w) E[theta_c(w)] of each, and (R, K) that of all others."""
+    def _meant(self, record: LabelRecord, words: tuple[int, ...], view: LabelView) -> tuple[Array, Array, Array, Array]:
+        """Counts of ``words`` before a view, those before any view, q(w) E[theta(w)]; and (R, K) that of all others.
+
+        The first three are (R, K, N).
+        """
         counts = np.zeros((*record.counts.shape[:2], len(words)))
         counts[..., : len(record.words)] = record.counts
-        known, factors = np.array(words), self._settings.factors
-        total = factors[..., 0] * self.prior.sum(axis=1) + counts.sum(axis=2)  # (R, K)
-        own = self.prior[:, known]
-        meant = (factors * own + counts) / total[..., None] * weights[:, None, known]
-        others = np.maximum(weights @ self.prior.T - weights[:, known] @ own.T, 0.0)  # none left: rounding may go below
-        return counts, meant, factors[..., 0] * others / total
+        prior, weights, known, factors = self._prior(view), self._weights(view), np.array(words), self._factors
+        total = factors[..., 0] * prior.sum(axis=1) + counts.sum(axis=2)  # (R, K)
+        own = prior[:, known]
+        base = factors * own
+        meant = (base + counts) / total[..., None] * weights[:, None, known]
+        others = np.maximum(weights @ prior.T - weights[:, known] @ own.T, 0.0)  # none left: rounding may go below
+        return counts, base, meant, factors[..., 0] * others / total

@@ -66,6 +66,7 @@ def test_a_name_is_inferred_under_the_setting_that_all_objects_tell(weighed):
 
 
 def test_every_combination_is_a_setting():
-    model = load_label_model(Configuration.of(semantic_model=SETTINGS).semantic_model)
+    own = Configuration.of(semantic_model=SETTINGS).semantic_model
+    model = load_label_model(own)
     assert model is not None
-    assert model.num_settings == 2 * len(model.repeat_shares) * len(model.count_factors)
+    assert model.num_settings == 2 * len(own.repeat_shares) * len(own.count_factors)

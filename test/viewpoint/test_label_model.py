@@ -1,27 +1,34 @@
 """A detector's words: what they tell of a class follows from what may have been repeated, new or an outlier."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.special import gammaln
 from scipy.stats import dirichlet
 
-from semantic_slam.viewpoint.label_model import (
-    DIRECTIONS,
-    HIDDEN_NONE,
-    NONE_OF_THESE,
-    STEP_RAD,
-    LabelModel,
-    LabelRecord,
-)
+from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
+from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
+from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
+from semantic_slam.viewpoint.label_settings import LabelSettings
 
 LABELS = ("chair", "cup", "tv")
-MODEL = LabelModel(
-    labels=LABELS, accuracy=0.75, counts=4.0, outlier_share=0.05, repeat_shares=(0.0, 0.5, 0.95), repeat_rad=0.5
-)
-FRESH = replace(MODEL, outlier_share=0.0, repeat_shares=(0.0,))
+REPEAT_SHARES, REPEAT_RAD = (0.0, 0.5, 0.95), 0.5
+
+
+def unfitted(labels=LABELS, counts=4.0, outlier_share=0.05, repeat_shares=REPEAT_SHARES) -> LabelModel:
+    """A model before anything was counted."""
+    return LabelModel(
+        labels=labels,
+        settings=LabelSettings.grid(repeat_shares, (REPEAT_RAD,), (1.0,)),
+        confusions=(Confusion.symmetric(len(labels), 0.75, counts, outlier_share),),
+        class_shares=np.full(len(labels) + 1, 1.0 / (len(labels) + 1)),
+    )
+
+
+MODEL = unfitted()
+FRESH = unfitted(outlier_share=0.0, repeat_shares=(0.0,))
+PRIOR = FRESH.priors[0][0]
 View = tuple[int, np.ndarray, int, float]  # word, scores of all words, direction, log of the distance
 
 
@@ -33,10 +40,14 @@ def unsure(word: int, scores: list[float], direction: int = 0) -> View:
     return word, np.array(scores), direction, 0.0
 
 
+def viewed(answer: int, shares: np.ndarray, direction: int, log_range: float) -> LabelView:
+    return LabelView(answer=answer, shares=shares, direction=direction, log_range=log_range)
+
+
 def seen(model: LabelModel, views: list[View]) -> LabelRecord:
     record = model.start()
     for view in views:
-        record = model.after(record, *view)
+        record = model.after(record, viewed(*view))
     return record
 
 
@@ -54,7 +65,7 @@ def test_new_words_count_as_the_dirichlet_integral_has_it():
     words = [0, 0, 1, 0, 3]
     found = seen(FRESH, [certain(word) for word in words]).log_likelihood[0]
     counts = np.bincount(words, minlength=4)
-    for row, prior in zip(found, FRESH.prior, strict=True):
+    for row, prior in zip(found, PRIOR, strict=True):
         after = prior + counts
         exact = gammaln(after).sum() - gammaln(after.sum()) - gammaln(prior).sum() + gammaln(prior.sum())
         assert row == pytest.approx(exact)
@@ -62,21 +73,21 @@ def test_new_words_count_as_the_dirichlet_integral_has_it():
 
 def test_the_confusion_is_integrated_out():
     """The same number as by draws of the rows of probabilities."""
-    model = replace(FRESH, counts=20.0)
+    model = unfitted(counts=20.0, outlier_share=0.0, repeat_shares=(0.0,))
     words = [0, 1, 0]
     found = seen(model, [certain(word) for word in words]).log_likelihood[0]
-    for row, prior in zip(found, model.prior, strict=True):
+    for row, prior in zip(found, model.priors[0][0], strict=True):
         theta = dirichlet(prior).rvs(200_000, random_state=0)
         assert np.exp(row) == pytest.approx(theta[:, words].prod(axis=1).mean(), rel=0.05)
 
 
 def test_repeats_outliers_and_new_answers_are_all_taken_together():
     """With a confusion that is known: the sum over what each view may have been, for every setting."""
-    model = replace(MODEL, counts=1e9)
+    model = unfitted(counts=1e9)
     views = [certain(0), certain(0, 3), certain(1, 4), certain(1, 20), certain(0, 2), certain(1, 21)]
     found = seen(model, views).log_likelihood
-    theta = model.prior / model.prior.sum(axis=1, keepdims=True)
-    for number, share in enumerate(model.repeat_shares):
+    theta = PRIOR / PRIOR.sum(axis=1, keepdims=True)
+    for number, share in enumerate(REPEAT_SHARES):
         for row in range(len(theta)):
             exact = sum(_joint(model, views, kinds, share, theta[row]) for kinds in _kinds(len(views)))
             assert found[number, row] == pytest.approx(np.log(exact), abs=1e-6)
@@ -94,23 +105,23 @@ def _joint(model: LabelModel, views: list[View], kinds: tuple[str, ...], share: 
         if earlier:
             away = {n: STEP_RAD * min((n - direction) % DIRECTIONS, (direction - n) % DIRECTIONS) for n in earlier}
             nearest = min(away, key=away.__getitem__)
-            repeats = share * np.exp(-away[nearest] / model.repeat_rad)
+            repeats = share * np.exp(-away[nearest] / REPEAT_RAD)
         if kind == "repeated":
             total *= repeats * (earlier.get(nearest) == word)
         elif kind == "new":
-            total *= (1.0 - repeats) * (1.0 - model.outlier_share) * theta[word]
+            total *= (1.0 - repeats) * (1.0 - model.confusions[0].outlier_share) * theta[word]
         else:
-            total *= (1.0 - repeats) * model.outlier_share / model.num_words
+            total *= (1.0 - repeats) * model.confusions[0].outlier_share / model.num_words
         earlier[direction] = word
     return total
 
 
 def test_what_is_filtered_is_near_what_is_exact():
     """With an unknown confusion which answers are new is not known: the exact sum counts only those."""
-    model = replace(MODEL, repeat_shares=(0.5,))
+    model = unfitted(repeat_shares=(0.5,))
     views = [certain(0), certain(0, 3), certain(1, 4), certain(0, 20), certain(0, 21)]
     found = seen(model, views).log_likelihood[0]
-    exact = np.array([_exact(model, views, 0.5, prior) for prior in model.prior])
+    exact = np.array([_exact(model, views, 0.5, prior) for prior in PRIOR])
     np.testing.assert_allclose(found, exact, atol=0.15)
 
 
@@ -129,8 +140,10 @@ def _exact(model: LabelModel, views: list[View], share: float, prior: np.ndarray
 
 def test_scores_are_averaged_over_what_they_may_mean():
     scores = [0.5, 0.3, 0.1, 0.1]
-    by_word, by_score = seen(replace(FRESH, counts=1e9), [unsure(0, scores)]).log_likelihood
-    theta = FRESH.prior / FRESH.prior.sum(axis=1, keepdims=True)
+    by_word, by_score = seen(
+        unfitted(counts=1e9, outlier_share=0.0, repeat_shares=(0.0,)), [unsure(0, scores)]
+    ).log_likelihood
+    theta = PRIOR / PRIOR.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(np.exp(by_word), theta[:, 0], rtol=1e-6)
     np.testing.assert_allclose(np.exp(by_score), theta @ scores, rtol=1e-6)
 
@@ -151,7 +164,7 @@ def test_a_robot_that_stands_learns_less_than_one_that_drives_around():
 
 
 def test_an_object_that_is_called_everything_is_none_of_these():
-    many = replace(MODEL, labels=tuple(f"label_{n}" for n in range(30)))
+    many = unfitted(tuple(f"label_{n}" for n in range(30)))
     views = [(word, np.eye(31)[word], 6 * word % DIRECTIONS, 0.0) for word in range(10)]
     assert int(np.argmax(told(many, views))) == 30
 
@@ -170,6 +183,6 @@ def test_views_without_a_word_tell_nothing_of_the_class():
 def test_the_words_of_any_object_have_probabilities_that_sum_to_one():
     for first in range(4):
         record = seen(MODEL, [certain(first)])
-        after = [MODEL.after(record, *certain(word, 2)).log_likelihood for word in range(4)]
+        after = [MODEL.after(record, viewed(*certain(word, 2))).log_likelihood for word in range(4)]
         np.testing.assert_allclose(np.exp(np.array(after) - record.log_likelihood).sum(axis=0), 1.0)
-    assert len(MODEL.prior) == len(MODEL.class_names) - 1 + HIDDEN_NONE
+    assert len(PRIOR) == len(MODEL.class_names) - 1 + HIDDEN_NONE

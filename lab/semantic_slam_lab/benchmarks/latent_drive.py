@@ -82,6 +82,7 @@ class Drive:
             robot=GaussianPrior(start, np.diag([0.1, 0.1, 0.05]) ** 2),
             objects=entries,
             class_names=names,
+            class_shares=uniform,
             seed=seed,
             association=ASSOCIATIONS.load("enumerated"),
             distinct=True,

@@ -77,7 +77,7 @@ def weights(quick: bool, seed: int) -> list[Row]:
 def _prepared(world: World, random: np.random.Generator) -> tuple[Callable[[], object], list[Gaussian]]:
     """Our weight update of ``PARENTS`` robots that are lost, each elsewhere; and where they are predicted to be."""
     problem = problem_of(run_of(world))
-    registry = ObjectRegistry(problem.objects, len(problem.class_names))
+    registry = ObjectRegistry(problem.objects, problem.class_shares)
     expander = Expander(problem, problem.association(problem, registry))
     step = problem.reader.step(keyframes_of(world)[0])
     covariance = np.diag(world.noise.robot)

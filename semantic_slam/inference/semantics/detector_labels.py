@@ -4,10 +4,10 @@ Given the positions of camera and object, and how the detector is set (``LabelMo
 scores tell more than words), the words of one object depend on nothing else. The setting is one for all objects of a
 hypothesis, which tell it together: with Z_o(r) the sum over classes of the words of object o under setting r,
 
-    P(all words) = mean_r prod_o Z_o(r),    P(c | all words) ~ P(c) sum_r w_r P(words of o | c, r),
+    P(all words) = sum_r P(r) prod_o Z_o(r),    P(c | all words) ~ P(c) sum_r w_r P(words of o | c, r),
 
-w_r ~ prod of the Z(r) of all other objects. Ratios of the first are the evidence of associations. Names tell nothing
-back to the positions.
+w_r ~ P(r) prod of the Z(r) of all other objects. Ratios of the first are the evidence of associations. Names tell
+nothing back to the positions.
 """
 
 from collections.abc import Sequence
@@ -18,12 +18,13 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
-from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews
-from semantic_slam.viewpoint.label_model import STEP_RAD, LabelModel, LabelRecord
+from semantic_slam.viewpoint.label_confusion import STEP_RAD
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +76,7 @@ class DetectorLabels:
         rows, words = given.candidates.assignments, given.step.words
         assert words is not None
         places, news = view_places(given), [dict[int, _Told]() for _ in range(len(rows))]
+        stretch = self._model.stretch_of(given.step.stamp_ns)
         known: dict[tuple[int, ...], _Told] = {}
         for number, index in enumerate(given.used.tolist()):
             for row in np.flatnonzero(rows.objects[:, number] >= 0).tolist():
@@ -84,24 +86,26 @@ class DetectorLabels:
                 seen = int(places.directions[row, number]), int(places.log_ranges[row, number])
                 key = (id(earlier), index, place, *seen)  # hypotheses share what they have in common
                 if key not in known:
-                    known[key] = self._added(earlier, words, index, seen, given.log_class_prior[place])
+                    view = LabelView(
+                        answer=int(words.answers[index]),
+                        shares=words.shares[index],
+                        direction=seen[0],
+                        log_range=STEP_RAD * float(seen[1]),
+                        stretch=stretch,
+                    )
+                    known[key] = self._added(earlier, view, given.log_class_prior[place])
                 news[row][object_id] = known[key]
         return news
 
-    def _added(
-        self, before: _Told | None, words: DetectorWords, index: int, seen: tuple[int, int], log_prior: Array
-    ) -> _Told:
+    def _added(self, before: _Told | None, view: LabelView, log_prior: Array) -> _Told:
         """What is told of one object with one word more."""
         record = self._model.start() if before is None else before.record
-        after = self._model.after(
-            record, int(words.answers[index]), words.shares[index], seen[0], STEP_RAD * float(seen[1])
-        )
-        return _Told.of(self._model, after, log_prior)
+        return _Told.of(self._model, self._model.after(record, view), log_prior)
 
     def _of_all(self, told: dict[int, _Told]) -> Array:
-        """(R,) log evidence of all words of a hypothesis under each setting."""
+        """(R,) log probability of each setting with the evidence of all words of a hypothesis."""
         every = [told[number].log_evidence for number in sorted(told)]  # in one order, whoever rebuilt the hypothesis
-        return np.sum(every, axis=0) if every else np.zeros(self._model.num_settings)
+        return np.asarray(self._model.settings.log_weights + np.sum(every, axis=0))
 
     def _gained(self, news: dict[int, _Told], before: dict[int, _Told]) -> Array:
         """(R,) log evidence of the words of a keyframe under each setting; 0 where it has none."""

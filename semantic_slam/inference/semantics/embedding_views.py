@@ -17,7 +17,7 @@ from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvi
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
-from semantic_slam.viewpoint.label_model import STEP_RAD
+from semantic_slam.viewpoint.label_confusion import STEP_RAD
 
 
 class EmbeddingViews:

@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.planar_observation import camera_bearing
 from semantic_slam.inference.semantics.interface import SemanticInput
-from semantic_slam.viewpoint.label_model import DIRECTIONS, STEP_RAD
+from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
 
 LEAST_RANGE_M = 0.05
 """Nearer views count as from there."""

@@ -59,9 +59,10 @@ class ReportedObjects:
 class ObjectRegistry:
     """Ids, names and class priors of the objects, map prior first, then those that detections introduced."""
 
-    def __init__(self, entries: Sequence[ObjectEntry], num_classes: int, displaced: Displaced | None = None):
+    def __init__(self, entries: Sequence[ObjectEntry], class_shares: Array, displaced: Displaced | None = None):
+        """``class_shares`` (C,) are probabilities of the class of what no map knows."""
         self._displaced = Displaced() if displaced is None else displaced
-        self._uniform = np.full(num_classes, 1.0 / max(num_classes, 1))
+        self._unknown = class_shares
         self._known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
         self._by_name = {entry.name: entry.object_id for entry in entries}
         self._by_name |= {str(entry.object_id): entry.object_id for entry in entries}
@@ -93,7 +94,7 @@ class ObjectRegistry:
             return -1
         if name not in self._by_name:
             number = max(self._known, default=-1) + 1
-            self._known[number] = name, self._uniform
+            self._known[number] = name, self._unknown
             self._by_name[name] = number
             self._all, self._stated = self._listed(tuple(self._known)), self._each_once()
         return self._by_name[name]
@@ -108,16 +109,16 @@ class ObjectRegistry:
         return self._first_new[index]
 
     def log_class_prior_of(self, object_ids: Sequence[int]) -> Array:
-        """(n, C) natural logs; what no map knows may be of any class."""
-        known = [self._known[n][1] if n in self._known else self._uniform for n in object_ids]
+        """(n, C) natural logs."""
+        known = [self._known[n][1] if n in self._known else self._unknown for n in object_ids]
         with np.errstate(divide="ignore"):
-            return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._uniform))))
+            return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._unknown))))
 
     def _each_once(self) -> ReportedObjects:
         ids = tuple(number for number in self._known if number not in self._displaced.on_map)
         return replace(self._listed(ids), displaced=self._displaced)
 
     def _listed(self, ids: tuple[int, ...]) -> ReportedObjects:
-        rows = [self._known.get(n, (str(n), self._uniform)) for n in ids]
-        prior = np.array([prior for _, prior in rows]).reshape(len(ids), len(self._uniform))
+        rows = [self._known.get(n, (str(n), self._unknown)) for n in ids]
+        prior = np.array([prior for _, prior in rows]).reshape(len(ids), len(self._unknown))
         return ReportedObjects(ids=ids, names=tuple(name for name, _ in rows), class_prior=prior)

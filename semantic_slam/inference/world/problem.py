@@ -15,6 +15,7 @@ from semantic_slam.configuration import (
     RevisionConfiguration,
     WeightsConfiguration,
 )
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
@@ -55,6 +56,7 @@ class Problem:
     robot: GaussianPrior
     objects: tuple[ObjectEntry, ...]
     class_names: tuple[str, ...]
+    class_shares: Array  # (C,) probabilities of the class of what no map knows
     seed: int
     association: type[Any]  # an AssociationStrategy as inference/association/strategy.py describes it
     distinct: bool

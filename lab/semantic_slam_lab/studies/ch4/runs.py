@@ -115,6 +115,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
             for n, mean in enumerate(run.map_means)
         ),
         class_names=class_names,
+        class_shares=uniform,
         seed=seed,
         association=ASSOCIATIONS.load("enumerated"),
         distinct=True,

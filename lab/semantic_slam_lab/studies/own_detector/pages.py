@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
+from semantic_slam_lab.studies.own_detector.lessons import FITTED, TAUGHT
 from semantic_slam_lab.studies.own_detector.scores import LEAST_LEAD, LEAST_VIEWS, METRICS, SURE
 from semantic_slam_lab.studies.result import Claim, Table
 
 REQUIREMENT = "project requirement"
 MOST_ECE = 0.05
+MOST_NLL, MOST_ABOVE_TAUGHT, MOST_LATER = 0.5, 1.2, 2.0
 OURS, OTHERS = "ours", ("labels_counted", "arg_max", "running_product")
 TITLES = {
     "by chance": "Confused by chance",
@@ -18,6 +20,8 @@ TITLES = {
 WORDS = {
     "ours": "`detector`, nothing trained",
     "gp_independent": "`gp_independent`, models from turntables, pixels in place of labels",
+    "fitted": "`detector` after `fit --from-run` on bags of other rooms",
+    "taught": "`detector`, models from the true classes of those bags",
     "labels_counted": "labels counted",
     "arg_max": "most frequent label",
     "running_product": "running product of scores",
@@ -53,7 +57,33 @@ def _claims_of_line(line: str, own: dict[str, Any]) -> list[Claim]:
             own["carried_sure"] == own["carried"],
         ),
         claim(f"ECE at most {MOST_ECE} at the end", f"{ours['ece']:.3f}", ours["ece"] <= MOST_ECE),
+        *_claims_of_fits(claim, own["methods"]),
         *(_better(claim, own, metric, when) for metric, when in (("nll", "at the end"), ("nll_online", "on the way"))),
+    ]
+
+
+def _claims_of_fits(claim: Callable[[str, str, bool], Claim], methods: dict[str, Any]) -> list[Claim]:
+    """What other bags have taught, where they were asked."""
+    if FITTED not in methods:
+        return []
+    ours, fitted, taught = (methods[name] for name in (OURS, FITTED, TAUGHT))
+    after = [own["settled_keyframe"] for own in (fitted, taught)]
+    return [
+        claim(
+            f"NLL at most {MOST_NLL:.0%} of that out of the box after `fit --from-run` on one bag of each other room",
+            f"{fitted['nll']:.4f}, {ours['nll']:.4f}",
+            fitted["nll"] <= MOST_NLL * ours["nll"],
+        ),
+        claim(
+            f"NLL at most {MOST_ABOVE_TAUGHT:.0%} of that of models from the true classes of those bags",
+            f"{fitted['nll']:.4f}, {taught['nll']:.4f}",
+            fitted["nll"] <= MOST_ABOVE_TAUGHT * taught["nll"],
+        ),
+        claim(
+            f"settled at most {MOST_LATER:.0f} times as late as by those",
+            f"{after[0]:.1f}, {after[1]:.1f} keyframes",
+            after[0] <= MOST_LATER * after[1],
+        ),
     ]
 
 

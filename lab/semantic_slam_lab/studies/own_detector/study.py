@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,7 +13,8 @@ from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.studies.own_detector.bags import LINES, Case, foreign_bag, room_bag
 from semantic_slam_lab.studies.own_detector.baselines import RULES
 from semantic_slam_lab.studies.own_detector.courses import CLASSES
-from semantic_slam_lab.studies.own_detector.methods import DETECTOR_CONFIGURATION, METHODS, OURS
+from semantic_slam_lab.studies.own_detector.lessons import learned, teaching_run
+from semantic_slam_lab.studies.own_detector.methods import DETECTOR_CONFIGURATION, METHODS, OURS, by_models
 from semantic_slam_lab.studies.own_detector.pages import claims_of, tables_of
 from semantic_slam_lab.studies.own_detector.scores import SURE, Named, carried, summary
 from semantic_slam_lab.studies.result import write_result
@@ -22,7 +24,11 @@ DATA = "data"
 ROOMS, QUICK_ROOMS = 6, 1
 DRAWS, QUICK_DRAWS = 4, 1
 """Bags of each room, on every line."""
-FIRST_LINE, VIEW_LINE = "by chance", "by view"
+VIEW_LINE, SIDE_LINE = "by view", "by side"
+TAUGHT_LINES = (VIEW_LINE, SIDE_LINE)
+"""Where other bags are learned from first: one of each other room; by side all that they share is how views repeat."""
+TEACHING_DRAW = 1_000_000
+"""Added to the seed: what is drawn in bags that only teach."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +53,28 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
         for room in range(rooms)
         for draw in range(draws)
     ]
-    judged = repeat(judge, [(case, bags[case.room]) for case in cases], jobs, "bags")
+    with TemporaryDirectory() as folder:
+        models = _lessons(Path(folder), bags, jobs, seed)
+        given = [(case, bags[case.room], models.get((case.line, case.room), {})) for case in cases]
+        judged = repeat(judge, given, jobs, "bags")
     return written(out, judged, quick, seed)
+
+
+def _lessons(folder: Path, bags: Sequence[Path], jobs: int, seed: int) -> dict[tuple[str, int], Mapping[str, Path]]:
+    """Line and tested room -> method -> file of models that one bag of each other room has taught."""
+    rooms, draw = range(len(bags)), TEACHING_DRAW + seed
+    taught = [(line, room) for line in TAUGHT_LINES for room in rooms]
+    lessons = [
+        (line, room, draw, _detector(line, room, draw, seed), bags[room], folder / "teaching") for line, room in taught
+    ]
+    folders = dict(zip(taught, repeat(teaching_run, lessons, jobs, "lessons"), strict=True))
+    others = {
+        (line, room): [folders[line, own] for own in rooms if own != room or len(bags) == 1] for line, room in taught
+    }
+    files = repeat(
+        learned, [(others[key], folder / f"{key[0].replace(' ', '_')}_{key[1]}") for key in taught], jobs, "fits"
+    )
+    return dict(zip(taught, files, strict=True))
 
 
 def _detector(line: str, room: int, draw: int, seed: int) -> int:
@@ -56,12 +82,13 @@ def _detector(line: str, room: int, draw: int, seed: int) -> int:
     return seed if line == VIEW_LINE else (seed * ROOMS + room) * DRAWS + draw
 
 
-def judge(case: Case, room: Path) -> Judged:
-    """Every method on one bag, and rules on what ours associated."""
+def judge(case: Case, room: Path, models: Mapping[str, Path]) -> Judged:
+    """Every method on one bag, and rules on what ours associated; ``models`` are files by method, of other bags."""
+    methods = METHODS | {name: partial(by_models, models=file) for name, file in models.items()}
     with TemporaryDirectory() as folder:
         foreign = foreign_bag(case, room, Path(folder))
         driven = {}
-        for name, method in METHODS.items():
+        for name, method in methods.items():
             (Path(folder) / name).mkdir()
             driven[name] = method(foreign, Path(folder) / name)
     drive = driven[OURS].drive
@@ -120,7 +147,7 @@ def line_of(judged: Sequence[Judged]) -> dict[str, Any]:
         "bags_with_others": sum(bag.others > 0 for bag in judged),
         "carried": len(sure),
         "carried_sure": sum(map(bool, sure)),
-        "methods": {name: summary([own for bag in judged for own in bag.named[name]]) for name in (*METHODS, *RULES)},
+        "methods": {name: summary([own for bag in judged for own in bag.named[name]]) for name in judged[0].named},
     }
 
 

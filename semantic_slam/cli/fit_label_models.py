@@ -1,0 +1,37 @@
+"""``semantic_slam fit --from-run DIR... --out FILE``: what a detector calls things, from runs of the user's own."""
+
+import argparse
+import json
+from pathlib import Path
+
+from semantic_slam.errors import InputError
+from semantic_slam.outputs import claimed_files
+
+OF_PICTURES = ("weights", "classes", "pattern", "mask_pattern")
+"""Options of other sources, which a run has no use for."""
+
+
+def learn_labels(arguments: argparse.Namespace) -> None:
+    """Learn, write the models and the report beside them, and say in short what they are. Raises InputError."""
+    for name in OF_PICTURES:
+        if getattr(arguments, name, None):
+            raise InputError(f"--{name.replace('_', '-')}: is not for --from-run; leave it out")
+    if arguments.out.suffix == ".json":
+        raise InputError(f"{arguments.out}: is where the report goes; name a .safetensors file")
+    outs = [arguments.out, arguments.out.with_suffix(".json")]
+    with claimed_files(outs, arguments.from_run, arguments.overwrite) as (models, report):
+        lines = _learn(arguments.from_run, models, report)
+    print("\n".join(lines))
+    print(f"{outs[0]}: report in {outs[1]}; name it as semantic_model.path in the next run's configuration")
+
+
+def _learn(folders: list[Path], models: Path, report: Path) -> list[str]:
+    from semantic_slam.training.labels.learn import RunTracks, learn
+    from semantic_slam.training.labels.report import lines_of
+    from semantic_slam.training.labels.runs import read_runs
+    from semantic_slam.viewpoint.label_store import save_labels
+
+    fitted = learn(RunTracks.of(read_runs(folders)))
+    save_labels(fitted, models)
+    report.write_text(json.dumps(fitted.report, indent=1) + "\n", encoding="utf-8")
+    return lines_of(fitted.report)

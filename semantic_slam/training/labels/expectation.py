@@ -1,0 +1,121 @@
+"""What the views of objects are expected to be, under a model so far: drawn from what their class is called, or not.
+
+An answer that is new and no outlier is drawn from the words that an object has had already, or from what its class is
+called from there (Polya's urn). Only the latter tell of the class; each counts by its probability, over settings,
+classes, headings, and the hypotheses that the views are of one object.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.training.labels.tracks import Track
+from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, ViewShares
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expectation:
+    """Sums over tracks; R settings, S sectors of the object, L labels, W words."""
+
+    drawn: Array  # (R, S, L, W) words drawn from what a class is called
+    inliers: Array  # (R,) new answers that are no outliers, however drawn
+    outliers: Array  # (R,)
+    classes: Array  # (R, C) objects of each class that no map knows
+    log_evidence: Array  # (R,) of the views
+
+    @classmethod
+    def nothing(cls, model: LabelModel) -> Self:
+        """Sums over no track."""
+        count = model.num_settings
+        return cls(
+            drawn=np.zeros((count, model.num_headings, len(model.labels), model.num_words)),
+            inliers=np.zeros(count),
+            outliers=np.zeros(count),
+            classes=np.zeros((count, len(model.class_names))),
+            log_evidence=np.zeros(count),
+        )
+
+    def plus(self, other: "Expectation", weight: float) -> "Expectation":
+        """With that of one more track."""
+        return Expectation(
+            drawn=self.drawn + weight * other.drawn,
+            inliers=self.inliers + weight * other.inliers,
+            outliers=self.outliers + weight * other.outliers,
+            classes=self.classes + weight * other.classes,
+            log_evidence=self.log_evidence + weight * other.log_evidence,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replayed:
+    """A track under a model."""
+
+    record: LabelRecord
+    log_rows: Array  # (K,) log prior of the rows
+    is_mapped: bool
+    shares: Sequence[tuple[LabelView, ViewShares]]  # of the views with a word
+
+    @property
+    def log_joint(self) -> Array:
+        """(R, K) of the views and the row."""
+        return np.asarray(self.record.log_likelihood + self.log_rows)
+
+    @property
+    def log_evidence(self) -> Array:
+        """(R,) of the views."""
+        return finite_log_sum_exp(self.log_joint, axis=1)
+
+    @property
+    def rows(self) -> Array:
+        """(R, K) probability of each row."""
+        return np.asarray(np.exp(self.log_joint - self.log_evidence[:, None]))
+
+
+def replayed(model: LabelModel, track: Track, views: Sequence[LabelView]) -> Replayed:
+    """Some views of a track, in their order."""
+    record, shares = model.start(), []
+    for view in views:
+        if view.answer < 0:
+            record = model.after(record, view)
+            continue
+        own = model.shares(record, view)
+        shares.append((view, own))
+        record = model.counted(record, view, own)
+    log_prior = np.log(model.class_shares) if track.log_prior is None else track.log_prior
+    return Replayed(
+        record=record, log_rows=model.log_rows(log_prior), is_mapped=track.log_prior is not None, shares=shares
+    )
+
+
+def expected(model: LabelModel, told: Replayed, rows: Array) -> Expectation:
+    """What the views of one track are expected to be, where its (R, K) rows have these probabilities."""
+    found = Expectation.nothing(model)
+    drawn, inliers, outliers = found.drawn.copy(), found.inliers.copy(), found.outliers.copy()
+    sectors, labels = model.num_headings, len(model.labels)
+    headings = np.arange(sectors)
+    for view, shares in told.shares:
+        own = (rows[..., None] * shares.drawn)[:, :-HIDDEN_NONE].reshape(len(rows), labels, sectors, -1)
+        words = np.zeros((len(rows), sectors, labels, model.num_words))
+        words[..., list(shares.words)] = own.transpose(0, 2, 1, 3)
+        drawn[:, (model.confusions[-1].sector_of(view.direction) - headings) % sectors] += words
+        inliers += (rows * shares.inlier).sum(axis=1)
+        outliers += (rows * shares.outlier).sum(axis=1)
+    return Expectation(
+        drawn=drawn,
+        inliers=inliers,
+        outliers=outliers,
+        classes=found.classes if told.is_mapped else _classes(rows, labels, sectors),
+        log_evidence=told.log_evidence,
+    )
+
+
+def _classes(rows: Array, num_labels: int, num_headings: int) -> Array:
+    """(R, C) from (R, K) of the rows."""
+    own = rows[:, :-HIDDEN_NONE].reshape(len(rows), num_labels, num_headings).sum(axis=2)
+    return np.column_stack([own, rows[:, -HIDDEN_NONE:].sum(axis=1)])

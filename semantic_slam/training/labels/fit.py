@@ -1,0 +1,55 @@
+"""Models by expectation and maximisation, repeated until held-out log evidence stops rising.
+
+Each stretch of the drives is held out once: the words in it are judged by the model that is fitted to all others, given
+the views of the same objects there.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from semantic_slam.training.labels.passes import FOLDS, Pass, passed
+from semantic_slam.training.labels.tracks import Track
+from semantic_slam.viewpoint.label_model import LabelModel
+
+MOST_ROUNDS = 20
+LEAST_GAIN = 0.1
+"""Nats of held-out log evidence that a round has to add."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """Models of which each leaves a stretch out, the last one none; they share their settings."""
+
+    passes: tuple[Pass, ...]  # of ``FOLDS``
+    rounds: int
+
+    @property
+    def held_out(self) -> float:
+        """Log evidence of every stretch under the model without it, in nats."""
+        return sum(own.gain for own in self.passes[:-1])
+
+    @property
+    def whole(self) -> Pass:
+        """The pass of the model that leaves nothing out."""
+        return self.passes[-1]
+
+
+Refit = Callable[[Pass, int], LabelModel]
+"""A model after one round, from the pass of the one before and its place in ``FOLDS``."""
+
+
+def fitted(models: Sequence[LabelModel], refit: Refit, tracks: Sequence[Track], patience: int) -> Fitted:
+    """From ``models``, one for each of ``FOLDS``; so many rounds in a row may add nothing before it ends."""
+    best = found = as_they_are(models, tracks)
+    while found.rounds < min(MOST_ROUNDS, best.rounds + patience):
+        models = [refit(own, place) for place, own in enumerate(found.passes)]
+        found = replace(as_they_are(models, tracks), rounds=found.rounds + 1)
+        if found.held_out >= best.held_out + LEAST_GAIN:
+            best = found
+    return best
+
+
+def as_they_are(models: Sequence[LabelModel], tracks: Sequence[Track]) -> Fitted:
+    """Models that are not changed."""
+    passes = tuple(passed(model, tracks, fold) for model, fold in zip(models, FOLDS, strict=True))
+    return Fitted(passes=passes, rounds=0)

@@ -1,0 +1,140 @@
+"""A detector's models from runs: what is tried, what held-out stretches say of it, and what the next run gets."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any, Self
+
+import numpy as np
+
+from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.training.labels.candidates import alike, by_side
+from semantic_slam.training.labels.expectation import Expectation
+from semantic_slam.training.labels.fit import Fitted, as_they_are
+from semantic_slam.training.labels.judgement import Judgement, judged
+from semantic_slam.training.labels.maximisation import BeforeFit, class_shares
+from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, passed
+from semantic_slam.training.labels.report import report_of
+from semantic_slam.training.labels.runs import Run
+from semantic_slam.training.labels.tracks import Track, stretch_edges, tracks_of
+from semantic_slam.viewpoint.label_confusion import Confusion
+from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels
+
+LEAST_SHARE = 1e-3
+"""Settings with less than this share of the likeliest one's weight are not handed on."""
+LEAST_GAIN = 3.0
+"""Nats by which held-out log evidence has to be better than before any fit."""
+LEAST_WORDS = 3.0
+"""Words drawn from what a class is called, from which on its sides are told apart."""
+MOST_MISCALIBRATION = 0.02
+"""How much more than before any fit the calibration error of held-out words may be."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunTracks:
+    """What B runs of one detector tell, each by itself."""
+
+    settings: SemanticModelConfiguration  # before any fit, with the labels of all
+    runs: Sequence[Run]  # B
+    edges: Sequence[tuple[int, ...]]  # B, where the stretches of each begin, and where the last one ends
+    tracks: Sequence[Sequence[Track]]  # B
+
+    @classmethod
+    def of(cls, runs: Sequence[Run]) -> Self:
+        """From the beliefs of runs. Raises InputError where not one object was seen."""
+        labels = tuple(sorted({label for run in runs for label in run.settings.labels}))
+        edges = [stretch_edges(run, STRETCHES) for run in runs]
+        tracks = [tracks_of(run, labels, own) for run, own in zip(runs, edges, strict=True)]
+        if not any(tracks):
+            raise InputError("no run has an object that was seen; drive by objects that the detector reports")
+        return cls(settings=replace(runs[0].settings, labels=labels), runs=runs, edges=edges, tracks=tracks)
+
+    @property
+    def every(self) -> list[Track]:
+        """The tracks of all runs."""
+        return [track for own in self.tracks for track in own]
+
+    def bags(self, without: Sequence[tuple[Array, Array]]) -> tuple[FittedBag, ...]:
+        """Each with the log weights of settings and the shares of classes that the others tell."""
+        return tuple(
+            FittedBag(
+                path=run.bag,
+                sha256=run.sha256,
+                stretch_edges_ns=edges,
+                log_settings=tuple(log_settings.tolist()),
+                class_shares=tuple(shares.tolist()),
+            )
+            for run, edges, (log_settings, shares) in zip(self.runs, self.edges, without, strict=True)
+        )
+
+
+def learn(told: RunTracks) -> FittedLabels:
+    """The models that held-out stretches prefer; those before any fit where there is too little to learn from."""
+    settings = told.settings
+    start = load_label_model(settings)
+    assert start is not None
+    before = BeforeFit(
+        num_labels=len(settings.labels),
+        accuracy=settings.label_accuracy,
+        counts=settings.label_counts,
+        outlier_share=settings.outlier_share,
+    )
+    unfitted = as_they_are([start] * len(FOLDS), told.every)
+    same = alike(start, before, told.every)
+    found = max(same, by_side(same, before, told.every), key=lambda own: own.held_out)
+    first, last = judged(unfitted, told.every), judged(found, told.every)
+    is_better = _is_better(first, last)
+    report = report_of(found, is_better, first, last)
+    return _handed_on(found, told, report) if is_better else _as_before(unfitted, told, report)
+
+
+def _is_better(first: Judgement, last: Judgement) -> bool:
+    is_calibrated = last.calibration_error <= first.calibration_error + MOST_MISCALIBRATION
+    return last.log_evidence >= first.log_evidence + LEAST_GAIN and is_calibrated
+
+
+def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:
+    """With the settings that are left, and what bags tell of settings and classes without one of them."""
+    whole = found.whole
+    kept = np.flatnonzero(whole.weights >= LEAST_SHARE * whole.weights.max())
+    model = replace(whole.model, settings=whole.model.settings.take(kept))
+    own = [passed(model, tracks, NO_STRETCH).told for tracks in told.tracks]
+
+    def of(runs: Sequence[Expectation]) -> tuple[Array, Array]:
+        """(R,) log weights of settings and (C,) shares of classes."""
+        told = reduce(lambda one, other: one.plus(other, 1.0), runs, Expectation.nothing(model))
+        settings = model.settings.weighted(model.settings.log_weights + told.log_evidence).log_weights
+        return settings, class_shares(np.exp(settings) @ told.classes)
+
+    log_settings, shares = of(own)
+    words = np.tensordot(whole.weights, whole.told.drawn, axes=1).sum(axis=(0, 2))  # (L,)
+    without = [of([*own[:number], *own[number + 1 :]]) for number in range(len(own))]
+    return FittedLabels(
+        labels=model.labels,
+        settings=model.settings.weighted(log_settings),
+        confusions=tuple(_lean(own.model.confusions[-1], words >= LEAST_WORDS) for own in found.passes),
+        class_shares=shares,
+        bags=told.bags(without),
+        report=report,
+    )
+
+
+def _lean(confusion: Confusion, is_known: Flags) -> Confusion:
+    """With all sides alike of classes that are not known (L,): of these no run has to sum over headings."""
+    even = confusion.counts.mean(axis=0, keepdims=True)
+    return replace(confusion, counts=np.where(is_known[:, None], confusion.counts, even))
+
+
+def _as_before(unfitted: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:
+    model = unfitted.whole.model
+    return FittedLabels(
+        labels=model.labels,
+        settings=model.settings,
+        confusions=tuple(own.model.confusions[-1] for own in unfitted.passes),
+        class_shares=model.class_shares,
+        bags=told.bags([(model.settings.log_weights, model.class_shares)] * len(told.runs)),
+        report=report,
+    )

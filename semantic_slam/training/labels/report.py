@@ -1,0 +1,71 @@
+"""What was learned of a detector, in numbers and in words."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.training.labels.fit import Fitted
+from semantic_slam.training.labels.judgement import Judgement
+
+MOST_OTHERS = 3
+"""Names that a class is confused with, the most frequent ones, which are told."""
+LEAST_TOLD = 0.03
+"""Share of a class's views from which a name is worth telling."""
+
+
+def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -> dict[str, Any]:
+    """Numbers of the models that were found, and whether they are kept."""
+    whole = found.whole
+    settings, weights = whole.model.settings, whole.weights
+    confusion = whole.model.confusions[-1]
+    counts = confusion.counts.mean(axis=0)
+    drawn = np.tensordot(weights, whole.told.drawn, axes=1).sum(axis=(0, 2))
+    objects = weights @ whole.told.classes
+    means = counts / counts.sum(axis=1, keepdims=True)
+    names = [*whole.model.labels, "other"]
+    return {
+        "is_kept": is_kept,
+        "rounds": found.rounds,
+        "sides": confusion.num_sectors,
+        "held_out": {"before": asdict(first), "after": asdict(last)},
+        "repeat_share": float(weights @ settings.repeat_shares),
+        "repeat_rad": float(weights @ settings.repeat_rads),
+        "scores_count": float(weights @ settings.by_score),
+        "outlier_share": confusion.outlier_share,
+        "classes": {
+            label: {
+                "objects": float(objects[row]),
+                "answers": float(drawn[row]),
+                "called": {name: float(share) for name, share in zip(names, means[row], strict=True)},
+            }
+            for row, label in enumerate(whole.model.labels)
+        },
+    }
+
+
+def lines_of(report: Mapping[str, Any]) -> list[str]:
+    """The report in a few lines."""
+    before, after = report["held_out"]["before"], report["held_out"]["after"]
+    judged = (
+        f"held-out log evidence {before['log_evidence']:.1f} -> {after['log_evidence']:.1f} nats of"
+        f" {after['num_words']} words, their calibration error {before['calibration_error']:.3f} ->"
+        f" {after['calibration_error']:.3f}"
+    )
+    if not report["is_kept"]:
+        return [f"too little to learn from, so the models are as before any fit: {judged}"]
+    lines = [_line(label, own) for label, own in report["classes"].items() if own["objects"] >= 0.5]
+    how = "from all sides alike" if report["sides"] == 1 else f"by {report['sides']} sides"
+    lines.append(
+        f"{how}; a view from the place of an earlier one repeats its answer with {report['repeat_share']:.2f}; outliers"
+        f" {report['outlier_share']:.3f}; {report['rounds']} rounds"
+    )
+    return [*lines, judged]
+
+
+def _line(label: str, own: Mapping[str, Any]) -> str:
+    others = sorted(((share, name) for name, share in own["called"].items() if name != label), reverse=True)
+    told = [f"{name} {share:.0%}" for share, name in others[:MOST_OTHERS] if share >= LEAST_TOLD]
+    rest = f", {', '.join(told)}" if told else ""
+    return f"{label}: {own['objects']:.1f} objects, called {label} {own['called'][label]:.0%}{rest}"

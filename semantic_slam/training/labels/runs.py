@@ -1,0 +1,58 @@
+"""Runs whose beliefs tell, softly, which detections show which object from where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from semantic_slam.class_models.kind import class_model_kind
+from semantic_slam.configuration import Configuration, SemanticModelConfiguration, from_dict
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.evaluation.record import Record, json_object
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """The record of a run, and what it was a run of."""
+
+    record: Record
+    configuration: Configuration
+    bag: str  # path of the input
+    sha256: str  # of the input, "" where the run names none
+
+    @property
+    def settings(self) -> SemanticModelConfiguration:
+        """What was known of the detector before anything was fitted, with the labels of the run."""
+        return replace(self.configuration.semantic_model, path="")
+
+
+def read_runs(folders: Sequence[Path]) -> list[Run]:
+    """The runs in the folders that reports were written to. Raises InputError for one that tells nothing of labels."""
+    runs = [_read(folder) for folder in folders]
+    named = [run.sha256 for run in runs if run.sha256]
+    twice = [str(folder) for folder, run in zip(folders, runs, strict=True) if named.count(run.sha256) > 1]
+    if twice:
+        raise InputError(
+            f"{' and '.join(twice)}: are runs of one bag, whose views would count twice; leave out all but one"
+        )
+    return runs
+
+
+def _read(folder: Path) -> Run:
+    beliefs = folder / "belief"
+    if not beliefs.exists():
+        raise InputError(f"{folder}: has no beliefs; give a folder that semantic_slam report --out wrote")
+    record = read_record(beliefs)
+    configuration = from_dict(json_object(record.run.configuration), f"{folder}: run configuration")
+    kind = configuration.semantic_model.kind
+    if class_model_kind(configuration.semantic_model).labels is None:
+        raise InputError(
+            f"{folder}: ran with semantic_model.kind: {kind}, by which labels name nothing; run the bag with --config"
+            " config/detector.yaml first"
+        )
+    return Run(
+        record=record,
+        configuration=configuration,
+        bag=str(json_object(record.run.source).get("path") or folder),
+        sha256=record.run.source_sha256,
+    )

@@ -1,0 +1,50 @@
+"""What a detector has said of one object: a view, the record of all views, and what one more may be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+
+ANY_STRETCH = -1
+"""Stretch of a view of which no model was fitted without it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelView:
+    """What a detector says of one object at a time, and from where it is seen."""
+
+    answer: int  # the word, -1: none
+    shares: Array  # (W,) scores of all words
+    direction: int  # cell of the direction from object to camera, in map
+    log_range: float  # of the distance in metres
+    stretch: int = ANY_STRETCH  # of the drive
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelRecord:
+    """The words of one object so far; R settings, K rows (``Confusion.rows``), N words."""
+
+    log_likelihood: Array  # (R, K) of all views
+    words: tuple[int, ...]  # N that were reported
+    counts: Array  # (R, K, N) of new answers
+    answers: Index  # (DIRECTIONS,) the newest word seen from each direction, -1: never seen from there
+    log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewShares:
+    """What a view may be under each setting and row, given the views before."""
+
+    words: tuple[int, ...]  # N with those of this view
+    before: Array  # (R, K, N) counts of new answers
+    likelihood: Array  # (R, K)
+    base: Array  # (R, K, N) counts before any view
+    added: Array  # (R, K, N) probability that it is new and means the word
+    inlier: Array  # (R, K) probability that it is new and no outlier
+    outlier: Array  # (R, K) that it is one
+
+    @property
+    def drawn(self) -> Array:
+        """(R, K, N) share of ``added`` that is drawn from what the class is called, not from the object's own words."""
+        return np.asarray(self.added * self.base / (self.base + self.before))

@@ -1,0 +1,155 @@
+"""Files of fitted label models: arrays and a JSON description in one safetensors file; nothing in it is executed."""
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE, Confusion
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_settings import LabelSettings
+
+SCHEMA_VERSION = 1
+KIND = "detector"
+METADATA_KEY = "semantic_slam"
+ANEW = "fit it anew with semantic_slam fit --from-run"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedBag:
+    """One of the bags that models were fitted to, and what the others tell without it."""
+
+    path: str
+    sha256: str
+    stretch_edges_ns: tuple[int, ...]  # (F + 1,) where its stretches begin, and where the last one ends
+    log_settings: tuple[float, ...]  # (R,) log weights of the settings
+    class_shares: tuple[float, ...]  # (C,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedLabels:
+    """A detector as runs of it have shown it; L labels, W words, S sectors, R settings."""
+
+    labels: tuple[str, ...]
+    settings: LabelSettings  # R
+    confusions: tuple[Confusion, ...]  # each without one of the F stretches of all bags, the last one of all
+    class_shares: Array  # (C,) with none of these
+    bags: tuple[FittedBag, ...]
+    report: dict[str, Any]
+
+    def model(self, sha256: str = "") -> LabelModel:
+        """What a bag is run with: where the models were fitted to it, every stretch has those fitted without it."""
+        known = self.bag(sha256)
+        if known is None:
+            return LabelModel(
+                labels=self.labels,
+                settings=self.settings,
+                confusions=self.confusions[-1:],
+                class_shares=self.class_shares,
+            )
+        return LabelModel(
+            labels=self.labels,
+            settings=self.settings.weighted(np.array(known.log_settings)),
+            confusions=self.confusions,
+            class_shares=np.array(known.class_shares),
+            stretch_edges_ns=known.stretch_edges_ns,
+        )
+
+    def bag(self, sha256: str) -> FittedBag | None:
+        """The bag of that digest, if the models were fitted to it."""
+        return next((own for own in self.bags if own.sha256 and own.sha256 == sha256), None)
+
+
+def save_labels(fitted: FittedLabels, path: Path) -> None:
+    """Write the models."""
+    arrays = {f"settings.{item.name}": getattr(fitted.settings, item.name) for item in fields(LabelSettings)}
+    for item in fields(Confusion):
+        arrays[f"confusions.{item.name}"] = np.array([getattr(own, item.name) for own in fitted.confusions])
+    arrays["class_shares"] = fitted.class_shares
+    description = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": KIND,
+        "labels": list(fitted.labels),
+        "bags": [asdict(bag) for bag in fitted.bags],
+        "report": fitted.report,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    plain = {name: np.array(value, dtype=np.float64, order="C") for name, value in arrays.items()}
+    save_file(plain, str(path), metadata={METADATA_KEY: json.dumps(description, sort_keys=True)})
+
+
+def read_labels(path: Path) -> FittedLabels:
+    """The models in a file. Raises InputError naming the file, what is wrong and the remedy."""
+    arrays, description = _read(path)
+    version, kind = description.get("schema_version"), description.get("kind")
+    if version != SCHEMA_VERSION or kind != KIND:
+        raise InputError(
+            f"{path}: holds kind '{kind}' of schema {version}, wanted is '{KIND}' of schema {SCHEMA_VERSION}; {ANEW}"
+        )
+    try:
+        found = _fitted(arrays, description)
+        _check(found)
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InputError(f"{path}: incomplete label models ({fault}); {ANEW}") from None
+    return found
+
+
+def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabels:
+    """Raises KeyError or TypeError."""
+    parts = [arrays[f"confusions.{item.name}"] for item in fields(Confusion)]
+    return FittedLabels(
+        labels=tuple(map(str, description["labels"])),
+        settings=LabelSettings(**{item.name: arrays[f"settings.{item.name}"] for item in fields(LabelSettings)}),
+        confusions=tuple(
+            Confusion(counts=counts, none=none, outlier_share=float(share))
+            for counts, none, share in zip(*parts, strict=True)
+        ),
+        class_shares=arrays["class_shares"],
+        bags=tuple(_bag(own) for own in description["bags"]),
+        report=dict(description["report"]),
+    )
+
+
+def _bag(told: dict[str, Any]) -> FittedBag:
+    numbers = {name: tuple(told[name]) for name in ("stretch_edges_ns", "log_settings", "class_shares")}
+    return FittedBag(path=str(told["path"]), sha256=str(told["sha256"]), **numbers)
+
+
+def _check(found: FittedLabels) -> None:
+    """Raises ValueError for arrays that do not belong together."""
+    size, count = len(found.labels), len(found.settings)
+    values = [getattr(found.settings, item.name) for item in fields(LabelSettings)]
+    shapes: list[tuple[Array | Index, tuple[int, ...]]] = [(own, (count,)) for own in values]
+    for own in found.confusions:
+        sectors = found.confusions[-1].num_sectors
+        shapes += [(own.counts, (sectors, size, size + 1)), (own.none, (HIDDEN_NONE, size + 1))]
+    shapes.append((found.class_shares, (size + 1,)))
+    for bag in found.bags:
+        shapes.append((np.array(bag.stretch_edges_ns, dtype=np.int64), (len(found.confusions),)))
+        shapes += [(np.array(bag.log_settings), (count,)), (np.array(bag.class_shares), (size + 1,))]
+    for values_, shape in shapes:
+        if values_.shape != shape or not np.all(np.isfinite(values_)):
+            raise ValueError("an array has a wrong shape or is not finite")
+    counts = [part for own in found.confusions for part in (own.counts, own.none)]
+    if min(part.min() for part in counts) <= 0.0 or found.class_shares.min() <= 0.0:
+        raise ValueError("counts and shares must be above 0")
+
+
+def _read(path: Path) -> tuple[dict[str, Array], dict[str, Any]]:
+    try:
+        with safe_open(str(path), framework="np") as file:
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            text = (file.metadata() or {}).get(METADATA_KEY, "")
+    except (OSError, SafetensorError) as fault:
+        reason = " ".join(str(fault).split())
+        raise InputError(f"{path}: not readable as safetensors ({reason}); check semantic_model.path") from None
+    try:
+        return arrays, dict(json.loads(text))
+    except (ValueError, TypeError):
+        raise InputError(f"{path}: no label models; make them with semantic_slam fit --from-run") from None

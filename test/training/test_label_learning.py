@@ -1,0 +1,140 @@
+"""What a detector confuses is learned from beliefs alone; where there is too little, the models stay as they were."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds.bag_factory import of_topic, write_bag, write_configuration
+from worlds.places import place_entries
+
+from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.configuration import Configuration, load_configuration
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import from_message, to_message
+from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.training.labels import candidates
+from semantic_slam.training.labels.candidates import alike, by_side
+from semantic_slam.training.labels.learn import RunTracks, learn
+from semantic_slam.training.labels.maximisation import BeforeFit
+from semantic_slam.training.labels.passes import FOLDS, STRETCHES
+from semantic_slam.training.labels.runs import read_runs
+from semantic_slam.training.labels.tracks import Track
+from semantic_slam.viewpoint.label_confusion import DIRECTIONS
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.label_settings import LabelSettings
+
+LABELS = ("cup", "sofa", "tv")
+BEFORE = BeforeFit(num_labels=3, accuracy=0.75, counts=4.0, outlier_share=0.05)
+THETA = np.array([[0.9, 0.1, 0.0, 0.0], [0.3, 0.7, 0.0, 0.0], [0.0, 0.0, 0.95, 0.05]])
+"""Words of each class: a third of the sofas' views show cups."""
+START = LabelModel(
+    labels=LABELS,
+    settings=LabelSettings.grid((0.0, 0.5), (0.5,), (1.0, 10.0)),
+    confusions=(BEFORE.confusion(),),
+    class_shares=np.full(4, 0.25),
+)
+
+
+def track(number: int, words: np.ndarray, directions: np.ndarray) -> Track:
+    views = [
+        LabelView(answer=int(word), shares=np.eye(4)[word], direction=int(cell), log_range=0.0)
+        for word, cell in zip(words, directions, strict=True)
+    ]
+    stretches = np.arange(len(views)) * STRETCHES // len(views)
+    return Track(object_id=number, views=tuple(views), stretches=tuple(stretches), weight=1.0, log_prior=None)
+
+
+def around(random: np.random.Generator, count: int) -> np.ndarray:
+    """Cells on a way around an object, from anywhere."""
+    return (random.integers(DIRECTIONS) + np.arange(count) * DIRECTIONS // count) % DIRECTIONS
+
+
+@pytest.fixture
+def few_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fewer ways in which the detector may be set, for less work."""
+    for name, values in (("REPEAT_SHARES", (0.0, 0.5)), ("REPEAT_RADS", (0.5,)), ("COUNT_FACTORS", (3.0, 30.0))):
+        monkeypatch.setattr(candidates, name, values)
+
+
+@pytest.mark.usefixtures("few_settings")
+def test_confusions_and_shares_are_found_without_being_told_what_is_what():
+    random = np.random.default_rng(0)
+    classes = [0, 1, 2, 0, 1, 0] * 3
+    tracks = [track(n, random.choice(4, 15, p=THETA[row]), around(random, 15)) for n, row in enumerate(classes)]
+    whole = alike(START, BEFORE, tracks).whole.model
+    counts = whole.confusions[0].counts[0]
+    np.testing.assert_allclose(counts / counts.sum(axis=1, keepdims=True), THETA, atol=0.08)
+    np.testing.assert_allclose(whole.class_shares, [10 / 22, 7 / 22, 4 / 22, 1 / 22], atol=0.03)
+
+
+@pytest.mark.usefixtures("few_settings")
+def test_a_side_that_looks_like_something_else_is_found_whatever_the_headings():
+    """From behind, a third of all directions, sofas are mostly cups; where that is on the map is different for each."""
+    random = np.random.default_rng(2)
+    tracks = []
+    for number in range(8):
+        cells, heading = around(random, 24), random.integers(DIRECTIONS)
+        is_behind = (cells - heading) % DIRECTIONS < DIRECTIONS // 3
+        is_cup = random.random(24) < np.where(is_behind, 0.8, 0.05)
+        tracks.append(track(number, np.where(is_cup, 0, 1), cells))
+    same = alike(START, BEFORE, tracks)
+    found = by_side(same, BEFORE, tracks)
+    assert found.held_out > same.held_out + 3.0
+    counts = found.whole.model.confusions[0].counts[:, 1]
+    cups = np.sort(counts[:, 0] / counts.sum(axis=1))
+    assert cups[:6].max() < 0.35 and cups[-3:].min() > 0.45
+
+
+def labelled_run(folder, name: str, path: str = ""):
+    """A run on a short bag whose detector names things in turn; returns the folder of its report."""
+    entries = place_entries("ranges")
+    for entry in of_topic(entries, topics.DETECTIONS):
+        found = from_message(entry.message)
+        entry.message = to_message(replace(found, labels=("chair", "cup")[: len(found)]))
+    settings = {"kind": "detector", "path": path}
+    configuration = write_configuration(folder / "configuration", association="open", semantic_model=settings)
+    bag = folder / "bag"
+    if not bag.exists():
+        write_bag(bag, entries)
+    run_bag(bag, folder / name / "belief", load_configuration(configuration))
+    return folder / name
+
+
+def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys):
+    from semantic_slam.training.labels.report import lines_of
+    from semantic_slam.viewpoint.label_store import save_labels
+
+    report = labelled_run(tmp_path, "first")
+    fitted = learn(RunTracks.of(read_runs([report])))
+    (line,) = lines_of(fitted.report)
+    assert line.startswith("too little to learn from, so the models are as before any fit: held-out log evidence")
+    own = load_label_model(
+        Configuration.of(semantic_model={"kind": "detector", "labels": fitted.labels}).semantic_model
+    )
+    assert own is not None
+    np.testing.assert_array_equal(fitted.model().priors[0], own.priors[0])
+    assert len(fitted.confusions) == len(FOLDS)
+    save_labels(fitted, tmp_path / "fitted.safetensors")
+    again = labelled_run(tmp_path, "second", str(tmp_path / "fitted.safetensors"))
+    assert "was fitted to this bag, too; every stretch of it has the models that were fitted without it" in (
+        capsys.readouterr().out
+    )
+    first, second = (read_runs([folder])[0].record.beliefs[-1] for folder in (report, again))
+    np.testing.assert_allclose(second.class_probabilities, first.class_probabilities, atol=1e-9)
+    with pytest.raises(InputError, match="are runs of one bag, whose views would count twice"):
+        read_runs([report, again])
+
+
+def test_runs_that_tell_nothing_of_labels_are_refused(tmp_path):
+    with pytest.raises(InputError, match="has no beliefs; give a folder that semantic_slam report --out wrote"):
+        read_runs([tmp_path])
+    configuration = write_configuration(tmp_path / "configuration", association="open", semantic_model={"kind": "none"})
+    run_bag(
+        write_bag(tmp_path / "bag", place_entries("ranges")),
+        tmp_path / "out" / "belief",
+        load_configuration(configuration),
+    )
+    with pytest.raises(InputError, match=r"ran with semantic_model\.kind: none, by which labels name nothing"):
+        read_runs([tmp_path / "out"])
