@@ -45,4 +45,4 @@ class ViewCoverage:
 
 
 NO_VIEWS = ViewCoverage()
-"""Of an object that was not seen."""
+"""What an object has that was not seen."""
