@@ -13,8 +13,9 @@ from semantic_slam.messages.codec import encode
 from semantic_slam.messages.sensor import odometry_sample
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros import qos
+from semantic_slam.ros.path_publisher import PathPublisher
 from semantic_slam.ros.transport import Outlet, is_installed, private_name
-from semantic_slam.ros.views import MarkersView, PathView, map_to_odom_view, pose_view
+from semantic_slam.ros.views import MarkersView, map_to_odom_view, pose_view
 
 
 class BeliefPublisher:
@@ -23,12 +24,12 @@ class BeliefPublisher:
     def __init__(self, node: Node, lossless: bool) -> None:
         self._belief = _outlet(node, topics.BELIEF, qos.result(lossless))
         self._pose = _outlet(node, topics.POSE, qos.result(lossless))
-        self._path = _outlet(node, topics.PATH, qos.latched())
+        self._path = PathPublisher(node)
         self._markers = _outlet(node, topics.MARKERS, qos.latched())
         self._tf = None
         if is_installed(topics.TYPES[topics.TF]):
             self._tf = Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.everything())
-        self._path_view, self._markers_view = PathView(), MarkersView()
+        self._markers_view = MarkersView()
         self._T_odom_body: Array | None = None
 
     def note_odometry(self, message: Any) -> None:
@@ -48,7 +49,7 @@ class BeliefPublisher:
         if not is_repeated:
             self._belief.send(encode(belief))
             self._pose.send(encode(estimate))
-        self._path.send(serialize(self._path_view.extended(estimate)))
+        self._path.publish(estimate)
         self._markers.send(serialize(self._markers_view.of(belief)))
         if self._T_odom_body is not None:
             self._T_odom_body = compose(self._T_odom_body, T_previous_current)
@@ -60,7 +61,7 @@ class BeliefPublisher:
         self._belief.send(encode(belief))
 
     def wait_for_acknowledgement(self) -> None:
-        for outlet in (self._belief, self._pose, self._path, self._markers):
+        for outlet in (self._belief, self._pose, self._markers, self._path):
             outlet.wait_for_acknowledgement()
 
 

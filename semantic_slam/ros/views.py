@@ -1,5 +1,6 @@
 """Plain views of a hybrid belief, for subscribers that know nothing of hypotheses; all in the frame ``map``."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -36,17 +37,14 @@ def pose_view(belief: HybridBelief) -> PoseEstimate:
     return PoseEstimate(belief.stamp_ns, MAP, pose, covariance)
 
 
-class PathView:
-    """nav_msgs/Path of the pose views so far."""
-
-    def __init__(self) -> None:
-        self._poses: list[Any] = []
-
-    def extended(self, estimate: PoseEstimate) -> Any:
-        header = header_message(estimate.stamp_ns, MAP)
-        pose = message_class("geometry_msgs/msg/PoseStamped")(header=header, pose=pose_message(estimate.pose))
-        self._poses.append(pose)
-        return message_class("nav_msgs/msg/Path")(header=header, poses=list(self._poses))
+def path_view(stamps_ns: Sequence[int], poses: Array) -> Any:
+    """nav_msgs/Path of (K, 7) poses."""
+    stamped = message_class("geometry_msgs/msg/PoseStamped")
+    known = [
+        stamped(header=header_message(stamp_ns, MAP), pose=pose_message(pose))
+        for stamp_ns, pose in zip(stamps_ns, poses, strict=True)
+    ]
+    return message_class("nav_msgs/msg/Path")(header=header_message(stamps_ns[-1], MAP), poses=known)
 
 
 class MarkersView:

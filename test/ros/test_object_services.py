@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from semantic_slam_lab.studies.embeddings.known_map import map_of
-from semantic_slam_msgs.srv import FindObjects, GetObject
+from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath
 
+from semantic_slam.messages import topics
+from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.ros import path_publisher, qos
 from semantic_slam.ros.object_services import ObjectServices
+from semantic_slam.ros.transport import receive
 
 pytestmark = pytest.mark.ros
 
@@ -19,8 +25,8 @@ Ask = Callable[[Any, str, Any], Any]
 
 
 @pytest.fixture
-def services() -> Iterator[tuple[ObjectServices, Ask]]:
-    """The services of a node, and what asks them."""
+def asked() -> Iterator[tuple[Node, Ask]]:
+    """A node, and what asks its services."""
     rclpy.init()
     node, executor = rclpy.create_node("hypothesis_manager"), SingleThreadedExecutor()
     executor.add_node(node)
@@ -33,15 +39,31 @@ def services() -> Iterator[tuple[ObjectServices, Ask]]:
         return future.result()
 
     try:
-        yield ObjectServices(node), ask
+        yield node, ask
     finally:
         executor.shutdown()
         node.destroy_node()
         rclpy.shutdown()
 
 
-def test_objects_are_found_by_class_and_region_and_told_one_by_one(services: tuple[ObjectServices, Ask]) -> None:
-    ours, ask = services
+def test_the_path_is_told_whole_and_published_in_part(asked: tuple[Node, Ask], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(path_publisher, "NEWEST", 2)
+    node, ask = asked
+    path = path_publisher.PathPublisher(node)
+    sent: list[Any] = []
+    receive(node, topics.PATH, lambda data: sent.append(deserialize(data, "nav_msgs/msg/Path")), qos.latched())
+    for k in range(4):
+        pose = np.array([float(k), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        path.publish(PoseEstimate(1_500_000_000 * (k + 1), "map", pose, np.eye(6)))
+    told = ask(GetPath, "get_path", GetPath.Request()).poses
+    assert [own.pose.position.x for own in told] == [0.0, 1.0, 2.0, 3.0]
+    assert (told[0].header.stamp.sec, told[0].header.stamp.nanosec, told[0].header.frame_id) == (1, 500_000_000, "map")
+    assert [own.pose.position.x for own in sent[-1].poses] == [2.0, 3.0]
+
+
+def test_objects_are_found_by_class_and_region_and_told_one_by_one(asked: tuple[Node, Ask]) -> None:
+    node, ask = asked
+    ours = ObjectServices(node)
     assert "no belief yet" in ask(FindObjects, "find_objects", FindObjects.Request(name="cup")).fault
     ours.belief = replace(
         map_of(3),
@@ -71,8 +93,8 @@ def test_objects_are_found_by_class_and_region_and_told_one_by_one(services: tup
     ],
 )
 def test_what_cannot_be_answered_is_one_line(
-    services: tuple[ObjectServices, Ask], kind: Any, name: str, request_: Any, fault: str
+    asked: tuple[Node, Ask], kind: Any, name: str, request_: Any, fault: str
 ) -> None:
-    ours, ask = services
-    ours.belief = map_of(2)
+    node, ask = asked
+    ObjectServices(node).belief = map_of(2)
     assert fault in ask(kind, name, request_).fault
