@@ -70,7 +70,10 @@ class ObservationModel(Protocol):
     """
 
     num_classes: int  # 0: classes are not enumerated
-    new_objects: NewObjectConfiguration  # what is known of an object before its first detection
+
+    @property
+    def new_objects(self) -> NewObjectConfiguration:
+        """What is known of an object before its first detection."""
 
     def collect(self, detections: Sequence[Any]) -> Detections:
         """Detections as arrays, a row each."""

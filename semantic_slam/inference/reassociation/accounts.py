@@ -59,9 +59,9 @@ class StretchAccount:
     @cached_property
     def by_object(self) -> Array:
         """(O, G) log likelihoods of later detections and misses; 0 of what is never in view."""
-        there, now = self._there, self.seen[:, self.begin :].any(axis=1)
+        there, now = self._there, np.any(self.seen[:, self.begin :], axis=1, keepdims=True)
         missed = np.log(np.maximum(there * np.exp(self.log_if_there) + 1.0 - there, LEAST_PROBABILITY))
-        return np.asarray(np.where(now[:, None], np.log(there) + self.log_if_there, missed))
+        return np.asarray(np.where(now, np.log(there) + self.log_if_there, missed))
 
     @cached_property
     def _there(self) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semantic_slam.configuration import NewObjectConfiguration, OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.reassociation.accounts import StretchAccount
 from semantic_slam.inference.reassociation.atoms import Atoms
@@ -106,7 +106,7 @@ def _histories(component: Component, smoother: Smoother, atoms: Atoms) -> Iterat
     yield smoother, np.setdiff1d(np.union1d(new, unseen), given_up), new
 
 
-def _seen(ids: Index, objects: Index, keyframes: Index, count: int) -> Array:
+def _seen(ids: Index, objects: Index, keyframes: Index, count: int) -> Flags:
     """(O, count) whether each of ``ids`` is detected in each keyframe."""
     seen, known = np.zeros((len(ids), count), dtype=bool), np.isin(objects, ids)
     seen[np.searchsorted(ids, objects[known]), keyframes[known]] = True

@@ -98,7 +98,7 @@ class Stretch:
 
     def _pairs(self, places: Array) -> Index:
         """(n, 2) places among the ids of an object that started in the stretch, and one not seen for long then."""
-        young = np.flatnonzero((self.first >= self.begin) & (self.times > 1))
+        young = np.flatnonzero(self.first >= self.begin)
         away = places[young][:, None] - places
         may = np.hypot(away[..., 0], away[..., 1]) < LARGEST_DISTANCE_M
         may &= self.last + ABSENT <= self.first[young][:, None]
