@@ -64,7 +64,7 @@ class Reassociation:
         return own if own is not None and own.log_gain >= LEAST_GAIN else None
 
     def _changes(self, step: Step, component: Component) -> tuple[Reassigned, ...]:
-        """Those that make the best set of pairs of a stretch; none where that is what the history has."""
+        """Changes that make the best set of pairs of a stretch; none where that is what the history has."""
         sighted = Sighted.of(component.smoother)
         stretch = Stretch.of(sighted, component.objects, step.index - self._length(step.index), self._born)
         if not stretch.looks_strange(component):

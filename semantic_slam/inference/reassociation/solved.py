@@ -68,7 +68,7 @@ class Solver:
         return smoother
 
     def _accounts(self, component: Component, smoother: Smoother, atoms: Atoms) -> Sequence[StretchAccount]:
-        """Of the history as it was and as it is revised, from the first keyframe on at which they differ."""
+        """Accounts of the history as it was and as it is revised, from the first keyframe on at which they differ."""
         begin = int(atoms.sighted.keyframes[atoms.objects != atoms.sighted.objects].min(initial=component.keyframe))
         keys = [robot_key(keyframe) for keyframe in range(component.keyframe + 1)]
         return [

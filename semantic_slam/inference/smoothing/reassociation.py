@@ -35,7 +35,7 @@ class Sighted:
 
     @classmethod
     def of(cls, smoother: Smoother) -> Self:
-        """Of a smoother whose measurements are linear."""
+        """Detections of a smoother whose measurements are linear."""
         sightings = _sightings(smoother)
         if sightings is None:
             nothing = np.zeros(0, dtype=int)
