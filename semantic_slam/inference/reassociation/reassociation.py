@@ -27,6 +27,8 @@ LEAST_SHARE = 0.2
 """Weight of the hypotheses that are looked at: of the few that matter."""
 LEAST_GAIN = 5.0
 """Nats by which a revised history must be likelier to enter: by so much the account of a stretch may be off."""
+LEAST_CHANGED = 3
+"""Objects with other detections than before from which on a history is weighed: a place has several."""
 LONGEST = 8
 """Looks over which the longest stretch that is looked at goes."""
 
@@ -58,7 +60,8 @@ class Reassociation:
             return None
         try:
             changes = self._changes(step, component)
-            own = self.revised(step, component, changes) if changes else None
+            is_worth_it = len({object_id for _, _, object_id, _ in changes}) >= LEAST_CHANGED
+            own = self.revised(step, component, changes) if is_worth_it else None
         except LostComponentError:
             return None
         return own if own is not None and own.log_gain >= LEAST_GAIN else None
