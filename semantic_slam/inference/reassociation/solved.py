@@ -46,6 +46,8 @@ class Solver:
         started = len(np.unique(atoms.objects)) - len(np.unique(atoms.sighted.objects))
         places = log_evidence(smoother) - log_evidence(component.smoother) + started * self._log_object(component)
         own = replace(component, smoother=smoother, objects=objects, tracked=tracked, local=None)
+        if own.movers is not None:  # what may move stands among the objects
+            own = replace(own, movers=own.movers.take(own.movers.decided | np.isin(own.movers.ids, objects.ids)))
         return RevisedComponent(own, atoms.changes(), float(places + accounted))
 
     def parted(self, component: Component, objects: Index, parts: Mapping[int, int]) -> Smoother:
