@@ -39,7 +39,7 @@ class Reassociation:
     def __init__(self, problem: Problem, association: AssociationStrategy) -> None:
         self._problem, self._association = problem, association
         self._every = problem.revision.reassociate_every_keyframes
-        self.is_on = self._every > 0 and problem.starts is None and association.counts_misses
+        self.is_on = self._every > 0 and not problem.objects and association.counts_misses  # no map
 
     def looked_for(self, step: Step, parents: Parents) -> dict[int, RevisedComponent]:
         """Place of a parent -> what is likelier than it."""
