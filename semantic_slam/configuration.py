@@ -320,6 +320,12 @@ class RevisionConfiguration:
     horizon: int = parameter(
         600, "keyframes up to which histories are revised: each revised one is replayed from the start", minimum=1
     )
+    reassociate_every_keyframes: int = parameter(
+        0,
+        "association: open with detection_errors.correlated_share, without classes or a map: beyond the horizon,"
+        " keyframes from one look for places taken for others, or mapped twice, to the next; 0: never",
+        minimum=0,
+    )
 
 
 @dataclass(frozen=True)

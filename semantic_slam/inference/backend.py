@@ -29,8 +29,8 @@ from semantic_slam.inference.smoothing.component import Component, WeightedCompo
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, certain
 from semantic_slam.inference.smoothing.trunks import Trunks
-from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.identity import ROOT_ID
+from semantic_slam.inference.states.lineage import LineageStep, as_followed, next_id
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
@@ -65,7 +65,7 @@ class Backend:
                 for number, log_weight in enumerate(self.problem.log_root_weights)
             }
         self.committed = index - 1
-        self._expanded: tuple[Expansion, list[int]] | None = None
+        self._expanded: Expansion | None = None
         self._offered: Candidates | None = None  # the newest answer to round one, as long as it holds
         self._asked: set[int] = set()  # what the newest commit gave to this backend
         self._answer: Components | None = None  # to the newest commit
@@ -106,7 +106,7 @@ class Backend:
             expansion = self.expander.expand(step, parents, [self.held[n] for n in parents])
         except NoAssociationError:
             return self._no_candidates(step, parents)
-        self._expanded = (expansion, parents)
+        self._expanded = expansion
         return self._candidates(step, expansion, parents)
 
     def commit(self, commit: Commit) -> Components | None:
@@ -148,7 +148,8 @@ class Backend:
                 except LostComponentError as fault:
                     survivors[number] = fault
         if growing and self._expanded is not None:
-            grown = self._grown(self.steps[commit.keyframe], *self._expanded, list(growing.values()))
+            step, at_rows = self.steps[commit.keyframe], list(growing.values())
+            grown = self.expander.grow(step, self._expanded, at_rows, in_place=True)
             survivors.update(zip(growing, grown, strict=True))
         return survivors
 
@@ -156,24 +157,16 @@ class Backend:
         """Where the continuations by this keyframe are among those expanded."""
         if self._expanded is None or self.committed != keyframe - 1:
             return {}
-        return {number: at for at, number in enumerate(self._expanded[0].ids)}
-
-    def _grown(self, step: Step, expansion: Expansion, parent_ids: list[int], at: list[int]) -> list[Outcome]:
-        """The components of some continuations, which may use up their parents."""
-        rows = expansion.assignments.parents[at]
-        parents = [self.held[parent_ids[row]].component for row in rows]
-        return self.expander.grow(step, expansion, parents, at, in_place=True)
+        return {number: at for at, number in enumerate(self._expanded.ids)}
 
     def _rebuild(self, lineage: Sequence[LineageStep], length: int) -> Component:
         """A component from its lineage alone, or from where it was last like one that is kept."""
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        beginning = self.problem.beginning(lineage)
+        lineage, beginning = as_followed(lineage), self.problem.beginning(lineage)
         numbers = [ROOT_ID + beginning]
         for step, taken in zip(self.steps[:length], lineage, strict=True):
-            numbers.append(
-                hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
-            )
+            numbers.append(next_id(numbers[-1], step.stamp_ns, taken))
         begin, component = self._trunks.deepest(numbers) or (0, self.association.root(beginning))
         for at in range(begin, length):
             step, child = self.steps[at], numbers[at + 1]
@@ -184,7 +177,7 @@ class Backend:
                 raise LostComponentError("a lineage names an impossible continuation")
             rows = [expansion.ids.index(child)]
             nobodys = at > begin and not self._trunks.is_due(at)
-            component = certain(self.expander.grow(step, expansion, [component], rows, in_place=nobodys)[0])
+            component = certain(self.expander.grow(step, expansion, rows, in_place=nobodys)[0])
             if self._trunks.is_due(at + 1):
                 self._trunks.keep(child, component)
         if self._trunks.is_due(length):
@@ -203,17 +196,18 @@ class Backend:
     def _candidates(self, step: Step, expansion: Expansion, parents: list[int]) -> Candidates:
         rows, robot, landmark = expansion.assignments, self.problem.spaces.robot, self.problem.spaces.landmark
         states, covariances = self._of_all_detections(step, expansion)
-        weights = np.array([self.held[n].log_weight for n in parents])
+        own = expansion.parents
         return Candidates(
             run_id=self.run_id,
             keyframe=step.index,
             backend_id=self.backend_id,
             ids=np.array(expansion.ids, dtype=np.uint64),
-            parent_ids=np.array(parents, dtype=np.uint64)[rows.parents],
+            parent_ids=np.array(own.ids, dtype=np.uint64)[rows.parents],
             associations=_rows([s.association for s in expansion.steps], len(step.names)),
             class_assignments=_rows([s.class_assignment for s in expansion.steps], len(step.names)),
             modes=np.array([s.mode for s in expansion.steps], dtype=np.uint16),
-            log_weights=weights[rows.parents] + expansion.log_psi,
+            changes=tuple(s.changes for s in expansion.steps),
+            log_weights=own.log_weights[rows.parents] + expansion.log_psi,
             effective_sample_sizes=expansion.effective_sample_sizes,
             innovation_nees=_or_nan(rows.innovation_nees, len(rows)),
             poses=robot.poses(rows.column("robot")),
@@ -221,7 +215,7 @@ class Backend:
             object_poses=landmark.poses(states),
             object_covariances=landmark.covariances(states, covariances),
             expanded_parent_ids=np.array(parents, dtype=np.uint64),
-            log_mass_not_enumerated=weights + expansion.log_left_out,
+            log_mass_not_enumerated=own.log_sums(own.log_weights + expansion.log_left_out, parents),
         )
 
     def _of_all_detections(self, step: Step, expansion: Expansion) -> tuple[Array, Array]:

@@ -148,6 +148,8 @@ def _check_revision(configuration: Configuration, association: type[AssociationS
             "revision.every_keyframes is for worlds without a map; set association: open, or set it to 0 (given with"
             " open_world.iterate_updates: false has nothing to revise)"
         )
+    if revision.reassociate_every_keyframes > 0 and not tracks:
+        raise InputError("revision.reassociate_every_keyframes is for association: open; set that, or set it to 0")
     if revision.lost_every_keyframes > 0 and not tracks:
         raise InputError("revision.lost_every_keyframes is for association: open; set that, or set it to 0")
 

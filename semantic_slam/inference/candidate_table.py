@@ -20,6 +20,7 @@ class CandidateTable:
     associations: NDArray[np.int32]  # (K, D) object ids
     classes: NDArray[np.int32]  # (K, D)
     modes: NDArray[np.uint16]  # (K,)
+    changes: NDArray[np.object_]  # (K,) to the lineage before this keyframe
     log_weights: Array  # (K,) w psi over all parents, not normalised
     innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object
     poses: Array  # (K, 7)
@@ -39,6 +40,7 @@ class CandidateTable:
             associations=np.concatenate([answer.associations for answer in filled])[order],
             classes=np.concatenate([answer.class_assignments for answer in filled])[order],
             modes=np.concatenate([answer.modes for answer in filled])[order],
+            changes=_objects([own for answer in filled for own in answer.changes or [()] * len(answer.ids)])[order],
             log_weights=np.concatenate([answer.log_weights for answer in filled])[order],
             innovation_nees=np.concatenate([answer.innovation_nees for answer in filled])[order],
             poses=np.concatenate([answer.poses for answer in filled])[order],
@@ -51,7 +53,23 @@ class CandidateTable:
         others = [name for name in vars(self) if name not in ("log_weights", "log_missing")]
         return replace(self, **{name: getattr(self, name)[rows] for name in others}, log_weights=log_weights)
 
+    @property
+    def log_found(self) -> float:
+        """Log ratio of the mass of all candidates to that of those whose histories are as they were."""
+        same = np.array([not own for own in self.changes], dtype=bool)
+        if same.all() or not same.any():
+            return 0.0
+        return float(np.logaddexp.reduce(self.log_weights) - np.logaddexp.reduce(self.log_weights[same]))
+
     def step(self, row: int) -> LineageStep:
         """What the keyframe adds to the lineage of one candidate."""
         association, classes = self.associations[row].tolist(), self.classes[row].tolist()
-        return LineageStep(tuple(association), tuple(classes), int(self.modes[row]))
+        return LineageStep(tuple(association), tuple(classes), int(self.modes[row]), self.changes[row])
+
+
+def _objects(values: Sequence[object]) -> NDArray[np.object_]:
+    """(n,) values that are tuples, one each."""
+    found = np.empty(len(values), dtype=object)
+    for row, value in enumerate(values):
+        found[row] = value
+    return found

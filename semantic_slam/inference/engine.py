@@ -157,6 +157,7 @@ class Engine:
         reported = self._reported(answers)
         components = held_components(answers, reported)
         self.hypotheses.accept(children, components, kept.discarded)
+        self.hypotheses.discarded.find(candidates.log_found)
         self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
         return components, reported
 
@@ -222,11 +223,12 @@ class Engine:
     def judged(self, step: Step, belief: HybridBelief, candidates: CandidateTable, kept: Pruned) -> HybridBelief:
         """The belief with what tells whether it explains its data."""
         log_reference = self.reference.log_density(step, belief) if self.reference is not None else np.nan
+        log_evidence = kept.log_mass - candidates.log_found  # of the keyframe alone
         return replace(
             belief,
-            log_evidence=kept.log_mass,
+            log_evidence=log_evidence,
             innovation_nees=mean_of_known(candidates.innovation_nees[kept.kept], np.exp(kept.log_weights)),
-            unexplained=self.explanation.add(kept.log_mass, log_reference),
+            unexplained=self.explanation.add(log_evidence, log_reference),
         )
 
     def _in_map(self, held: HeldComponent, lineage: Lineage, reported: ReportedObjects) -> HeldComponent:

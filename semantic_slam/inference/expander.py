@@ -11,12 +11,13 @@ from semantic_slam.inference.association.strategy import AssociationStrategy, Pa
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.reassociation.reassociation import Reassociation
+from semantic_slam.inference.reassociation.solved import RevisedComponent
 from semantic_slam.inference.semantics.interface import SemanticEvidence
-from semantic_slam.inference.smoothing.component import Component, WeightedComponent
+from semantic_slam.inference.smoothing.component import WeightedComponent
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.growth import Outcome, grow
-from semantic_slam.inference.states.identity import hypothesis_id
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.problem import Problem
 
@@ -25,6 +26,7 @@ from semantic_slam.inference.world.problem import Problem
 class Expansion:
     """The K candidates of a keyframe with their weights, and what those that survive grow from."""
 
+    parents: Parents  # P, of whom revised ones have the id of the one that they revise
     keyframe: PredictedKeyframe
     candidates: Candidates
     ids: list[int]  # K
@@ -61,6 +63,7 @@ class Expander:
 
     def __init__(self, problem: Problem, association: AssociationStrategy):
         self.problem, self.association = problem, association
+        self.reassociation = Reassociation(problem, association)
 
     def expand(
         self, step: Step, parent_ids: Sequence[int], held: Sequence[WeightedComponent], path: LineageStep | None = None
@@ -77,17 +80,23 @@ class Expander:
     def _expanded(
         self, step: Step, parent_ids: Sequence[int], held: Sequence[WeightedComponent], path: LineageStep | None
     ) -> Expansion:
-        parents = Parents.of(parent_ids, held)
+        parents, revisions = self._with_revised(step, Parents.of(parent_ids, held), path)
         keyframe = self.association.predict(step, parents, path)  # by the motion model: Eqs. 4.11, 4.21
         candidates = keyframe.weigh(keyframe.associate())  # every beta_k, Eq. 4.20; classes and modes
         semantics = self._semantics(keyframe, candidates)
         factors, existence = keyframe.existence(candidates)
-        rows, steps = candidates.assignments, candidates.steps(keyframe.used, len(step.names))
-        log_psi = _log_psi(rows, semantics, factors)
+        rows = candidates.assignments
+        steps = [
+            replace(own, changes=revisions[parent].changes) if revisions[parent].changes else own
+            for own, parent in zip(candidates.steps(keyframe.used, len(step.names)), rows.parents, strict=True)
+        ]
+        gains = np.array([own.log_gain for own in revisions])
+        log_psi = _log_psi(rows, semantics, factors) + gains[rows.parents]
         return Expansion(
+            parents=parents,
             keyframe=keyframe,
             candidates=candidates,
-            ids=[_identity(parents.ids[p], step.stamp_ns, own) for p, own in zip(rows.parents, steps, strict=True)],
+            ids=[next_id(parents.ids[p], step.stamp_ns, own) for p, own in zip(rows.parents, steps, strict=True)],
             steps=steps,
             log_psi=log_psi,
             log_left_out=candidates.log_left_out + _best_of_parents(rows.parents, log_psi, len(parents)),
@@ -96,15 +105,37 @@ class Expander:
             existence=existence,
         )
 
-    def grow(
-        self, step: Step, expansion: Expansion, parents: Sequence[Component], rows: Sequence[int], *, in_place: bool
-    ) -> list[Outcome]:
-        """The components of some candidates, each from its own of ``parents``.
+    def grow(self, step: Step, expansion: Expansion, rows: Sequence[int], *, in_place: bool) -> list[Outcome]:
+        """The components of some candidates.
 
         ``in_place``: nobody needs the parents again, and a child may consume its own.
         """
+        parents = [expansion.parents.components[parent] for parent in expansion.assignments.parents[list(rows)]]
         max_fresh = self.problem.open_world.max_joint_objects
         return grow(parents, step.motion, expansion.updates(rows), in_place=in_place, max_fresh=max_fresh)
+
+    def _with_revised(
+        self, step: Step, parents: Parents, path: LineageStep | None
+    ) -> tuple[Parents, list[RevisedComponent]]:
+        """The parents, and those that are likelier with detections of long ago taken for other objects.
+
+        Along a ``path`` the one that it names, in place of its parent.
+        """
+        plain = [RevisedComponent(component) for component in parents.components]
+        if not self.reassociation.is_on:
+            return parents, plain
+        if path is not None:
+            own = self.reassociation.revised(step, parents.components[0], path.changes) if path.changes else plain[0]
+            return replace(parents, components=[own.component]), [own]
+        found = self.reassociation.looked_for(step, parents)
+        if not found:
+            return parents, plain
+        places = list(found)
+        return Parents(
+            ids=[*parents.ids, *(parents.ids[place] for place in places)],
+            components=[*parents.components, *(own.component for own in found.values())],
+            log_weights=np.append(parents.log_weights, parents.log_weights[places]),
+        ), [*plain, *found.values()]
 
     def _semantics(self, keyframe: PredictedKeyframe, candidates: Candidates) -> SemanticEvidence:
         if not len(keyframe.used):
@@ -126,7 +157,3 @@ def _best_of_parents(parents: Index, scores: Array, count: int) -> Array:
     best = np.full(count, -np.inf)
     np.maximum.at(best, parents, scores)
     return best
-
-
-def _identity(parent_id: int, stamp_ns: int, step: LineageStep) -> int:
-    return hypothesis_id(parent_id, stamp_ns, step.association, step.class_assignment, step.mode)

@@ -11,7 +11,7 @@ from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.protocol import Commit
 from semantic_slam.inference.pruning import Pruned
 from semantic_slam.inference.states.identity import ROOT_ID
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import LineageStep, revised
 
 RECENT_KEYFRAMES = 10
 """Keyframes of ``discarded_mass_window``: what was discarded longer ago has shown, or it never will."""
@@ -100,11 +100,8 @@ class Hypotheses:
         owners = assign_owners([parent.owner for parent in parents], backend_ids, length)
         rows = zip(pruned.kept, owners, parents, pruned.log_weights, strict=True)
         return {
-            int(candidates.ids[row]): Hypothesis(
-                owner=owner,
-                log_weight=float(log_weight),
-                parent_id=int(candidates.parent_ids[row]),
-                lineage=(*parent.lineage, candidates.step(row)),
+            int(candidates.ids[row]): _child(
+                parent, owner, float(log_weight), int(candidates.parent_ids[row]), candidates.step(row)
             )
             for row, owner, parent, log_weight in rows
         }
@@ -141,6 +138,14 @@ class Hypotheses:
                 child.lineage[:-1] if move else () for child, move in zip(children.values(), moved, strict=True)
             ),
         )
+
+
+def _child(parent: Hypothesis, owner: int, log_weight: float, parent_id: int, step: LineageStep) -> Hypothesis:
+    """A continuation; one that changes what its parent took for granted revises the one that does not."""
+    plain = Hypothesis(owner=owner, log_weight=log_weight, parent_id=parent_id, lineage=(*parent.lineage, step))
+    if not step.changes:
+        return plain
+    return replace(plain, lineage=(*revised(parent.lineage, step.changes), step), revises=plain)
 
 
 def redistributed(hypotheses: dict[int, Hypothesis], backend_ids: Sequence[int]) -> dict[int, Hypothesis]:

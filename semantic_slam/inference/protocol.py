@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import LineageStep, Reassigned
 
 LOST = "hypothesis lost"
 """How reasons begin for which a hypothesis was given up, where they are counted with what else was dropped."""
@@ -57,6 +57,7 @@ class Candidates:
     associations: NDArray[np.int32]  # (K, D)
     class_assignments: NDArray[np.int32]  # (K, D)
     modes: NDArray[np.uint16]  # (K,)
+    changes: tuple[tuple[Reassigned, ...], ...] = ()  # (K,) to the lineage before this keyframe; (): none has any
     log_weights: Array  # (K,) parent's log weight + log psi
     effective_sample_sizes: Array  # (K,)
     innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object

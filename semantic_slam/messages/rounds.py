@@ -12,6 +12,7 @@ from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, column
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.messages.layout import Layout, MayBeEmpty, contents, filled, unpack
+from semantic_slam.messages.lineage_changes import changes_in, padded, step_of, with_changes
 from semantic_slam.messages.measurements import measurements_from_message, measurements_to_message
 from semantic_slam.messages.objects import object_layout
 from semantic_slam.messages.standard import (
@@ -79,6 +80,10 @@ COMPONENTS_LAYOUT: Layout = {
     "noise": ("S", "N", 2),
 }
 
+CANDIDATES_TOLD: Layout = {**CANDIDATES_LAYOUT, "associations": ("K", "W")}
+COMMIT_TOLD: Layout = {**COMMIT_LAYOUT, "associations": ("S", "W")}
+"""W is D, or more where histories are changed: see ``lineage_changes``."""
+
 
 def run_to_message(value: RunConfiguration) -> Any:
     return filled(
@@ -127,11 +132,19 @@ def keyframe_from_message(message: Any) -> Keyframe:
 
 
 def candidates_to_message(value: Candidates) -> Any:
-    return filled(CANDIDATES_TYPE, CANDIDATES_LAYOUT, vars(value))
+    associations = value.associations
+    if any(value.changes):
+        rows = zip(associations.tolist(), value.changes, strict=True)
+        associations = padded([with_changes(own, changes) for own, changes in rows])
+    return filled(CANDIDATES_TYPE, CANDIDATES_TOLD, {**vars(value), "associations": associations})
 
 
 def candidates_from_message(message: Any) -> Candidates:
-    return Candidates(**contents(CANDIDATES_TYPE, CANDIDATES_LAYOUT, message))
+    values = contents(CANDIDATES_TYPE, CANDIDATES_TOLD, message)
+    both, count = values["associations"], values["class_assignments"].shape[1]
+    values["associations"] = both[:, :count]
+    changes = tuple(changes_in(row) for row in both[:, count:].tolist())
+    return Candidates(changes=changes if any(changes) else (), **values)
 
 
 def components_to_message(value: Components) -> Any:
@@ -146,31 +159,33 @@ def components_from_message(message: Any) -> Components:
 
 def commit_to_message(value: Commit) -> Any:
     lineage = list(chain.from_iterable(value.lineages))
-    detections = len(value.steps[0].association) if value.steps else 0
-    shape = (len(value.steps), detections)
+    count = len(value.steps[0].association) if value.steps else 0
+    associations = padded([with_changes(step.association, step.changes) for step in value.steps])
+    told = [with_changes(step.association, step.changes) for step in lineage]
+    classes = [padded([step.class_assignment], len(own))[0] for step, own in zip(lineage, told, strict=True)]
     arrays = {
         **vars(value),
-        "associations": np.array([step.association for step in value.steps], np.int32).reshape(shape),
-        "class_assignments": np.array([step.class_assignment for step in value.steps], np.int32).reshape(shape),
+        "associations": associations,
+        "class_assignments": padded([step.class_assignment for step in value.steps], count),
         "modes": [step.mode for step in value.steps],
         "lineage_lengths": [len(steps) for steps in value.lineages],
         "lineage_modes": [step.mode for step in lineage],
-        "lineage_detections": [len(step.association) for step in lineage],
-        "lineage_associations": list(chain.from_iterable(step.association for step in lineage)),
-        "lineage_class_assignments": list(chain.from_iterable(step.class_assignment for step in lineage)),
+        "lineage_detections": [len(own) for own in told],
+        "lineage_associations": list(chain.from_iterable(told)),
+        "lineage_class_assignments": list(chain.from_iterable(classes)),
     }
-    return filled(COMMIT_TYPE, COMMIT_LAYOUT, arrays)
+    return filled(COMMIT_TYPE, COMMIT_TOLD, arrays)
 
 
 def commit_from_message(message: Any) -> Commit:
-    arrays = contents(COMMIT_TYPE, COMMIT_LAYOUT, message)
+    arrays = contents(COMMIT_TYPE, COMMIT_TOLD, message)
     return Commit(
         run_id=arrays["run_id"],
         keyframe=arrays["keyframe"],
         ids=arrays["ids"],
         parent_ids=arrays["parent_ids"],
         steps=tuple(
-            LineageStep(tuple(association), tuple(classes), mode)
+            step_of(association, classes, mode)
             for association, classes, mode in zip(
                 arrays["associations"].tolist(),
                 arrays["class_assignments"].tolist(),
@@ -191,7 +206,7 @@ def _lineages(arrays: dict[str, Any]) -> tuple[tuple[LineageStep, ...], ...]:
         raise MessageError(f"{COMMIT_TYPE}.lineage_lengths: they do not add up to the lineage's steps and detections")
     ends = np.cumsum(detections)[:-1]
     steps = [
-        LineageStep(tuple(association.tolist()), tuple(classes.tolist()), int(mode))
+        step_of(association.tolist(), classes.tolist(), int(mode))
         for association, classes, mode in zip(
             np.split(arrays["lineage_associations"], ends),
             np.split(arrays["lineage_class_assignments"], ends),

@@ -5,7 +5,7 @@ import numpy as np
 from semantic_slam.geometry.pose import planar_from_covariance
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Commit
-from semantic_slam.inference.states.identity import hypothesis_id
+from semantic_slam.inference.states.lineage import next_id
 from semantic_slam.messages.standard import is_pose
 from semantic_slam.perception.usable_measurements import faults
 
@@ -22,7 +22,7 @@ def fault_of_commit(commit: Commit, stamp_ns: int) -> str:
     if not np.isfinite(weights).all() or abs(float(np.logaddexp.reduce(weights))) > ROUNDING:
         return "weights that are not normalised"
     for number, parent, step in zip(commit.ids.tolist(), commit.parent_ids.tolist(), commit.steps, strict=True):
-        if hypothesis_id(parent, stamp_ns, step.association, step.class_assignment, step.mode) != number:
+        if next_id(parent, stamp_ns, step) != number:
             return "an id that is not that of its survivor"
     return ""
 

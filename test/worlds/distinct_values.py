@@ -38,6 +38,8 @@ def value_of(item: "Field[Any]", hint: Any, layout: Layout, element: dict[str, s
         return distinctive(hint, *own, numbers)
     if item.name in PARTS_OF_LINEAGES:
         return tuple(lineage_part(item.name, numbers) for _ in range(SIZES["S"]))
+    if item.name == "changes":
+        return tuple(changes(numbers) for _ in range(SIZES["K"]))
     name = item.name if item.name in {*layout, *STANDARD} else MESSAGE_NAMES[item.name]
     shape = [size_of(key) for key in layout.get(name, STANDARD.get(name, ()))]
     if element.get(name) == "string":
@@ -53,8 +55,13 @@ def size_of(key: str | int) -> int:
 
 
 def lineage_part(name: str, numbers: Iterator[int]) -> Any:
-    step = LineageStep((next(numbers), next(numbers)), (next(numbers), next(numbers)), next(numbers))
+    two = (next(numbers), next(numbers)), (next(numbers), next(numbers))
+    step = LineageStep(*two, next(numbers), changes(numbers))
     return step if name == "steps" else (step, step)
+
+
+def changes(numbers: Iterator[int]) -> Any:
+    return ((next(numbers), next(numbers), next(numbers), next(numbers)),)
 
 
 def of(kind: type) -> Any:

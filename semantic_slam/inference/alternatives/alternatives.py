@@ -61,7 +61,7 @@ class Alternatives:
         parents = np.array([columns[own.parent_id] for own in live.values()], dtype=int)
         before, self._known = self._shares, len(self._shares.changes)
         self._shares, self._tells = before.of_children(parents), self._tells[:, parents]
-        self._renamed = {n: self._renamed[own.parent_id] for n, own in live.items() if own.parent_id in self._renamed}
+        self._renamed = {n: _renamed(own, self._renamed.get(own.parent_id, {})) for n, own in live.items()}
         place = {int(number): row for row, number in enumerate(weighed.ids)}
         rows = np.array([place[number] for number in live], dtype=int)
         covariances = np.array([held[number].covariance for number in live])
@@ -82,7 +82,9 @@ class Alternatives:
         """Some of the ``live`` ones are revised: what was likely of the one that each revises is of it, too."""
         columns = {number: column for column, number in enumerate(self._lineages)}
         by_lineage = {id(lineage): number for number, lineage in self._lineages.items()}
-        sources = {n: n if own.revises is None else by_lineage[id(own.revises.lineage)] for n, own in live.items()}
+        sources = {
+            n: n if own.revises is None else by_lineage.get(id(own.revises.lineage), n) for n, own in live.items()
+        }
         chosen = np.array([columns[source] for source in sources.values()], dtype=int)
         self._shares, self._tells = self._shares.of_children(chosen), self._tells[:, chosen]
         self._renamed = {n: _renamed(own, self._renamed.get(sources[n], {})) for n, own in live.items()}

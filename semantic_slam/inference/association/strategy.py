@@ -38,6 +38,11 @@ class Parents:
         weights = np.array([each.log_weight for each in held])
         return cls(ids=ids, components=[each.component for each in held], log_weights=weights)
 
+    def log_sums(self, log_values: Array, ids: Sequence[int]) -> Array:
+        """(n,) log sums of the exponentials of (P,) values over all parents of each of ``ids``."""
+        own = np.array(self.ids, dtype=np.uint64)
+        return np.array([np.logaddexp.reduce(log_values[own == np.uint64(number)]) for number in ids])
+
     def __len__(self) -> int:
         return len(self.ids)
 
@@ -74,6 +79,7 @@ class PredictedKeyframe(Protocol):
 class AssociationStrategy(Protocol):
     """One way to tell which detection is of which object."""
 
+    registry: ObjectRegistry  # of the objects that the run has come to know
     needs_map: ClassVar[bool]  # a run without a map prior is refused
     wants_identities: ClassVar[bool]  # detections carry the identity of their object
     counts_misses: ClassVar[bool]  # a frame without detections says something

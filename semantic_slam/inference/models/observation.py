@@ -7,6 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.arrays import Array, row_sums, squared_norms
 from semantic_slam.geometry.rows import Selection
 from semantic_slam.geometry.small_matrices import cholesky, forward
@@ -69,6 +70,10 @@ class ObservationModel(Protocol):
     """
 
     num_classes: int  # 0: classes are not enumerated
+
+    @property
+    def new_objects(self) -> NewObjectConfiguration:
+        """What is known of an object before its first detection."""
 
     def collect(self, detections: Sequence[Any]) -> Detections:
         """Detections as arrays, a row each."""

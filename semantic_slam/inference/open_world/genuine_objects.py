@@ -71,7 +71,7 @@ class GenuineObjects:
 
     def _sums(self, own: Hypothesis) -> Array:
         """(N, 3) of all ids so far, from the parent's where that was live; what repeats counts less."""
-        before = self._of.get(own.parent_id)
+        before = None if own.lineage[-1].changes else self._of.get(own.parent_id)
         earlier = np.zeros((0, 3)) if before is None else before
         since = 0 if before is None else len(own.lineage) - 1
         size = max(

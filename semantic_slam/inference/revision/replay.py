@@ -11,8 +11,8 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import certain
-from semantic_slam.inference.states.identity import ROOT_ID, hypothesis_id
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.identity import ROOT_ID
+from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.world.problem import Problem
 
 CHECKPOINT = 10
@@ -111,7 +111,7 @@ class Replay:
             named = own.lineage[own.at] if own.at < len(own.lineage) else None
             expansion = expander.expand(step, [own.number], [WeightedComponent(own.component, 0.0)], named)
             row = int(np.argmax(expansion.log_psi)) if named is None else self._row(own, step, expansion)
-            (grown,) = expander.grow(step, expansion, [own.component], [row], in_place=in_place)
+            (grown,) = expander.grow(step, expansion, [row], in_place=in_place)
             own = Progress(
                 lineage=(*own.lineage, expansion.steps[row]) if named is None else own.lineage,
                 at=own.at + 1,
@@ -137,7 +137,7 @@ class Replay:
     def _row(self, own: Progress, step: Step, expansion: Expansion) -> int:
         """Which candidate a history names. Raises LostComponentError where there is none."""
         named = own.lineage[own.at]
-        child = hypothesis_id(own.number, step.stamp_ns, named.association, named.class_assignment, named.mode)
+        child = next_id(own.number, step.stamp_ns, named)
         if child not in expansion.ids:
             raise LostComponentError("a lineage names an impossible continuation")
         return expansion.ids.index(child)
@@ -146,8 +146,7 @@ class Replay:
         """Ids of the hypotheses along a history, the root's first."""
         numbers = [ROOT_ID + self.problem.beginning(lineage)]
         for step, taken in zip(self.steps, lineage, strict=False):
-            own = hypothesis_id(numbers[-1], step.stamp_ns, taken.association, taken.class_assignment, taken.mode)
-            numbers.append(own)
+            numbers.append(next_id(numbers[-1], step.stamp_ns, taken))
         return numbers
 
 

@@ -6,6 +6,7 @@ Counters and Python's salted ``hash`` would make a belief depend on the number o
 import hashlib
 import struct
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -14,12 +15,17 @@ ROOT_ID = 0
 
 
 def hypothesis_id(
-    parent_id: int, stamp_ns: int, association: Sequence[int], class_assignment: Sequence[int], mode: int
+    parent_id: int,
+    stamp_ns: int,
+    association: Sequence[int],
+    class_assignment: Sequence[int],
+    mode: int,
+    changes: Sequence[Sequence[int]] = (),
 ) -> int:
-    """64-bit digest of a hypothesis's parent, keyframe stamp, association, class assignment and mode."""
-    count = len(association)
-    layout = f"<QqI{count}i{count}i{'H' if mode < 2**16 else 'I'}"
-    packed = struct.pack(layout, parent_id, stamp_ns, count, *association, *class_assignment, mode)
+    """64-bit digest of a hypothesis's parent, keyframe stamp, association, class assignment, mode and changes."""
+    count, changed = len(association), list(chain.from_iterable(changes))
+    layout = f"<QqI{count}i{count}i{'H' if mode < 2**16 else 'I'}{len(changed)}i"
+    packed = struct.pack(layout, parent_id, stamp_ns, count, *association, *class_assignment, mode, *changed)
     return int.from_bytes(hashlib.blake2b(packed, digest_size=8).digest(), "little")
 
 

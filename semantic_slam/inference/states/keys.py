@@ -108,6 +108,11 @@ def error_place(keyframe: int, count: int, number: int) -> ErrorPlace:
     return ErrorPlace(key, 2 * (number % MOST_TOGETHER), VECTOR_SIZES[letter_of(key)])
 
 
+def detection_of(key: int, first: int) -> int:
+    """Number of the detection whose error begins at ``first`` in the variable of a ``key``, as :func:`error_place`."""
+    return (number_of(key) % _MOST_VARIABLES) * MOST_TOGETHER + first // 2
+
+
 def vector_parts(keys: Sequence[int]) -> list[slice]:
     """Where the components of each of some vectors are when they stand one after another."""
     ends = np.cumsum([VECTOR_SIZES[letter_of(key)] for key in keys]).tolist()

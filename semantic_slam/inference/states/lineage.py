@@ -1,14 +1,18 @@
 """What a hypothesis is made of: one step for every keyframe."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Index
+from semantic_slam.inference.states.identity import hypothesis_id
 
 MOVES = -2
 """In place of a class, of a detection whose object moves: one history has it standing still, another one moving."""
+
+Reassigned = tuple[int, int, int, int]
+"""Keyframe and detection of long ago, the object that it is taken to be of from now on, and that before."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,30 @@ class LineageStep:
     association: tuple[int, ...]  # (D,) object id per detection, -1 clutter
     class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated, MOVES
     mode: int = 0  # in an open world, of the first keyframe: under which noise, and from which start, a history begins
+    changes: tuple[Reassigned, ...] = ()  # made before this keyframe; the steps before tell what is true since
+
+
+def next_id(parent_id: int, stamp_ns: int, step: LineageStep) -> int:
+    """Id of the hypothesis to which a keyframe's step leads."""
+    return hypothesis_id(parent_id, stamp_ns, step.association, step.class_assignment, step.mode, step.changes)
+
+
+def revised(lineage: Sequence[LineageStep], changes: Sequence[Reassigned]) -> tuple[LineageStep, ...]:
+    """The lineage in which detections of long ago are of other objects; steps without any stay the same."""
+    steps = list(lineage)
+    for keyframe, detection, object_id, _ in changes:
+        association = list(steps[keyframe].association)
+        association[detection] = object_id
+        steps[keyframe] = replace(steps[keyframe], association=tuple(association))
+    return tuple(steps)
+
+
+def as_followed(lineage: Sequence[LineageStep]) -> tuple[LineageStep, ...]:
+    """The lineage keyframe by keyframe as its history went: each change is made when its step comes, and not before."""
+    steps = tuple(lineage)
+    for step in reversed(lineage):
+        steps = revised(steps, [(keyframe, number, before, now) for keyframe, number, now, before in step.changes])
+    return steps
 
 
 def lineage_steps(

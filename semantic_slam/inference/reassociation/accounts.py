@@ -1,0 +1,96 @@
+"""What first detections, later ones and misses of a stretch of a drive weigh, for objects at their estimated places."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, birth
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.revision.sightings import Sightings
+from semantic_slam.inference.states.detection_rates import DetectionRates
+
+BEYOND_M = 1.0
+"""Metres beyond the sensor's reach up to which objects count as perhaps in view."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StretchAccount:
+    """One history from keyframe ``begin`` on; O objects, n detections, G settings of sensor and world."""
+
+    settings: OpenWorldConfiguration
+    rates: DetectionRates  # G
+    region: SensorRegion  # as learned by the end
+    path: Array  # (T, 3) robot at each keyframe
+    begin: int
+    ids: Index  # (O,) ascending
+    places: Array  # (O, 2) metres
+    seen: Flags  # (O, T) in which keyframes
+
+    @property
+    def log_likelihoods(self) -> Array:
+        """(G,) of the stretch."""
+        return np.asarray(self.by_object.sum(axis=0) + self._log_born)
+
+    @cached_property
+    def last_seen(self) -> Index:
+        """(O,) keyframe of the last detection; that before the first where there is none."""
+        times = np.arange(self.seen.shape[1])
+        return np.asarray(np.where(self.seen, times, -1).max(axis=1, initial=-1))
+
+    @cached_property
+    def log_if_there(self) -> Array:
+        """(O, G) log likelihoods of later detections and misses of what exists; 0 of what is never in view."""
+        found = np.zeros((len(self.places), len(self.rates)))
+        near = np.flatnonzero(self._near)
+        if not len(near):
+            return found
+        sensors, which = self.rates.sensors
+        now = self.seen[near, self.begin :]
+        first = np.where(self._starts[near] < self.begin, -1, now.argmax(axis=1))
+        path = self.path[self.begin :]
+        sightings = Sightings(path=path, regions=[self.region] * len(path), sensors=sensors)
+        found[near] = sightings.log_likelihoods(sightings.in_view(self.places[near]), now, first)[:, which]
+        return found
+
+    @cached_property
+    def by_object(self) -> Array:
+        """(O, G) log likelihoods of later detections and misses; 0 of what is never in view."""
+        there, now = self._there, np.any(self.seen[:, self.begin :], axis=1, keepdims=True)
+        missed = np.log(np.maximum(there * np.exp(self.log_if_there) + 1.0 - there, LEAST_PROBABILITY))
+        return np.asarray(np.where(now, np.log(there) + self.log_if_there, missed))
+
+    @cached_property
+    def _there(self) -> Array:
+        """(O, G) probability that they exist: what has been seen twice does, and so does what starts in the stretch."""
+        density = self.rates.birth_density * self.rates.probability
+        once = birth(density, self.rates.clutter_per_frame / self.region.area_m2)[1]
+        sure = (self.seen.sum(axis=1) > 1) | (self._starts >= self.begin)
+        return np.where(sure[:, None], 1.0, once)
+
+    @cached_property
+    def _starts(self) -> Index:
+        return np.asarray(self.seen.argmax(axis=1))
+
+    @cached_property
+    def _near(self) -> Flags:
+        """(O,) whether the robot comes near them in the stretch, or sees them."""
+        away = self.places[:, None] - self.path[self.begin :, :2]
+        reach = self.region.max_range_m + BEYOND_M
+        near = (np.hypot(away[..., 0], away[..., 1]) < reach).any(axis=1)
+        return np.asarray(near | self.seen[:, self.begin :].any(axis=1))
+
+    @property
+    def _log_born(self) -> Array:
+        """(G,) of first detections: as many as there are, and where they are."""
+        total, least = np.zeros(len(self.rates)), self.settings.least_undetected_share
+        clutter = self.rates.clutter_per_frame / self.region.area_m2
+        for keyframe in range(self.begin, len(self.path)):
+            own = self.places[self._starts == keyframe]
+            trail, robot = self.path[:keyframe], self.path[keyframe]
+            expected, found = first_detections(self.region, self.rates, trail, robot, own, least)
+            total += np.log(birth(found, clutter)[0]).sum(axis=0) - expected
+        return total

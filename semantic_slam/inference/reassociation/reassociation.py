@@ -1,0 +1,94 @@
+"""Histories in which detections of long ago are of other objects, weighed in closed form: in drives of any length.
+
+When the robot comes back after a long way it may take one place for another, or map it anew. So every while what it
+saw lately is parted from what it knew, which frees that stretch of the drive, and the best set of pairs that are one
+object is looked for in the joint Gaussian of both. The whole drive is solved again with them, and what that weighs
+against the history as it was is the ratio of two integrals, each a Gaussian at its own estimate, times what first
+detections, later ones and misses of the stretch weigh. It enters beside that history, and pruning decides.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semantic_slam.inference.association.strategy import AssociationStrategy, Parents
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.open_world.sensor_region import sensor_region
+from semantic_slam.inference.reassociation.atoms import Atoms
+from semantic_slam.inference.reassociation.solved import RevisedComponent, Solver
+from semantic_slam.inference.reassociation.stretch import Stretch
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.reassociation import Sighted
+from semantic_slam.inference.states.lineage import Reassigned
+from semantic_slam.inference.world.problem import Problem
+
+LEAST_SHARE = 0.2
+"""Weight of the hypotheses that are looked at: of the few that matter."""
+LEAST_GAIN = 5.0
+"""Nats by which a revised history must be likelier to enter: by so much the account of a stretch may be off."""
+LEAST_CHANGED = 3
+"""Objects with other detections than before from which on a history is weighed: a place has several."""
+LONGEST = 8
+"""Looks over which the longest stretch that is looked at goes."""
+
+
+class Reassociation:
+    """Looks for histories that are likelier so, and makes their components; a pure function of what it is given."""
+
+    def __init__(self, problem: Problem, association: AssociationStrategy) -> None:
+        self._problem, self._association = problem, association
+        self._every = problem.revision.reassociate_every_keyframes
+        self.is_on = self._every > 0 and not problem.objects and association.counts_misses  # no map
+
+    def looked_for(self, step: Step, parents: Parents) -> dict[int, RevisedComponent]:
+        """Place of a parent -> what is likelier than it."""
+        if step.index <= self._problem.revision.horizon or step.index % self._every:
+            return {}
+        likely = np.flatnonzero(parents.log_weights >= np.log(LEAST_SHARE)).tolist()
+        found = {place: self._likelier(step, parents.components[place]) for place in likely}
+        return {place: own for place, own in found.items() if own is not None}
+
+    def revised(self, step: Step, component: Component, changes: Sequence[Reassigned]) -> RevisedComponent:
+        """The component with ``changes``, from those alone. Raises LostComponentError."""
+        atoms = Atoms.of(Sighted.of(component.smoother), changes, self._born)
+        return self._solver(step).revised(component, atoms)
+
+    def _likelier(self, step: Step, component: Component) -> RevisedComponent | None:
+        """A history that gains enough; None: none is found."""
+        if component.smoother.in_charts is None or component.views or component.classes:
+            return None
+        try:
+            changes = self._changes(step, component)
+            is_worth_it = len({object_id for _, _, object_id, _ in changes}) >= LEAST_CHANGED
+            own = self.revised(step, component, changes) if is_worth_it else None
+        except LostComponentError:
+            return None
+        return own if own is not None and own.log_gain >= LEAST_GAIN else None
+
+    def _changes(self, step: Step, component: Component) -> tuple[Reassigned, ...]:
+        """Changes that make the best set of pairs of a stretch; none where that is what the history has."""
+        sighted = Sighted.of(component.smoother)
+        stretch = Stretch.of(sighted, component.objects, step.index - self._length(step.index), self._born)
+        if not stretch.looks_strange(component):
+            return ()
+        smoother = self._solver(step).parted(component, stretch.objects, stretch.started)
+        rates = component.objects.rates
+        log_new = float(np.log(rates.average(rates.birth_density * rates.probability)))
+        joined = stretch.joined(stretch.best_joins(smoother, log_new))
+        return Atoms(sighted, stretch.objects, joined).changes()
+
+    def _length(self, index: int) -> int:
+        """Keyframes that a look after so many goes back: longer ones are taken less often."""
+        length = 2 * self._every
+        while length < LONGEST * self._every and index % length == 0:
+            length *= 2
+        return length
+
+    def _solver(self, step: Step) -> Solver:
+        region = sensor_region(self._problem.open_world).reaching(step.sensed)
+        return Solver(settings=self._problem.open_world, new_objects=self._problem.model.new_objects, region=region)
+
+    def _born(self, keyframe: int, number: int) -> int:
+        """Id of the object that a detection would start."""
+        return self._association.registry.first_new_id(keyframe) + number

@@ -1,0 +1,77 @@
+"""What is known of objects and robot where detections of long ago are of other objects."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY
+from semantic_slam.inference.open_world.nearby import tracked_states
+from semantic_slam.inference.reassociation.accounts import StretchAccount
+from semantic_slam.inference.reassociation.atoms import Atoms
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.smoothing.tracking import carried_keys
+from semantic_slam.inference.states.keys import bias_key, error_keys, object_key, robot_key
+from semantic_slam.inference.states.tracked_objects import HypothesisObjects, TrackedStates
+
+
+def revised_objects(
+    objects: HypothesisObjects, atoms: Atoms, before: StretchAccount, after: StretchAccount, log_weights: Array
+) -> HypothesisObjects:
+    """The objects afterwards, each as the object was that its newest detection was of, under (G,) new weights.
+
+    Where that one was seen again since, and where the stretch shows now that it was not in view, by what misses weigh.
+    """
+    source = dict(zip(after.ids.tolist(), after.ids.tolist(), strict=True))
+    source |= dict(zip(atoms.objects.tolist(), atoms.sighted.objects.tolist(), strict=True))
+    newest = np.array([source[number] for number in after.ids.tolist()], dtype=int)
+    rows = objects.rows(newest)
+    existence = objects.existence_given[rows].copy()
+    seen_last = before.last_seen[rows] != after.last_seen
+    existence[seen_last] = 1.0
+    missed = ~seen_last & ~after.seen[:, after.begin :].any(axis=1)
+    odds = existence[missed] * np.exp(after.log_if_there - before.log_if_there[rows])[missed]
+    existence[missed] = odds / np.maximum(odds + 1.0 - existence[missed], LEAST_PROBABILITY)
+    return replace(
+        objects,
+        ids=after.ids,
+        existence_given=existence,
+        detectable=None if objects.detectable is None else objects.detectable[rows],
+        gone=None if objects.gone is None else objects.gone[rows],
+        rates=replace(objects.rates, log_weights=log_weights),
+    )
+
+
+def revised_tracking(component: Component, smoother: Smoother, ids: Index) -> TrackedStates:
+    """Where robot and objects ``ids`` (O,) are; covariances of objects that stay are as they were when last near.
+
+    Raises LostComponentError.
+    """
+    before, keyframe = tracked_states(component), component.keyframe
+    storage, layout = smoother.spaces.storage, smoother.spaces.layout
+    states = smoother.states([object_key(int(n)) for n in ids])[:, : storage.landmark]
+    path = smoother.states([robot_key(k) for k in range(keyframe + 1)])[:, : storage.robot]
+    covariances = np.zeros((len(ids), layout.landmark, layout.landmark))
+    known = np.isin(ids, component.objects.ids)
+    covariances[known] = before.covariances[component.objects.rows(ids[known])]
+    covariances[~known] = smoother.covariances([object_key(int(n)) for n in ids[~known]])
+    errors = before.errors
+    if errors is not None:
+        keys = error_keys(errors.keyframe, len(errors.places))
+        errors = replace(errors, mean=np.concatenate([smoother.vector(key) for key in keys]))
+    together = smoother.joint_covariance(carried_keys(keyframe, len(before.bias), errors))
+    carried = len(before.bias) > 0 or errors is not None
+    return replace(
+        before,
+        states=states,
+        covariances=covariances,
+        sigmas=position_sigmas(covariances),
+        robot=path[-1],
+        robot_covariance=together[: layout.robot, : layout.robot],
+        trail=path,
+        bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
+        errors=errors,
+        carried_covariance=together if carried else None,
+    )
