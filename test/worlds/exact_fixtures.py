@@ -85,6 +85,7 @@ def _problem(data: dict, semantics: bool, method: str) -> tuple[Problem, list[St
         robot=GaussianPrior(np.array(given["x0"]), as_covariance(given["Sp"])),
         objects=entries,
         class_names=class_names,
+        class_shares=prior,
         seed=0,
         association=ASSOCIATIONS.load("enumerated"),
         distinct=given["exclusive"],

@@ -223,6 +223,7 @@ def _problem(world: LinearWorld) -> Problem:
         robot=world.robot,
         objects=entries,
         class_names=names,
+        class_shares=prior,
         seed=0,
         association=EnumeratedAssociation if world.names is None else GivenAssociation,
         distinct=True,

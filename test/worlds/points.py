@@ -149,6 +149,7 @@ class PointWorld:
             robot=self.start,
             objects=entries,
             class_names=(),
+            class_shares=np.zeros(0),
             seed=0,
             association=strategy_of(Configuration.of(association=self.association)),
             distinct=True,
