@@ -15,9 +15,9 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
+from semantic_slam.inference.open_world.sightings import Sightings
 from semantic_slam.inference.relocation.constellation import Fit, Fitting, positions
 from semantic_slam.inference.relocation.stretches import stretches
-from semantic_slam.inference.revision.sightings import Sightings
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.keys import object_key, robot_key

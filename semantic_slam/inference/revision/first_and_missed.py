@@ -14,7 +14,7 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
-from semantic_slam.inference.revision.sightings import Sightings
+from semantic_slam.inference.open_world.sightings import Sightings
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 

@@ -10,10 +10,10 @@ from semantic_slam import Engine, Keyframe
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.sightings import Sightings
 from semantic_slam.inference.relocation.constellation import Fitting, Places, positions
 from semantic_slam.inference.relocation.stretches import parted, stretches
 from semantic_slam.inference.revision.replay import Replay
-from semantic_slam.inference.revision.sightings import Sightings
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.miss_runs import MissRuns
