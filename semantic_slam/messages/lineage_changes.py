@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.errors import MessageError
 from semantic_slam.inference.states.lineage import LineageStep, Reassigned
 
 CHANGED = -2
@@ -20,14 +21,18 @@ def with_changes(association: Sequence[int], changes: Sequence[Reassigned]) -> l
 
 
 def changes_in(numbers: Sequence[int]) -> tuple[Reassigned, ...]:
-    """What stands behind the objects of the detections."""
+    """What stands behind the objects of the detections. Raises MessageError."""
     told = [number for number in numbers if number != CHANGED]
+    if len(told) % 4:
+        raise MessageError("associations: a change that does not name keyframe, detection and two objects")
     return tuple((told[at], told[at + 1], told[at + 2], told[at + 3]) for at in range(0, len(told), 4))
 
 
 def step_of(association: Sequence[int], classes: Sequence[int], mode: int) -> LineageStep:
-    """A step as it was told."""
+    """A step as it was told. Raises MessageError."""
     count = association.index(CHANGED) if CHANGED in association else len(association)
+    if len(classes) < count:
+        raise MessageError(f"class_assignments: {len(classes)} classes of {count} detections")
     return LineageStep(tuple(association[:count]), tuple(classes[:count]), mode, changes_in(association[count:]))
 
 

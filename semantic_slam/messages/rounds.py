@@ -142,6 +142,8 @@ def candidates_to_message(value: Candidates) -> Any:
 def candidates_from_message(message: Any) -> Candidates:
     values = contents(CANDIDATES_TYPE, CANDIDATES_TOLD, message)
     both, count = values["associations"], values["class_assignments"].shape[1]
+    if both.shape[1] < count:
+        raise MessageError(f"{CANDIDATES_TYPE}.associations: {both.shape[1]} of {count} detections")
     values["associations"] = both[:, :count]
     changes = tuple(changes_in(row) for row in both[:, count:].tolist())
     return Candidates(changes=changes if any(changes) else (), **values)

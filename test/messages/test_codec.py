@@ -14,6 +14,7 @@ from semantic_slam.inference.protocol import Candidates, Commit, Components, Run
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.messages.codec import BY_TYPE_NAME, CODECS, decode, encode, from_message, to_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects, ReplayProgress
+from semantic_slam.messages.lineage_changes import changes_in, step_of
 from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -193,3 +194,13 @@ def test_bytes_that_are_no_message(data):
 def test_an_unknown_type_is_named():
     with pytest.raises(InputError, match="std_msgs/msg/String"):
         decode(b"", "std_msgs/msg/String")
+
+
+def test_changes_of_a_history_are_whole_and_detections_have_classes():
+    """What a backend is told of changes stands behind a keyframe's associations."""
+    assert changes_in([-2, 3, 0, 7, 5, -2]) == ((3, 0, 7, 5),)
+    with pytest.raises(InputError, match="two objects"):
+        changes_in([-2, 3, 0, 7])
+    assert step_of([1, -1, -2, 3, 0, 7, 5], [0, 0], 0).changes == ((3, 0, 7, 5),)
+    with pytest.raises(InputError, match="1 classes of 2 detections"):
+        step_of([1, -1], [0], 0)
