@@ -6,7 +6,7 @@ import torch
 
 from semantic_slam.errors import InputError
 from semantic_slam.latent.extractor import FeatureExtractor
-from semantic_slam.latent.store import REMEDY, read_parts
+from semantic_slam.latent.store import FORMAT, REMEDY
 
 PREFIX = "extractor."
 
@@ -17,7 +17,7 @@ def read_extractor(path: Path) -> FeatureExtractor:
     From here on torch uses one thread: two that fight for a core are many times slower than one.
     """
     torch.set_num_threads(1)
-    arrays, _ = read_parts(path)
+    arrays, _ = FORMAT.read(path)
     state = {
         name.removeprefix(PREFIX): torch.from_numpy(value) for name, value in arrays.items() if name.startswith(PREFIX)
     }

@@ -1,6 +1,5 @@
 """Latent model files: weights, descriptors and a JSON description in one safetensors file; it is data alone."""
 
-import json
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -8,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
@@ -17,15 +14,12 @@ from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.latent.grounding import Grounding
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
+from semantic_slam.model_files import Arrays, ModelFormat
 
-Arrays = dict[str, NDArray[Any]]
-
-SCHEMA_VERSION = 1
-KIND = "latent_descriptor"
-METADATA_KEY = "semantic_slam"
 SPACE_DIGITS = 16
 """Hexadecimal, of the name of a latent space."""
 REMEDY = "make one with train_latent_model"
+FORMAT = ModelFormat(kind="latent_descriptor", schema_version=1, remedy=REMEDY)
 
 
 def save_latent_model(model: LatentModel, extractor: Mapping[str, NDArray[Any]], path: Path) -> None:
@@ -48,20 +42,17 @@ def save_latent_model(model: LatentModel, extractor: Mapping[str, NDArray[Any]],
         arrays["grounding.mean"] = np.ascontiguousarray(model.grounding.mean)
         arrays["grounding.sigma"] = np.ascontiguousarray(model.grounding.sigma)
     description = {
-        "schema_version": SCHEMA_VERSION,
-        "kind": KIND,
         "formulation": model.formulation,
         "instance_names": list(model.instances.names),
         "class_names": list(model.class_names),
         "provenance": model.provenance,
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_file(arrays, str(path), metadata={METADATA_KEY: json.dumps(description, sort_keys=True)})
+    FORMAT.write(path, arrays, description)
 
 
 def read_latent_model(path: Path) -> LatentModel:
     """The numpy side of a file; raises InputError naming the file, what is wrong and the remedy."""
-    arrays, description = read_parts(path)
+    arrays, description = FORMAT.read(path)
     try:
         names = tuple(str(name) for name in description["instance_names"])
         return LatentModel(
@@ -89,26 +80,6 @@ def space_of(arrays: Arrays) -> str:
             digest.update(name.encode())
             digest.update(np.ascontiguousarray(arrays[name]).tobytes())
     return f"latent-{digest.hexdigest()[:SPACE_DIGITS]}"
-
-
-def read_parts(path: Path) -> tuple[Arrays, dict[str, Any]]:
-    """Arrays and description of a latent model file; raises InputError."""
-    try:
-        with safe_open(str(path), framework="np") as file:
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            text = (file.metadata() or {}).get(METADATA_KEY, "")
-    except (OSError, SafetensorError) as fault:
-        raise InputError(f"{path}: not readable as safetensors ({_one_line(fault)}); {REMEDY}") from None
-    try:
-        description = dict(json.loads(text))
-    except (ValueError, TypeError):
-        raise InputError(f"{path}: no latent model; {REMEDY}") from None
-    version, kind = description.get("schema_version"), description.get("kind")
-    if version != SCHEMA_VERSION or kind != KIND:
-        raise InputError(
-            f"{path}: holds kind '{kind}' of schema {version}, wanted is '{KIND}' of schema {SCHEMA_VERSION}; {REMEDY}"
-        )
-    return arrays, description
 
 
 def _network(arrays: Arrays, name: str) -> SmoothNetwork:

@@ -1,24 +1,20 @@
 """Files of fitted label models: arrays and a JSON description in one safetensors file; nothing in it is executed."""
 
-import json
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
-SCHEMA_VERSION = 1
-KIND = "detector"
-METADATA_KEY = "semantic_slam"
 ANEW = "fit it anew with semantic_slam fit --from-run"
+FORMAT = ModelFormat(kind="detector", schema_version=1, remedy=f"check semantic_model.path, or {ANEW}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,25 +69,17 @@ def save_labels(fitted: FittedLabels, path: Path) -> None:
         arrays[f"confusions.{item.name}"] = np.array([getattr(own, item.name) for own in fitted.confusions])
     arrays["class_shares"] = fitted.class_shares
     description = {
-        "schema_version": SCHEMA_VERSION,
-        "kind": KIND,
         "labels": list(fitted.labels),
         "bags": [asdict(bag) for bag in fitted.bags],
         "report": fitted.report,
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
     plain = {name: np.array(value, dtype=np.float64, order="C") for name, value in arrays.items()}
-    save_file(plain, str(path), metadata={METADATA_KEY: json.dumps(description, sort_keys=True)})
+    FORMAT.write(path, plain, description)
 
 
 def read_labels(path: Path) -> FittedLabels:
     """The models in a file. Raises InputError naming the file, what is wrong and the remedy."""
-    arrays, description = _read(path)
-    version, kind = description.get("schema_version"), description.get("kind")
-    if version != SCHEMA_VERSION or kind != KIND:
-        raise InputError(
-            f"{path}: holds kind '{kind}' of schema {version}, wanted is '{KIND}' of schema {SCHEMA_VERSION}; {ANEW}"
-        )
+    arrays, description = FORMAT.read(path)
     try:
         found = _fitted(arrays, description)
         _check(found)
@@ -139,17 +127,3 @@ def _check(found: FittedLabels) -> None:
     counts = [part for own in found.confusions for part in (own.counts, own.none)]
     if min(part.min() for part in counts) <= 0.0 or found.class_shares.min() <= 0.0:
         raise ValueError("counts and shares must be above 0")
-
-
-def _read(path: Path) -> tuple[dict[str, Array], dict[str, Any]]:
-    try:
-        with safe_open(str(path), framework="np") as file:
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            text = (file.metadata() or {}).get(METADATA_KEY, "")
-    except (OSError, SafetensorError) as fault:
-        reason = " ".join(str(fault).split())
-        raise InputError(f"{path}: not readable as safetensors ({reason}); check semantic_model.path") from None
-    try:
-        return arrays, dict(json.loads(text))
-    except (ValueError, TypeError):
-        raise InputError(f"{path}: no label models; make them with semantic_slam fit --from-run") from None

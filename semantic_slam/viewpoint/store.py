@@ -1,21 +1,19 @@
 """Viewpoint model files: arrays and a JSON description in one safetensors file; nothing in it is executed."""
 
-import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
 from semantic_slam.errors import InputError
+from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.appearance import APPEARANCE_FIELDS, KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, PosteriorTable
 
-SCHEMA_VERSION = 1
-KIND = "gp_independent"
-METADATA_KEY = "semantic_slam"
+FORMAT = ModelFormat(
+    kind="gp_independent", schema_version=1, remedy="check semantic_model.path, or make one with fit_viewpoint_models"
+)
 APPEARANCE = "appearance."
 """What names of arrays begin with that tell what the objects look like; older files have none."""
 
@@ -36,25 +34,16 @@ def save_model(
     for name in APPEARANCE_FIELDS if appearance is not None else ():
         arrays[APPEARANCE + name] = np.array(getattr(appearance, name), dtype=np.float32, order="C")
     description = {
-        "schema_version": SCHEMA_VERSION,
-        "kind": KIND,
         "class_names": list(model.class_names),
         "feature_names": list(model.feature_names),
         "provenance": provenance,
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_file(arrays, str(path), metadata={METADATA_KEY: json.dumps(description, sort_keys=True)})
+    FORMAT.write(path, arrays, description)
 
 
 def read_model(path: Path) -> GaussianProcessModel:
     """The model in a file. Raises InputError naming the file, what is wrong and the remedy."""
-    arrays, description = _read(path)
-    version, kind = description.get("schema_version"), description.get("kind")
-    if version != SCHEMA_VERSION or kind != KIND:
-        raise InputError(
-            f"{path}: holds kind '{kind}' of schema {version}, wanted is '{KIND}' of schema {SCHEMA_VERSION};"
-            " fit it anew with fit_viewpoint_models"
-        )
+    arrays, description = FORMAT.read(path)
     try:
         class_names = tuple(str(name) for name in description["class_names"])
         feature_names = tuple(str(name) for name in description["feature_names"])
@@ -73,7 +62,7 @@ def read_appearance(path: Path) -> KnownAppearance | None:
 
     Raises InputError naming the file, what is wrong and the remedy.
     """
-    arrays, _ = _read(path)
+    arrays, _ = FORMAT.read(path)
     values = {name: arrays.get(APPEARANCE + name) for name in APPEARANCE_FIELDS}
     if all(value is None for value in values.values()):
         return None
@@ -85,21 +74,7 @@ def read_appearance(path: Path) -> KnownAppearance | None:
 
 def read_provenance(path: Path) -> dict[str, Any]:
     """What the file says of its own making. Raises InputError."""
-    return dict(_read(path)[1].get("provenance", {}))
-
-
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    try:
-        with safe_open(str(path), framework="np") as file:
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            text = (file.metadata() or {}).get(METADATA_KEY, "")
-    except (OSError, SafetensorError) as fault:
-        reason = " ".join(str(fault).split())
-        raise InputError(f"{path}: not readable as safetensors ({reason}); check semantic_model.path") from None
-    try:
-        return arrays, dict(json.loads(text))
-    except (ValueError, TypeError):
-        raise InputError(f"{path}: not a viewpoint model; make one with fit_viewpoint_models") from None
+    return dict(FORMAT.read(path)[1].get("provenance", {}))
 
 
 def _class_parts(arrays: dict[str, Any], index: int, num_features: int) -> tuple[ClassFit, PosteriorTable]:

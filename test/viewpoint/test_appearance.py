@@ -7,7 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from safetensors.numpy import load_file, save_file
 from worlds.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.class_models.viewpoint_models import shipped_models
@@ -24,7 +23,7 @@ from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.viewpoint.appearance import KnownAppearance, KnownPictures, is_novel
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
-from semantic_slam.viewpoint.store import read_appearance, save_model
+from semantic_slam.viewpoint.store import FORMAT, read_appearance, save_model
 
 NUM_FEATURES, NUM_CLASSES = 30, 4
 RATES = (0.2, 0.05, 0.01)
@@ -90,8 +89,8 @@ def test_it_is_kept_with_the_models_and_older_files_do_without(known: KnownAppea
 def test_a_damaged_appearance_is_one_line(known: KnownAppearance, tmp_path: Path, name: str, value: np.ndarray) -> None:
     path = tmp_path / "models.safetensors"
     save_model(GaussianProcessModel(("one",), FEATURES, [fit_class(synthetic_samples(0.0, 0))]), path, {}, known)
-    arrays = load_file(str(path)) | {f"appearance.{name}": value.astype(np.float32)}
-    save_file(arrays, str(path), metadata={"semantic_slam": "{}"})
+    arrays, description = FORMAT.read(path)
+    FORMAT.write(path, arrays | {f"appearance.{name}": value.astype(np.float32)}, description)
     with pytest.raises(InputError, match=r"models\.safetensors: .*known appearance") as fault:
         read_appearance(path)
     assert "\n" not in str(fault.value)

@@ -1,0 +1,53 @@
+"""Files of models: arrays and a JSON description in one safetensors file; nothing in it is executed."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from semantic_slam.errors import InputError
+
+METADATA_KEY = "semantic_slam"
+
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFormat:
+    """What files of one kind of models hold, and how a user gets one."""
+
+    kind: str
+    schema_version: int
+    remedy: str  # "make one with ..."
+
+    def write(self, path: Path, arrays: Mapping[str, NDArray[Any]], description: Mapping[str, Any]) -> None:
+        """Write contiguous arrays with what is said of them."""
+        told = {"schema_version": self.schema_version, "kind": self.kind, **description}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_file(dict(arrays), str(path), metadata={METADATA_KEY: json.dumps(told, sort_keys=True)})
+
+    def read(self, path: Path) -> tuple[Arrays, dict[str, Any]]:
+        """Arrays and description. Raises InputError naming the file, what is wrong and the remedy."""
+        try:
+            with safe_open(str(path), framework="np") as file:
+                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+                text = (file.metadata() or {}).get(METADATA_KEY, "")
+        except (OSError, SafetensorError) as fault:
+            reason = " ".join(str(fault).split())
+            raise InputError(f"{path}: not readable as safetensors ({reason}); {self.remedy}") from None
+        try:
+            description = dict(json.loads(text))
+        except (ValueError, TypeError):
+            raise InputError(f"{path}: not a file of models; {self.remedy}") from None
+        version, kind = description.get("schema_version"), description.get("kind")
+        if version != self.schema_version or kind != self.kind:
+            raise InputError(
+                f"{path}: holds kind '{kind}' of schema {version}, wanted is '{self.kind}' of schema"
+                f" {self.schema_version}; {self.remedy}"
+            )
+        return arrays, description
