@@ -57,9 +57,14 @@ def main():
     network, names = map(Path, remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
     try:
-        rclpy.spin(DetectorNode(OnnxDetector(network, read_class_names(names))))
-    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        node = DetectorNode(OnnxDetector(network, read_class_names(names)))
+        while rclpy.ok():
+            rclpy.spin_once(node, timeout_sec=1.0)  # spin() may wait for ever: a signal just before it waits is missed
+    except KeyboardInterrupt:
         pass
+    except Exception:
+        if rclpy.ok():  # after a signal, whatever rclpy still does fails
+            raise
     finally:
         rclpy.try_shutdown()
 

@@ -135,5 +135,5 @@ def test_with_nanodet_the_node_finds_the_chairs_of_a_kitchen(
             executor.spin_once(timeout_sec=0.5)
     finally:
         detector.terminate()
-    assert detector.wait(timeout=10.0) == 0
+    assert detector.wait(timeout=PATIENCE_S) == 0
     assert {"chair", "cup"} <= set(received[0].labels) and len(received[0].class_names) == 80
