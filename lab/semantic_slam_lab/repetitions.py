@@ -9,12 +9,9 @@ import numpy as np
 from joblib import Parallel, delayed, parallel_config
 from tqdm import tqdm
 
-from semantic_slam.errors import InputError
+from semantic_slam.cluster import connected
 
 Result = TypeVar("Result")
-
-CONNECT_TIMEOUT = "10s"
-"""For a scheduler to answer: one that was just started on a busy machine takes seconds."""
 
 
 def keyed_generator(*key: str | int) -> np.random.Generator:
@@ -39,16 +36,5 @@ def scheduler(address: str | None) -> Iterator[None]:
     if address is None:
         yield
         return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("--scheduler needs Dask; install it with: pip install dask distributed") from None
-    try:
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError) as fault:
-        reason = " ".join(str(fault).split())
-        raise InputError(
-            f"--scheduler {address}: no Dask scheduler ({reason}); start one with: dask scheduler"
-        ) from None
-    with client, parallel_config(backend="dask", client=client):
+    with connected(address) as client, parallel_config(backend="dask", client=client):
         yield

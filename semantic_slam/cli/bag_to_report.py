@@ -1,4 +1,4 @@
-"""``bag_to_report BAG --out DIR``: a report of an input bag, by running the pipeline on it, or of a belief bag."""
+"""``bag_to_report BAG... --out DIR``: a report of an input bag, by running the pipeline on it, or of a belief bag."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -22,7 +22,14 @@ def parse(words: list[str] | None = None) -> Namespace:
         description="Report, map and trajectory of a bag: the pipeline runs on a bag of sensor data (its beliefs go to"
         " DIR/belief); a bag that holds beliefs is reported as it is.",
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="rosbag2 folder, .mcap or .db3")
+    parser.add_argument(
+        "bags",
+        type=Path,
+        nargs="+",
+        metavar="BAG",
+        help="rosbag2 folder, .mcap or .db3; of several each gets a report in DIR/<its name>,"
+        " and DIR/index.html compares them",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the report's files")
     parser.add_argument(
         "--config",
@@ -49,9 +56,12 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument(
         "--explain", action="store_true", help="the evidence for each object in the report; infers the run once more"
     )
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="bags at once (default: 1)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the bags (default: none)")
     add_overwrite(parser)
     arguments = parser.parse_args(words)
-    for name, least in (("seed", 0), ("max_keyframes", 1)):
+    arguments.bag = arguments.bags[0]
+    for name, least in (("seed", 0), ("max_keyframes", 1), ("jobs", 1)):
         value = getattr(arguments, name)
         if value is not None and value < least:
             raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}; correct the number")
@@ -82,6 +92,11 @@ def run_name(configuration: Path | None) -> str:
 def command() -> None:
     """Parse, run, report; raises InputError, after the report where the bag is only damaged."""
     arguments = parse()
+    if len(arguments.bags) > 1:
+        from semantic_slam.cli.many_reports import report_many
+
+        print_files(report_many(arguments))
+        return
     inputs = [arguments.bag, arguments.config, arguments.map_prior, *(arguments.compare or [])]
     with claimed_report(arguments.out, inputs, arguments.overwrite) as out:
         files, fault = report(arguments, out)

@@ -14,7 +14,7 @@ MEANINGS = {
     "class_nll_online": "the same over all objects and keyframes, nats",
     "class_ece_online": "the same over all objects and keyframes",
     "ate_m": "RMS position error in map of the final hypothesis's path, unaligned, m",
-    "ate_aligned_m": "the same after the best rigid alignment, m",
+    "ate_aligned_m": "RMS position error of that path after the best rigid alignment, m",
     "ate_online_m": "the same for the best hypothesis of each keyframe at its time, unaligned, m",
     "dead_reckoning_ate_m": "odometry alone from the mean of the robot's prior, m",
     "dead_reckoning_true_start_ate_m": "odometry alone from the true start, m",

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam_lab import repetitions
 from semantic_slam_lab.commands import run_study
 from semantic_slam_lab.repetitions import keyed_generator, repeat, scheduler
 from semantic_slam_lab.studies.ch3 import localization, model_uncertainty
@@ -115,7 +114,7 @@ def test_work_goes_to_a_dask_cluster() -> None:
 
 @pytest.mark.slow
 def test_no_scheduler_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(repetitions, "CONNECT_TIMEOUT", "1s")
+    monkeypatch.setattr("semantic_slam.cluster.CONNECT_TIMEOUT", "1s")
     with pytest.raises(InputError, match="no Dask scheduler"), scheduler("tcp://127.0.0.1:9"):
         pass
 

@@ -1,0 +1,122 @@
+"""Reports of many bags, each in a process of its own, and a page that sets them side by side.
+
+One bag's fault ends no other's run: not bad input, not a crash, not a machine that has no memory left.
+"""
+
+import os
+import subprocess
+import sys
+from argparse import Namespace
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from semantic_slam.cli.exit_codes import DONE
+from semantic_slam.errors import InputError
+from semantic_slam.outputs import check_output, write_whole
+
+THREADS = "OMP_NUM_THREADS"
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a bag's process ended."""
+
+    code: int
+    words: str  # what it wrote to stderr
+
+
+def report_many(arguments: Namespace) -> list[Path]:
+    """A report for each of ``arguments.bags`` in a folder of its name, and their summary; returns the files of that.
+
+    Raises InputError, for bags that went wrong after all others are done.
+    """
+    from semantic_slam.report.summary import summary_files, summary_row
+
+    out: Path = arguments.out
+    bags = names_of(arguments.bags)
+    for name in ("index.html", "summary.json"):
+        check_output(out / name, overwrite=arguments.overwrite)
+    commands = {name: _words(arguments, bag, out / name) for name, bag in bags.items()}
+    out.mkdir(parents=True, exist_ok=True)
+    ended = _run_all(commands, arguments.jobs, arguments.scheduler)
+    faults = {name: _fault(ended[name]) for name in bags}
+    files = summary_files([summary_row(name, bag, out / name, faults[name]) for name, bag in bags.items()])
+    for file, text in files.items():
+        write_whole(out / file, text)
+    failed = [name for name in bags if faults[name]]
+    for name in failed:
+        print(f"{name}: {faults[name]}", file=sys.stderr)
+    if failed:
+        raise InputError(f"{len(failed)} of {len(bags)} bags went wrong: {', '.join(failed)}; see {out / 'index.html'}")
+    return [out / file for file in files]
+
+
+def names_of(bags: Sequence[Path]) -> dict[str, Path]:
+    """Bags by the names of their reports' folders: their own, with that of the folder above where two have one.
+
+    Raises InputError where that does not tell them apart.
+    """
+    short = [bag.resolve().stem for bag in bags]
+    often = Counter(short)
+    names = [
+        name if often[name] == 1 else f"{bag.resolve().parent.name}_{name}"
+        for name, bag in zip(short, bags, strict=True)
+    ]
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
+    if twice:
+        raise InputError(f"{twice[0]}: two bags would share this report folder; report them by separate commands")
+    return dict(zip(names, bags, strict=True))
+
+
+def _words(arguments: Namespace, bag: Path, out: Path) -> list[str]:
+    """The command for one bag."""
+    words = [str(bag.resolve()), "--out", str(out.resolve())]
+    for flag in ("config", "seed", "max_keyframes", "map_prior"):
+        value = getattr(arguments, flag)
+        if value is not None:
+            words += [f"--{flag.replace('_', '-')}", str(value.resolve() if isinstance(value, Path) else value)]
+    for configuration in arguments.compare or []:
+        words += ["--compare", str(configuration.resolve())]
+    return [*words, *(["--explain"] if arguments.explain else []), *(["--overwrite"] if arguments.overwrite else [])]
+
+
+def _run_all(commands: Mapping[str, list[str]], jobs: int, scheduler: str | None) -> dict[str, Ended]:
+    from tqdm import tqdm
+
+    threads = str(max(1, (os.cpu_count() or 1) // jobs)) if scheduler is None else "1"
+    with _executor(jobs, scheduler) as executor:
+        futures = {executor.submit(_report_one, words, threads): name for name, words in commands.items()}
+        done = tqdm(as_completed(futures), total=len(futures), desc="bags")
+        return {futures[future]: future.result() for future in done}
+
+
+@contextmanager
+def _executor(jobs: int, scheduler: str | None) -> Iterator[Executor]:
+    """Threads, each of which waits for a process; or the cluster at the address ``scheduler``. Raises InputError."""
+    if scheduler is None:
+        with ThreadPoolExecutor(jobs) as threads:
+            yield threads
+        return
+    from semantic_slam.cluster import connected
+
+    with connected(scheduler) as client, client.get_executor() as executor:
+        yield executor
+
+
+def _report_one(words: list[str], threads: str) -> Ended:
+    environment = {THREADS: threads, **os.environ}
+    command = [sys.executable, "-m", "semantic_slam.cli.bag_to_report", *words]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, errors="replace", check=False)
+    return Ended(done.returncode, done.stderr)
+
+
+def _fault(ended: Ended) -> str:
+    """The last line that a process wrote before it failed; "" where it did not."""
+    if ended.code == DONE:
+        return ""
+    lines = [line.strip() for line in ended.words.splitlines() if line.strip()]
+    return lines[-1] if lines and ended.code > 0 else f"ended by signal {-ended.code}"

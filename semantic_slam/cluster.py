@@ -1,0 +1,26 @@
+"""The Dask cluster that ``--scheduler ADDRESS`` names."""
+
+from typing import TYPE_CHECKING
+
+from semantic_slam.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+CONNECT_TIMEOUT = "10s"
+"""For a scheduler to answer: one that was just started on a busy machine takes seconds."""
+
+
+def connected(address: str) -> "Client":
+    """A client of the Dask scheduler at ``address``; raises InputError."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs Dask; install it with: pip install dask distributed") from None
+    try:
+        return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as fault:
+        reason = " ".join(str(fault).split())
+        raise InputError(
+            f"--scheduler {address}: no Dask scheduler ({reason}); start one with: dask scheduler"
+        ) from None

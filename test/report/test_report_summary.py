@@ -1,0 +1,65 @@
+"""Reports of many bags: one page beside the reports, and no bag's fault ends another's run."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from worlds.installed import ROOT
+
+from semantic_slam.cli.bag_to_report import main, parse
+from semantic_slam.cli.many_reports import names_of, report_many
+from semantic_slam.errors import InputError
+from semantic_slam.report.summary import SummaryRow, summary_files
+
+BAG = ROOT / "bags" / "standing.mcap"
+
+
+def test_a_broken_bag_among_others_costs_its_own_report_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(b"no bag")
+    out = tmp_path / "reports"
+    words = [str(broken), str(BAG), "--out", str(out), "--max-keyframes", "2"]
+    monkeypatch.setattr(sys, "argv", ["bag_to_report", *words])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    told = capsys.readouterr().err
+    assert "broken.mcap: no mcap file" in told and "1 of 2 bags went wrong: broken; see" in told
+    assert (out / "standing" / "report.html").is_file() and not (out / "broken").exists()
+    rows = {row["name"]: row for row in json.loads((out / "summary.json").read_text())["bags"]}
+    assert rows["standing"]["keyframes"] == 2 and rows["standing"]["fault"] == ""
+    assert rows["broken"]["keyframes"] is None and "no mcap file" in rows["broken"]["fault"]
+    assert 'href="standing/report.html"' in (out / "index.html").read_text()
+
+
+def test_a_summary_that_is_there_is_not_replaced_unasked(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("mine")
+    arguments = parse([str(BAG), str(ROOT / "bags" / "aliased_room"), "--out", str(tmp_path)])
+    with pytest.raises(InputError, match=r"index.html: exists already; give --overwrite"):
+        report_many(arguments)
+    assert not (tmp_path / "standing").exists()
+
+
+def test_bags_of_one_name_are_told_by_the_folders_that_they_lie_in(tmp_path: Path) -> None:
+    bags = [tmp_path / day / "drive.mcap" for day in ("monday", "tuesday")]
+    assert names_of([*bags, BAG]) == {"monday_drive": bags[0], "tuesday_drive": bags[1], "standing": BAG}
+    with pytest.raises(InputError, match="two bags would share this report folder"):
+        names_of([tmp_path / "here" / "monday" / "drive", bags[0]])
+
+
+def test_what_a_bag_is_called_is_text_on_the_page() -> None:
+    row = SummaryRow(name="<b>x</b>", bag="x", fault="<script>", metrics={"ate_aligned_m": None})
+    page = summary_files([row])["index.html"]
+    assert "&lt;b&gt;x&lt;/b&gt;" in page and "<b>x</b>" not in page and "&lt;script&gt;" in page
+
+
+def test_without_a_scheduler_at_its_address_nothing_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("semantic_slam.cluster.CONNECT_TIMEOUT", "1s")
+    shutil.copy(BAG, tmp_path / "again.mcap")
+    words = [str(BAG), str(tmp_path / "again.mcap"), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]
+    with pytest.raises(InputError, match="no Dask scheduler"):
+        report_many(parse(words))
