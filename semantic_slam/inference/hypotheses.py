@@ -16,6 +16,9 @@ from semantic_slam.inference.states.lineage import LineageStep, revised
 RECENT_KEYFRAMES = 10
 """Keyframes of ``discarded_mass_window``: what was discarded longer ago has shown, or it never will."""
 
+MOST_DISCARDED = 1.0 - 1e-12
+"""Share of one keyframe's mass that may be counted as discarded: what is found again later has to count for something."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
@@ -110,7 +113,7 @@ class Hypotheses:
         """Keep the children whose components are ``held``; the others are discarded mass like what was pruned."""
         kept = {n: child for n, child in children.items() if n in held}
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
-        self.discarded.add(float(np.log1p(-discarded)) + min(log_total, 0.0))
+        self.discarded.add(float(np.log1p(-min(discarded, MOST_DISCARDED))) + min(log_total, 0.0))
         self.live = {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}
 
     def enter(self, children: dict[int, Hypothesis], held: Collection[int], log_found: float) -> None:
