@@ -188,6 +188,9 @@ class OpenWorldConfiguration:
         minimum=0.0,
         maximum=0.999,
     )
+    miss_persistences: tuple[float, ...] = parameter(
+        (), "in place of miss_persistence; how far each is right is inferred; empty: that alone"
+    )
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
     clutters_per_frame: tuple[float, ...] = parameter(
         (), "in place of clutter_per_frame; how far each is right is inferred; empty: that alone"

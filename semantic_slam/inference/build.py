@@ -135,6 +135,8 @@ def _check_detections(configuration: Configuration, association: type[Associatio
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
     if min(configuration.open_world.detection_half_ranges_m, default=1.0) <= 0.0:
         raise InputError("open_world.detection_half_ranges_m must be above 0; correct them")
+    if not all(0.0 <= own < 1.0 for own in configuration.open_world.miss_persistences):
+        raise InputError("open_world.miss_persistences must not be below 0, and be below 1; correct them")
     if min(configuration.open_world.clutters_per_frame, default=0.0) < 0.0:
         raise InputError("open_world.clutters_per_frame must not be below 0; correct them")
     if min(configuration.open_world.birth_densities, default=1.0) <= 0.0:
@@ -195,6 +197,7 @@ def _as_used(configuration: Configuration, association: type[AssociationStrategy
             birth_densities=(),
             clutters_per_frame=(),
             miss_persistence=0.0,
+            miss_persistences=(),
         )
     return replace(configuration, revision=revision, open_world=world)
 

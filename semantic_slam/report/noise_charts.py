@@ -15,6 +15,7 @@ MEANINGS = {
     "perception.noise_factor": "Factor on the covariance of a detection's place.",
     "open_world.detection_probability": "Of an object right at the sensor that nothing hides.",
     "open_world.detection_half_range_m": "Metres, at which it is half of that.",
+    "open_world.miss_persistence": "Correlation from keyframe to keyframe of whether an object can be detected.",
     "open_world.clutter_per_frame": "False alarms expected in a frame.",
     "open_world.birth_density": "Objects per square metre where nothing was seen yet.",
     "open_world.min_range_m": "Metres; as near as the detections so far, with a margin.",

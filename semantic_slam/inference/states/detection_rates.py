@@ -21,6 +21,7 @@ LEAST_LOG_WEIGHT = float(np.log(1e-6))
 NAMES = {
     "open_world.detection_probability": "probability",
     "open_world.detection_half_range_m": "half_range_m",
+    "open_world.miss_persistence": "persistence",
     "open_world.clutter_per_frame": "clutter_per_frame",
     "open_world.birth_density": "birth_density",
 }
@@ -35,7 +36,7 @@ class DetectionRates:
     half_range_m: Array  # (G,) where that is half as likely; inf: it is the same everywhere in the region
     birth_density: Array  # (G,) objects per square metre
     clutter_per_frame: Array  # (G,) false alarms expected in a frame
-    persistence: float = 0.0  # of whether an object can be detected, from one keyframe to the next
+    persistence: Array  # (G,) of whether an object can be detected, from one keyframe to the next
     log_weights: Array = field(default_factory=lambda: np.zeros(1))  # (G,) normalised
 
     @classmethod
@@ -44,16 +45,17 @@ class DetectionRates:
         grid = product(
             settings.detection_probabilities or (settings.detection_probability,),
             settings.detection_half_ranges_m or (np.inf,),
+            settings.miss_persistences or (settings.miss_persistence,),
             settings.birth_densities or (settings.birth_density,),
             settings.clutters_per_frame or (settings.clutter_per_frame,),
         )
-        probability, half_range, density, clutter = np.array(list(grid)).T
+        probability, half_range, persistence, density, clutter = np.array(list(grid)).T
         return cls(
             probability=probability,
             half_range_m=half_range,
             birth_density=density,
             clutter_per_frame=clutter,
-            persistence=settings.miss_persistence,
+            persistence=persistence,
             log_weights=np.full(len(density), -np.log(len(density))),
         )
 
@@ -83,7 +85,10 @@ class DetectionRates:
         if len(self) == 1:
             return self, np.zeros(1, dtype=int)
         _, first, which = np.unique(
-            np.stack([self.probability, self.half_range_m]), axis=1, return_index=True, return_inverse=True
+            np.stack([self.probability, self.half_range_m, self.persistence]),
+            axis=1,
+            return_index=True,
+            return_inverse=True,
         )
         return self._take(first), which.ravel()
 
@@ -117,6 +122,10 @@ class DetectionRates:
 
 
 CERTAIN = DetectionRates(
-    probability=np.ones(1), half_range_m=np.full(1, np.inf), birth_density=np.zeros(1), clutter_per_frame=np.zeros(1)
+    probability=np.ones(1),
+    half_range_m=np.full(1, np.inf),
+    birth_density=np.zeros(1),
+    clutter_per_frame=np.zeros(1),
+    persistence=np.zeros(1),
 )
 """One setting, for worlds in which misses do not count."""

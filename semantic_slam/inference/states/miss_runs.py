@@ -21,7 +21,7 @@ class MissRuns:
     """The chain of a sensor, or of each of G."""
 
     detection_probability: float | Array  # pi q, in the long run; (G,) of several
-    persistence: float  # rho, from one keyframe to the next
+    persistence: float | Array  # rho, from one keyframe to the next; (G,) of several
 
     @property
     def hit(self) -> Array:
@@ -54,9 +54,10 @@ class MissRuns:
         """
         share = np.broadcast_to(self.share, in_view.shape[1:])
         seen, hidden = share.copy(), 1.0 - share  # and of being detectable then, or not
-        for chance, left in zip(self.hit * in_view, np.power(self.persistence, gaps), strict=True):
+        lasting = np.power(np.asarray(self.persistence, dtype=float), gaps[..., None])
+        for chance, left in zip(self.hit * in_view, lasting, strict=True):
             missed = seen * (1.0 - chance)
             total = missed + hidden
-            seen = total * share + left[:, None] * (missed - total * share)
+            seen = total * share + left * (missed - total * share)
             hidden = total - seen
         return np.asarray(seen / share)

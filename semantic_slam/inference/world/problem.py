@@ -138,7 +138,8 @@ class Problem:
         tracked = tracked_before(self.spaces, robot, [entry.prior for entry in entries], self.num_biases)
         start = self.start_of(beginning)
         is_elsewhere = self.starts is not None and start == ANYWHERE
-        rates, in_runs = DetectionRates.of(self.open_world), self.open_world.miss_persistence > 0.0
+        rates = DetectionRates.of(self.open_world)
+        in_runs = bool((rates.persistence > 0.0).any())
         shape = len(entries), len(rates)
         stated = np.broadcast_to(plain.objects.existence_given, shape)
         share, leave = self.open_world.departed_share, self.open_world.departures_per_hour

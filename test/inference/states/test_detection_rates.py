@@ -17,7 +17,7 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.world.map_prior import ObjectPrior
 
-PROBABILITIES, HALF_RANGES, PERSISTENCE = (0.3, 0.8), (1.5, 4.0), 0.6
+PROBABILITIES, HALF_RANGES, PERSISTENCES = (0.3, 0.8), (2.5, 4.0), (0.6, 0.95)
 RANGES, EXISTENCE = (1.0, 3.0), (0.7, 0.9)
 GRID: dict[str, Any] = {
     "detection_probabilities": list(PROBABILITIES),
@@ -25,18 +25,18 @@ GRID: dict[str, Any] = {
     "birth_densities": [0.02, 0.3],
     "clutters_per_frame": [0.03, 0.6],
     "iterate_updates": False,
-    "miss_persistence": PERSISTENCE,
+    "miss_persistences": list(PERSISTENCES),
 }
 
 
-def chain(outcomes: Sequence[bool], probability: float, seen_there: float) -> float:
+def chain(outcomes: Sequence[bool], probability: float, persistence: float, seen_there: float) -> float:
     """Of detections and misses of an object that exists, summed over whether it was detectable in each keyframe."""
     hit = max(0.9, probability)
     share, total = probability / hit, 0.0
     for states in product((0.0, 1.0), repeat=len(outcomes)):
         weight, before = 1.0, share
         for detectable, seen in zip(states, outcomes, strict=True):
-            expected = share + PERSISTENCE * (before - share)
+            expected = share + persistence * (before - share)
             weight *= expected if detectable else 1.0 - expected
             detected = detectable * hit * seen_there
             weight *= detected if seen else 1.0 - detected
@@ -46,13 +46,13 @@ def chain(outcomes: Sequence[bool], probability: float, seen_there: float) -> fl
 
 
 def joint(outcomes: np.ndarray) -> np.ndarray:
-    """(2, 2) P(outcomes, setting) of two objects, (K, 2) seen or not, that may not exist."""
-    found = np.zeros((len(PROBABILITIES), len(HALF_RANGES)))
-    for i, j in np.ndindex(found.shape):
-        found[i, j] = 1.0 / found.size
+    """(2, 2, 2) P(outcomes, setting) of two objects, (K, 2) seen or not, that may not exist."""
+    found = np.zeros((len(PROBABILITIES), len(HALF_RANGES), len(PERSISTENCES)))
+    for i, j, m in np.ndindex(found.shape):
+        found[i, j, m] = 1.0 / found.size
         for seen, reach, exists in zip(outcomes.T, RANGES, EXISTENCE, strict=True):
-            there = chain(seen.tolist(), PROBABILITIES[i], 0.5 ** ((reach / HALF_RANGES[j]) ** 2))
-            found[i, j] *= exists * there + (1.0 - exists) * (not seen.any())
+            there = chain(seen.tolist(), PROBABILITIES[i], PERSISTENCES[m], 0.5 ** ((reach / HALF_RANGES[j]) ** 2))
+            found[i, j, m] *= exists * there + (1.0 - exists) * (not seen.any())
     return found
 
 
@@ -83,17 +83,15 @@ def test_the_belief_is_the_sum_over_settings_and_hidden_states(seed: int) -> Non
     assert engine.log_evidence == pytest.approx(geometry + np.log(expected.sum()), abs=5e-4)
     share = expected / expected.sum()
     values = dict(zip(belief.noise_names, belief.noise_values, strict=True))
-    assert values["open_world.detection_probability"] == pytest.approx(share.sum(axis=1) @ PROBABILITIES, abs=5e-4)
-    assert values["open_world.detection_half_range_m"] == pytest.approx(share.sum(axis=0) @ HALF_RANGES, abs=1e-3)
+    assert values["open_world.detection_probability"] == pytest.approx(share.sum(axis=(1, 2)) @ PROBABILITIES, abs=5e-4)
+    assert values["open_world.detection_half_range_m"] == pytest.approx(share.sum(axis=(0, 2)) @ HALF_RANGES, abs=1e-3)
+    assert values["open_world.miss_persistence"] == pytest.approx(share.sum(axis=(0, 1)) @ PERSISTENCES, abs=5e-4)
     for n, seen in enumerate(outcomes.T):
         unseen = [
-            joint(outcomes)[i, j]
+            expected[i, j, m]
             * (1.0 - EXISTENCE[n])
-            / (
-                EXISTENCE[n] * chain(seen.tolist(), PROBABILITIES[i], 0.5 ** ((RANGES[n] / HALF_RANGES[j]) ** 2))
-                + (1.0 - EXISTENCE[n])
-            )
-            for i, j in np.ndindex(expected.shape)
+            / (EXISTENCE[n] * chain(seen.tolist(), p, q, 0.5 ** ((RANGES[n] / h) ** 2)) + (1.0 - EXISTENCE[n]))
+            for (i, p), (j, h), (m, q) in product(*map(enumerate, (PROBABILITIES, HALF_RANGES, PERSISTENCES)))
         ]
         ghost = 0.0 if seen.any() else sum(unseen) / expected.sum()
         assert belief.existence[n] == pytest.approx(1.0 - ghost, abs=5e-4)
@@ -121,9 +119,15 @@ def test_evidence_is_the_average_over_the_settings(share: float) -> None:
 
     alone = [
         evidence_of(
-            detection_probabilities=[p], detection_half_ranges_m=[h], birth_densities=[b], clutters_per_frame=[c]
+            detection_probabilities=[p],
+            detection_half_ranges_m=[h],
+            miss_persistences=[m],
+            birth_densities=[b],
+            clutters_per_frame=[c],
         )
-        for p, h, b, c in product(PROBABILITIES, HALF_RANGES, GRID["birth_densities"], GRID["clutters_per_frame"])
+        for p, h, m, b, c in product(
+            PROBABILITIES, HALF_RANGES, PERSISTENCES, GRID["birth_densities"], GRID["clutters_per_frame"]
+        )
     ]
     expected = np.logaddexp.reduce(alone) - np.log(len(alone))
     assert evidence_of() == pytest.approx(expected, abs=1e-6)

@@ -55,7 +55,9 @@ class _Sensor:
         self._half_range_m = float(random.choice(configuration.open_world.detection_half_ranges_m or (np.inf,)))
         drawn = np.sqrt(random.choice(configuration.perception.noise_factors))
         self._noise = float(drawn) if truth.noise is None else truth.noise
-        self._runs = MissRuns(self.probability, configuration.open_world.miss_persistence)
+        rates = configuration.open_world
+        persistence = float(random.choice(rates.miss_persistences or (rates.miss_persistence,)))
+        self._runs = MissRuns(self.probability, persistence)
         self._detectable: Flags = random.random(len(objects)) < self._runs.share
         clutters = configuration.open_world.clutters_per_frame or (configuration.open_world.clutter_per_frame,)
         self._clutter, self._perception = float(random.choice(clutters)), configuration.perception
