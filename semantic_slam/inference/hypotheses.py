@@ -17,7 +17,7 @@ RECENT_KEYFRAMES = 10
 """Keyframes of ``discarded_mass_window``: what was discarded longer ago has shown, or it never will."""
 
 MOST_DISCARDED = 1.0 - 1e-12
-"""Share of one keyframe's mass that may be counted as discarded: what is found again later has to count for something."""
+"""Share of a keyframe's mass that counts as discarded at most: what is found again later has to count for something."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,10 +93,10 @@ class LabelModel:
 
     @cached_property
     def _factors(self) -> Array:
-        """(R, K, 1) on the Dirichlet counts of each row before any view."""
+        """(R, K) on the Dirichlet counts of each row before any view."""
         own = np.repeat(self.settings.count_factors[:, None], self.headings.sum(), axis=1)
         others = np.repeat(self.settings.other_factors[:, None], HIDDEN_NONE, axis=1)
-        return np.concatenate([own, others], axis=1)[..., None]
+        return np.concatenate([own, others], axis=1)
 
     def stretch_of(self, stamp_ns: int) -> int:
         """Stretch of the drive that a stamp lies in, where the models were fitted to this drive."""
@@ -111,7 +111,7 @@ class LabelModel:
         return LabelRecord(
             log_likelihood=np.zeros(size),
             words=(),
-            counts=np.zeros((*size, 0)),
+            counts=np.zeros((0, *size)),
             answers=np.full(DIRECTIONS, -1),
             log_ranges=np.zeros(DIRECTIONS),
         )
@@ -129,7 +129,7 @@ class LabelModel:
         return LabelRecord(
             log_likelihood=record.log_likelihood + np.log(shares.likelihood),
             words=shares.words,
-            counts=shares.before + shares.added,
+            counts=shares.after,
             answers=answers,
             log_ranges=log_ranges,
         )
@@ -138,22 +138,23 @@ class LabelModel:
         """What one more view, which has a word, may be."""
         reported = {view.answer, *np.flatnonzero(view.shares > view.shares.min() * LEAST_REPORTED).tolist()}
         words = tuple(dict.fromkeys((*record.words, *sorted(reported))))
+        places = np.array([place for place, word in enumerate(words) if word in reported])
+        before = _with_room(record.counts, len(words))
         repeating, earlier = self._repeats(record, view)  # (R, 1), a word
-        before, base, meant, rest = self._meant(record, words, view)
+        new, base, meant = self._meant(before, np.array(words), places, view)
         share = self.confusions[view.stretch].outlier_share
-        new = meant.sum(axis=2) + rest  # (R, K)
         inlier = (1.0 - repeating) * (1.0 - share) * new
         outlier = (1.0 - repeating) * share / self.num_words
         likelihood = (earlier == view.answer) * repeating + outlier + inlier
-        added = meant * np.isin(words, list(reported)) * (inlier / (likelihood * new))[..., None]
         return ViewShares(
             words=words,
             before=before,
+            reported=places,
             likelihood=likelihood,
             base=base,
-            added=added,
-            inlier=inlier / likelihood,
-            outlier=outlier / likelihood,
+            added=meant * (inlier / (likelihood * new)),
+            joint_inlier=inlier,
+            joint_outlier=outlier,
         )
 
     def by_setting(self, record: LabelRecord) -> Array:
@@ -177,6 +178,11 @@ class LabelModel:
         weighted = self.by_setting(record) + self.settings.log_weights[:, None]
         return np.asarray(finite_log_sum_exp(weighted, axis=0))
 
+    @cached_property
+    def _totals(self) -> tuple[Array, ...]:
+        """(S, K) sums of ``priors`` over the words."""
+        return tuple(prior.sum(axis=2) for prior in self.priors)
+
     def _prior(self, view: LabelView) -> Array:
         """(K, W) counts before any view of the words that this one draws from."""
         return np.asarray(self.priors[view.stretch][self.confusions[view.stretch].sector_of(view.direction)])
@@ -189,9 +195,8 @@ class LabelModel:
     def word_probabilities(self, record: LabelRecord, view: LabelView) -> Array:
         """(R, K, W) of what one more view may be called; its own answer and scores do not matter."""
         repeating, earlier = self._repeats(record, view)
-        counts = np.zeros((*record.counts.shape[:2], self.num_words))
-        counts[..., list(record.words)] = record.counts
-        counts += self._factors * self._prior(view)
+        counts = self._factors[..., None] * self._prior(view)
+        counts[..., list(record.words)] += np.moveaxis(record.counts, 0, -1)
         share = self.confusions[view.stretch].outlier_share
         new = (1.0 - share) * counts / counts.sum(axis=2, keepdims=True) + share / self.num_words
         repeated = repeating[..., None] * (np.arange(self.num_words) == earlier)
@@ -209,17 +214,23 @@ class LabelModel:
         share = self.settings.repeat_shares * np.exp(-away[nearest] / self.settings.repeat_rads)
         return share[:, None], int(record.answers[seen[nearest]])
 
-    def _meant(self, record: LabelRecord, words: tuple[int, ...], view: LabelView) -> tuple[Array, Array, Array, Array]:
-        """Counts of ``words`` before a view, those before any view, q(w) E[theta(w)]; and (R, K) that of all others.
+    def _meant(self, before: Array, words: Index, places: Index, view: LabelView) -> tuple[Array, Array, Array]:
+        """(R, K) sum of q(w) E[theta(w)] over all words; of those at ``places`` (n, R, K) prior counts and parts.
 
-        The first three are (R, K, N).
+        ``before`` (N, R, K) counts of the ``words`` (N,), which the answer is one of.
         """
-        counts = np.zeros((*record.counts.shape[:2], len(words)))
-        counts[..., : len(record.words)] = record.counts
-        prior, weights, known, factors = self._prior(view), self._weights(view), np.array(words), self._factors
-        total = factors[..., 0] * prior.sum(axis=1) + counts.sum(axis=2)  # (R, K)
-        own = prior[:, known]
-        base = factors * own
-        meant = (base + counts) / total[..., None] * weights[:, None, known]
-        others = np.maximum(weights @ prior.T - weights[:, known] @ own.T, 0.0)  # none left: rounding may go below
-        return counts, base, meant, factors[..., 0] * others / total
+        prior, weights, factors = self._prior(view), self._weights(view), self._factors
+        sector = self.confusions[view.stretch].sector_of(view.direction)
+        total = factors * self._totals[view.stretch][sector] + before.sum(axis=0)
+        by_score = self.settings.by_score[:, None]
+        of_class = factors * (by_score * (prior @ view.shares) + (1.0 - by_score) * prior[:, view.answer])
+        of_object = np.einsum("rn,nrk->rk", weights[:, words], before)
+        base = factors * prior.T[words[places]][:, None]
+        meant = (base + before[places]) * (weights[:, words[places]].T[..., None] / total)
+        return (of_class + of_object) / total, base, meant
+
+
+def _with_room(counts: Array, num_words: int) -> Array:
+    """(N, R, K) counts of more words, 0 of those that are new."""
+    new = num_words - len(counts)
+    return counts if new == 0 else np.concatenate([counts, np.zeros((new, *counts.shape[1:]))])

@@ -27,7 +27,7 @@ class LabelRecord:
 
     log_likelihood: Array  # (R, K) of all views
     words: tuple[int, ...]  # N that were reported
-    counts: Array  # (R, K, N) of new answers
+    counts: Array  # (N, R, K) of new answers
     answers: Index  # (DIRECTIONS,) the newest word seen from each direction, -1: never seen from there
     log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres
 
@@ -37,14 +37,32 @@ class ViewShares:
     """What a view may be under each setting and row, given the views before."""
 
     words: tuple[int, ...]  # N with those of this view
-    before: Array  # (R, K, N) counts of new answers
+    before: Array  # (N, R, K) counts of new answers
+    reported: Index  # (n,) places of this view's words among them
     likelihood: Array  # (R, K)
-    base: Array  # (R, K, N) counts before any view
-    added: Array  # (R, K, N) probability that it is new and means the word
-    inlier: Array  # (R, K) probability that it is new and no outlier
-    outlier: Array  # (R, K) that it is one
+    base: Array  # (n, R, K) counts of the reported words before any view
+    added: Array  # (n, R, K) probability that it is new and means a reported word
+    joint_inlier: Array  # (R, K) likelihood with it new and no outlier
+    joint_outlier: Array  # (R, 1) with it an outlier
+
+    @property
+    def inlier(self) -> Array:
+        """(R, K) probability that it is new and no outlier."""
+        return np.asarray(self.joint_inlier / self.likelihood)
+
+    @property
+    def outlier(self) -> Array:
+        """(R, K) probability that it is an outlier."""
+        return np.asarray(self.joint_outlier / self.likelihood)
+
+    @property
+    def after(self) -> Array:
+        """(N, R, K) counts of new answers with this one."""
+        counts = self.before.copy()
+        counts[self.reported] += self.added
+        return counts
 
     @property
     def drawn(self) -> Array:
-        """(R, K, N) share of ``added`` that is drawn from what the class is called, not from the object's own words."""
-        return np.asarray(self.added * self.base / (self.base + self.before))
+        """(n, R, K) share of ``added`` that is drawn from what the class is called, not from the object's own words."""
+        return np.asarray(self.added * self.base / (self.base + self.before[self.reported]))

@@ -100,9 +100,10 @@ def expected(model: LabelModel, told: Replayed, rows: Array) -> Expectation:
     sectors, labels = model.num_headings, len(model.labels)
     headings = np.arange(sectors)
     for view, shares in told.shares:
-        own = (rows[..., None] * shares.drawn)[:, :-HIDDEN_NONE].reshape(len(rows), labels, sectors, -1)
+        drawn_from = np.moveaxis(rows * shares.drawn, 0, -1)  # (R, K, n)
+        own = drawn_from[:, :-HIDDEN_NONE].reshape(len(rows), labels, sectors, -1)
         words = np.zeros((len(rows), sectors, labels, model.num_words))
-        words[..., list(shares.words)] = own.transpose(0, 2, 1, 3)
+        words[..., [shares.words[place] for place in shares.reported]] = own.transpose(0, 2, 1, 3)
         drawn[:, (model.confusions[-1].sector_of(view.direction) - headings) % sectors] += words
         inliers += (rows * shares.inlier).sum(axis=1)
         outliers += (rows * shares.outlier).sum(axis=1)
