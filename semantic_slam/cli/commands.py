@@ -45,6 +45,7 @@ COMMANDS = Group(
         "find": Command("semantic_slam.cli.find:main", "objects of a map by class, vector, text or picture"),
         "explain": Command("semantic_slam.cli.explain:main", "why a map believes what it does of one object"),
         "calibrate": Command("semantic_slam.cli.calibrate:main", "a robot's noise, by the evidence of a drive"),
+        "doctor": Command("semantic_slam.cli.doctor:main", "what is wrong with a bag or a running system"),
         "study": Command("semantic_slam.cli.laboratory:study", "run an experiment (laboratory)"),
         "bench": Command("semantic_slam.cli.laboratory:bench", "measure against peers (laboratory)"),
         "scene": Command("semantic_slam.cli.laboratory:scene", "render a room, turntables or a bag (laboratory)"),

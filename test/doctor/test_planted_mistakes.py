@@ -1,0 +1,302 @@
+"""The doctor finds each mistake that is planted into a small bag, alone, and says what to do; without one it is silent."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from worlds.bag_factory import (
+    HEIGHT,
+    OPTICAL,
+    WIDTH,
+    Entry,
+    input_entries,
+    map_prior,
+    of_topic,
+    without,
+    write_bag,
+)
+
+from semantic_slam.configuration import from_dict
+from semantic_slam.doctor.bag_summary import summarise_bag
+from semantic_slam.doctor.examination import examine
+from semantic_slam.doctor.finding import Finding, Severity
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
+from semantic_slam.messages import topics
+from semantic_slam.messages.standard import NANOSECONDS, header_message, stamp_ns, time_message
+from semantic_slam.messages.typestore import message_class
+
+FRAMES = 24
+Entries = list[Entry]
+NONE = {"semantic_model": {"kind": "none"}}
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is done to the small bag, or to its configuration, and what the doctor has to say."""
+
+    name: str
+    check: str
+    words: tuple[str, ...]  # in what is wrong and in the remedy
+    plant: Callable[[Entries], Entries] = field(default=lambda entries: entries)
+    configuration: dict[str, Any] = field(default_factory=lambda: NONE)
+    prior: Callable[[], MapPrior] = map_prior
+    severity: Severity = Severity.ERROR
+
+
+def examined(folder: Path, entries: Entries, configuration: dict[str, Any], prior: MapPrior) -> list[Finding]:
+    summary, faults = summarise_bag(write_bag(folder / "bag", entries), from_dict(configuration), prior)
+    return [*faults, *examine(summary)]
+
+
+def each(topic: str, change: Callable[[Any], None]) -> Callable[[Entries], Entries]:
+    """Change every message of a topic."""
+
+    def plant(entries: Entries) -> Entries:
+        for entry in of_topic(entries, topic):
+            change(entry.message)
+        return entries
+
+    return plant
+
+
+def shift(seconds: float) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        message.header.stamp = time_message(stamp_ns(message.header.stamp) + round(seconds * NANOSECONDS))
+
+    return change
+
+
+def retyped(entries: Entries) -> Entries:
+    """Odometry as bare poses."""
+    for entry in of_topic(entries, topics.ODOMETRY):
+        pose = entry.message.pose
+        entry.message = message_class("geometry_msgs/msg/PoseWithCovarianceStamped")(
+            header=entry.message.header, pose=pose
+        )
+    return entries
+
+
+def raw_depth(scale: float, encoding: str) -> Callable[[Entries], Entries]:
+    """Metres by ``scale``, as a driver publishes them."""
+
+    def plant(entries: Entries) -> Entries:
+        for entry in of_topic(entries, topics.DEPTH_COMPRESSED):
+            millimetres = cv2.imdecode(np.asarray(entry.message.data), cv2.IMREAD_UNCHANGED)
+            pixels = (millimetres * (scale / 1000.0)).astype(np.float32 if encoding == "32FC1" else np.uint16)
+            entry.topic = topics.DEPTH
+            entry.message = message_class("sensor_msgs/msg/Image")(
+                header=entry.message.header,
+                height=HEIGHT,
+                width=WIDTH,
+                encoding=encoding,
+                is_bigendian=0,
+                step=WIDTH * pixels.itemsize,
+                data=np.frombuffer(pixels.tobytes(), np.uint8),
+            )
+        return entries
+
+    return plant
+
+
+def rotated(*quaternion: float) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        rotation = message.transforms[0].transform.rotation
+        rotation.x, rotation.y, rotation.z, rotation.w = quaternion
+
+    return change
+
+
+def scaled_boxes(x: float, y: float) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        message.boxes = message.boxes * np.tile([x, y, x, y], len(message.labels))
+
+    return change
+
+
+def other_labels(message: Any) -> None:
+    message.labels = ["teapot"] * len(message.labels)
+
+
+def varied(message: Any) -> None:
+    message.scores = 0.5 + 0.4 * np.sin(np.arange(len(message.labels)) + stamp_ns(message.header.stamp) / 1e9)
+
+
+def scored(value: float) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        message.scores = np.full(len(message.labels), value)
+
+    return change
+
+
+def swapped(message: Any) -> None:
+    message.header.frame_id, message.child_frame_id = message.child_frame_id, message.header.frame_id
+
+
+def one_ahead(entries: Entries) -> Entries:
+    shift(1e6)(of_topic(entries, topics.ODOMETRY)[12].message)
+    return entries
+
+
+def set_back(entries: Entries) -> Entries:
+    """Odometry and its publisher began anew in the middle."""
+    for entry in of_topic(entries, topics.ODOMETRY)[12:]:
+        shift(-1000.0)(entry.message)
+    return entries
+
+
+def sparse(entries: Entries) -> Entries:
+    """Every fourth odometry sample, of 0.4 m each."""
+    dropped = [entry for n, entry in enumerate(of_topic(entries, topics.ODOMETRY)) if n % 4]
+    return [entry for entry in entries if not any(entry is other for other in dropped)]
+
+
+def renamed(entries: Entries) -> Entries:
+    for entry in of_topic(entries, topics.ODOMETRY):
+        entry.topic = "wheel_odometry"
+    return entries
+
+
+def silent(entries: Entries) -> Entries:
+    """Odometry stops after a third of the drive."""
+    stopped = of_topic(entries, topics.ODOMETRY)[8:]
+    return [entry for entry in entries if not any(entry is other for other in stopped)]
+
+
+def of_another_model() -> MapPrior:
+    prior = map_prior()
+    rows = json.loads(prior.to_json())
+    rows["objects"][0]["class_probabilities"] = {"fridge": 1.0}
+    return parse_map_prior(json.dumps(rows), "map")
+
+
+DETECTOR = {"semantic_model": {"kind": "detector"}, "association": "open"}
+PARAMETRIC = {"semantic_model": {"kind": "parametric", "class_names": ["crate", "chest"]}}
+MISTAKES = [
+    Mistake("a topic that is missing", "topics", ("no topic odom", "record it"), lambda e: without(e, topics.ODOMETRY)),
+    Mistake("a topic under another name", "topics", ("no topic odom", "/wheel_odometry", "import bag"), renamed),
+    Mistake("a topic of another type", "topics", ("/odom is geometry_msgs", "import bag converts"), retyped),
+    Mistake("odometry that stops", "clocks", ("lie outside the time of /odom", "whole drive"), silent, severity=Severity.WARNING),
+    Mistake(
+        "intrinsics of another size",
+        "intrinsics",
+        ("160 x 120 and camera_info says 320 x 240", "scaled as they are"),
+        each(topics.CAMERA_INFO, lambda m: (setattr(m, "width", 320), setattr(m, "height", 240))),
+    ),
+    Mistake(
+        "intrinsics that were not scaled with the picture",
+        "intrinsics",
+        ("do not fit a picture of 160 x 120", "scale fx, fy, cx and cy"),
+        each(topics.CAMERA_INFO, lambda m: setattr(m, "k", m.k * np.array([4, 1, 4, 1, 4, 4, 1, 1, 1.0]))),
+    ),
+    Mistake("32FC1 depth in millimetres", "depth", ("median of", "divide it by 1000"), raw_depth(1000.0, "32FC1")),
+    Mistake("16UC1 depth in metres", "depth", ("median of 0.00", "multiply it by 1000"), raw_depth(1.0, "16UC1")),
+    Mistake(
+        "the transform of the camera's body, not of its optical frame",
+        "extrinsics",
+        ("looks up", "optical frame"),
+        each(topics.TF_STATIC, rotated(0.0, 0.0, 0.0, 1.0)),
+    ),
+    Mistake(
+        "no transform from base to camera",
+        "extrinsics",
+        ("no transform from 'base_link' to the camera 'camera_optical_frame'", "publish /tf_static"),
+        lambda e: without(e, topics.TF_STATIC),
+    ),
+    Mistake(
+        "odometry of another body",
+        "frames",
+        ("of 'base_footprint' where perception.base_frame is 'base_link'", "set perception.base_frame: base_footprint"),
+        each(topics.ODOMETRY, lambda m: setattr(m, "child_frame_id", "base_footprint")),
+    ),
+    Mistake("frames of odometry exchanged", "frames", ("25 of 25", "exchange header.frame_id"), each(topics.ODOMETRY, swapped)),
+    Mistake(
+        "detections of another frame",
+        "frames",
+        ("of 'lidar' and the camera is", "copy the image's header"),
+        each(topics.DETECTIONS, lambda m: setattr(m.header, "frame_id", "lidar")),
+    ),
+    Mistake(
+        "labels that no class means",
+        "labels",
+        ("labelled 'teapot'", "semantic_model.kind: detector"),
+        each(topics.DETECTIONS, other_labels),
+        PARAMETRIC,
+    ),
+    Mistake(
+        "a list of labels that the detector does not have",
+        "labels",
+        ("perception.labels (Chair)", "as it writes them"),
+        configuration={**NONE, "perception": {"labels": ["Chair"]}},
+    ),
+    Mistake("boxes from 0 to 1", "boxes", ("first pixel", "multiply x"), each(topics.DETECTIONS, scaled_boxes(1 / WIDTH, 1 / HEIGHT))),
+    Mistake("boxes of a larger picture", "boxes", ("reach outside", "scale the boxes"), each(topics.DETECTIONS, scaled_boxes(4, 4))),
+    Mistake(
+        "a clock that is hours ahead",
+        "clocks",
+        ("outside the time of /odom", "synchronise the clocks"),
+        each(topics.ODOMETRY, shift(-7200.0)),
+    ),
+    Mistake("one odometry stamp that leaps", "stamps", ("leaps ahead", "second publisher"), one_ahead),
+    Mistake("odometry that begins anew", "stamps", ("its clock was set back", "cut the recording"), set_back),
+    Mistake("odometry that is too slow", "rates", ("every 2 s", "0.5 s", "full rate"), sparse),
+    Mistake("detections of no picture", "matching", ("no /image/compressed within", "copy the image's stamp"), each(topics.DETECTIONS, shift(0.1))),
+    Mistake("scores that are all 0", "scores", ("all 48 scores are 0", "fill in"), each(topics.DETECTIONS, scored(0.0)), DETECTOR),
+    Mistake(
+        "scores that are all 1", "scores", ("all 48 scores are 1", "fill in"), each(topics.DETECTIONS, scored(1.0)), DETECTOR,
+        severity=Severity.WARNING,
+    ),
+    Mistake(
+        "odometry without noise",
+        "noise",
+        ("of the way", "semantic_slam calibrate"),
+        configuration={**NONE, "odometry": {"sigma_translation_per_m": 0.0, "sigma_translation_floor_m": 1e-6}},
+    ),
+    Mistake(
+        "a map of other classes",
+        "map prior",
+        ("1 of 2 objects have classes (fridge)", "same class models"),
+        each(topics.DETECTIONS, lambda m: setattr(m, "labels", ["crate"] * len(m.labels))),
+        PARAMETRIC,
+        of_another_model,
+    ),
+    Mistake(
+        "a configuration that needs a map where there is none",
+        "configuration",
+        ("no map prior", "association: open"),
+        prior=MapPrior,
+    ),
+    Mistake(
+        "a configuration that needs vectors of a detector that has none",
+        "configuration",
+        ("carries an embedding", "semantic_model.kind: detector"),
+        configuration={"association": "open", "semantic_model": {"kind": "embedding"}},
+    ),
+    Mistake(
+        "a configuration that needs identities that nobody gives",
+        "dropped",
+        ("carry no track_ids", "association: enumerated"),
+        lambda e: without(e, topics.GROUND_TRUTH_ASSOCIATIONS),
+        {**NONE, "association": "given"},
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("configuration", [NONE, DETECTOR, {**NONE, "association": "open"}])
+def test_a_bag_without_a_mistake_is_healthy(tmp_path: Path, configuration: dict[str, Any]) -> None:
+    entries = each(topics.DETECTIONS, varied)(input_entries(FRAMES))
+    assert examined(tmp_path, entries, configuration, map_prior()) == []
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.name)
+def test_each_mistake_is_found_alone_with_its_remedy(tmp_path: Path, mistake: Mistake) -> None:
+    entries = mistake.plant(input_entries(FRAMES))
+    found = examined(tmp_path, entries, mistake.configuration, mistake.prior())
+    print([finding.line for finding in found])
+    assert [(finding.check, finding.severity) for finding in found] == [(mistake.check, mistake.severity)]
+    assert all(words in found[0].line for words in mistake.words)
+    assert "\n" not in found[0].line and found[0].remedy
