@@ -1,4 +1,4 @@
-"""The doctor finds each mistake that is planted into a small bag, alone, and says what to do; without one it is silent."""
+"""The doctor finds each mistake that is planted into a small bag, alone, and its remedy; without one it is silent."""
 
 import json
 from collections.abc import Callable
@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from worlds.bag_factory import (
     HEIGHT,
-    OPTICAL,
     WIDTH,
     Entry,
     input_entries,
@@ -25,9 +24,9 @@ from semantic_slam.configuration import from_dict
 from semantic_slam.doctor.bag_summary import summarise_bag
 from semantic_slam.doctor.examination import examine
 from semantic_slam.doctor.finding import Finding, Severity
-from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
+from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 from semantic_slam.messages import topics
-from semantic_slam.messages.standard import NANOSECONDS, header_message, stamp_ns, time_message
+from semantic_slam.messages.standard import NANOSECONDS, stamp_ns, time_message
 from semantic_slam.messages.typestore import message_class
 
 FRAMES = 24
@@ -180,7 +179,13 @@ MISTAKES = [
     Mistake("a topic that is missing", "topics", ("no topic odom", "record it"), lambda e: without(e, topics.ODOMETRY)),
     Mistake("a topic under another name", "topics", ("no topic odom", "/wheel_odometry", "import bag"), renamed),
     Mistake("a topic of another type", "topics", ("/odom is geometry_msgs", "import bag converts"), retyped),
-    Mistake("odometry that stops", "clocks", ("lie outside the time of /odom", "whole drive"), silent, severity=Severity.WARNING),
+    Mistake(
+        "odometry that stops",
+        "clocks",
+        ("lie outside the time of /odom", "whole drive"),
+        silent,
+        severity=Severity.WARNING,
+    ),
     Mistake(
         "intrinsics of another size",
         "intrinsics",
@@ -213,7 +218,12 @@ MISTAKES = [
         ("of 'base_footprint' where perception.base_frame is 'base_link'", "set perception.base_frame: base_footprint"),
         each(topics.ODOMETRY, lambda m: setattr(m, "child_frame_id", "base_footprint")),
     ),
-    Mistake("frames of odometry exchanged", "frames", ("25 of 25", "exchange header.frame_id"), each(topics.ODOMETRY, swapped)),
+    Mistake(
+        "frames of odometry exchanged",
+        "frames",
+        ("25 of 25", "exchange header.frame_id"),
+        each(topics.ODOMETRY, swapped),
+    ),
     Mistake(
         "detections of another frame",
         "frames",
@@ -233,8 +243,18 @@ MISTAKES = [
         ("perception.labels (Chair)", "as it writes them"),
         configuration={**NONE, "perception": {"labels": ["Chair"]}},
     ),
-    Mistake("boxes from 0 to 1", "boxes", ("first pixel", "multiply x"), each(topics.DETECTIONS, scaled_boxes(1 / WIDTH, 1 / HEIGHT))),
-    Mistake("boxes of a larger picture", "boxes", ("reach outside", "scale the boxes"), each(topics.DETECTIONS, scaled_boxes(4, 4))),
+    Mistake(
+        "boxes from 0 to 1",
+        "boxes",
+        ("first pixel", "multiply x"),
+        each(topics.DETECTIONS, scaled_boxes(1 / WIDTH, 1 / HEIGHT)),
+    ),
+    Mistake(
+        "boxes of a larger picture",
+        "boxes",
+        ("reach outside", "scale the boxes"),
+        each(topics.DETECTIONS, scaled_boxes(4, 4)),
+    ),
     Mistake(
         "a clock that is hours ahead",
         "clocks",
@@ -244,10 +264,25 @@ MISTAKES = [
     Mistake("one odometry stamp that leaps", "stamps", ("leaps ahead", "second publisher"), one_ahead),
     Mistake("odometry that begins anew", "stamps", ("its clock was set back", "cut the recording"), set_back),
     Mistake("odometry that is too slow", "rates", ("every 2 s", "0.5 s", "full rate"), sparse),
-    Mistake("detections of no picture", "matching", ("no /image/compressed within", "copy the image's stamp"), each(topics.DETECTIONS, shift(0.1))),
-    Mistake("scores that are all 0", "scores", ("all 48 scores are 0", "fill in"), each(topics.DETECTIONS, scored(0.0)), DETECTOR),
     Mistake(
-        "scores that are all 1", "scores", ("all 48 scores are 1", "fill in"), each(topics.DETECTIONS, scored(1.0)), DETECTOR,
+        "detections of no picture",
+        "matching",
+        ("no /image/compressed within", "copy the image's stamp"),
+        each(topics.DETECTIONS, shift(0.1)),
+    ),
+    Mistake(
+        "scores that are all 0",
+        "scores",
+        ("all 48 scores are 0", "fill in"),
+        each(topics.DETECTIONS, scored(0.0)),
+        DETECTOR,
+    ),
+    Mistake(
+        "scores that are all 1",
+        "scores",
+        ("all 48 scores are 1", "fill in"),
+        each(topics.DETECTIONS, scored(1.0)),
+        DETECTOR,
         severity=Severity.WARNING,
     ),
     Mistake(
@@ -283,7 +318,7 @@ MISTAKES = [
         lambda e: without(e, topics.GROUND_TRUTH_ASSOCIATIONS),
         {**NONE, "association": "given"},
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("configuration", [NONE, DETECTOR, {**NONE, "association": "open"}])

@@ -12,8 +12,8 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 NAME = "noise"
 SOME, MUCH = 2.0, 6.0
-"""By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on nine healthy drives, 3 or 4 in stretches
-where most of what is seen moves."""
+"""By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on nine healthy drives, 3 to 5 in
+stretches where most of what is seen moves."""
 LEAST_MOTION_M = 0.02
 EXACT_SHARE = 2e-4
 """Of the way: no odometry is as good."""
@@ -34,7 +34,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
             f"from keyframe to keyframe detections of one thing lie {evidence.excess:.1f} times as far apart as the"
             " noise of odometry and detections allows",
             "find the noise with semantic_slam calibrate, or raise odometry.sigma_* and perception.sigma_* (covariances"
-            " that come with detections count first); check the scale of odometry; moving.share is for things that move",
+            " that come with detections count first); check the scale of odometry; moving.share is for what moves",
         )
 
 
