@@ -4,6 +4,7 @@ import json
 import sys
 from argparse import Namespace
 from contextlib import redirect_stdout
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from semantic_slam.doctor.finding import Finding
 
 ROS_ARGUMENTS = "--ros-args"
+ON_ROS = "semantic_slam.ros.examination"
+"""By name, as nodes are: what is on ROS imports this folder."""
 
 
 def parse(words: list[str] | None = None) -> Namespace:
@@ -106,9 +109,9 @@ def _usual(bag: Path, *, has_map: bool) -> Path:
 def of_running_system(arguments: Namespace) -> "list[Finding]":
     """What is wrong with the nodes and topics that are there. Raises InputError without ROS."""
     need_ros()
-    from semantic_slam.ros.examination import examine_running_system
-
-    return examine_running_system(arguments.config, arguments.map_prior, arguments.seconds, arguments.ros)
+    examine = import_module(ON_ROS).examine_running_system
+    found: list[Finding] = examine(arguments.config, arguments.map_prior, arguments.seconds, arguments.ros)
+    return found
 
 
 def as_text(findings: "list[Finding]") -> str:

@@ -92,7 +92,7 @@ class Innovations:
         for k in rows:
             if len(points[k - 1].xy) and len(points[k].xy):
                 moved = _moved(points[k - 1], controls[k], self.motion_covariances[k])
-                found.append(_squares(moved, points[k]))
+                found.append(_pair_squares(moved, points[k]))
         return np.concatenate(found)
 
     def _controls(self, at: Array) -> Array:
@@ -131,8 +131,8 @@ def _moved(points: Points, control: Array, motion_covariance: Array) -> Points:
     return Points(xy, covariances)
 
 
-def _squares(expected: Points, seen: Points) -> Array:
-    """Of the pairs that are each other's nearest."""
+def _pair_squares(expected: Points, seen: Points) -> Array:
+    """(N,) of the pairs of points that are each other's nearest."""
     distances = np.linalg.norm(expected.xy[:, None] - seen.xy[None], axis=-1)
     nearest, back = distances.argmin(axis=1), distances.argmin(axis=0)
     rows = np.flatnonzero(back[nearest] == np.arange(len(nearest)))

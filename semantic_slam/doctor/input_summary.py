@@ -81,7 +81,7 @@ class InputSummary:
     faults: list[str] = field(default_factory=list)  # what it stumbled over
 
     def stamps_of(self, topic: str) -> Stamps:
-        """Of a topic that may not be there."""
+        """Stamps of a topic that may not be there."""
         return self.stamps.get(topic, NO_STAMPS)
 
     @property

@@ -28,8 +28,9 @@ NAME = "doctor"
 LEAST_S, EMPTY_S = 4.0, 8.0
 """So long we look at least, and where nothing is published. Others are found in 0.1 s as a rule, in 3 s at times."""
 LOOK_S = 0.25
+"""From one look at the graph to the next."""
 MOST_BYTES = 200_000_000
-"""Of messages that are kept."""
+"""So much of all messages is kept at most."""
 READ_HERE = (
     topics.DETECTIONS, topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.CAMERA_INFO,
     topics.ODOMETRY, topics.INITIAL_POSE, topics.TF, topics.TF_STATIC, topics.MEASUREMENTS,

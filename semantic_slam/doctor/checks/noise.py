@@ -15,9 +15,11 @@ SOME, MUCH = 2.0, 6.0
 """By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on nine healthy drives, 3 to 5 in
 stretches where most of what is seen moves."""
 LEAST_MOTION_M = 0.02
+"""Shorter motions tell nothing of a share of the way."""
 EXACT_SHARE = 2e-4
-"""Of the way: no odometry is as good."""
+"""Share of the way driven by which no odometry errs so little."""
 EXACT_M, EXACT_RAD = 1e-3, 1e-4
+"""No detector is as good in range and in bearing."""
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from semantic_slam.messages.standard import NANOSECONDS
 
 NAME = "rates"
 SLOWER = 2.0
+"""So much slower than detections odometry may be."""
 LONG_M, LONG_RAD = 0.2, 0.2
 """Motion between two samples from which on a straight line between them is wrong."""
 
