@@ -25,7 +25,7 @@ class Finding:
     @property
     def line(self) -> str:
         """As it is printed."""
-        return f"{self.severity.name.lower()}: {self.check}: {self.what}; {self.remedy}"
+        return " ".join(f"{self.severity.name.lower()}: {self.check}: {self.what}; {self.remedy}".split())
 
 
 def error(check: str, what: str, remedy: str) -> Finding:

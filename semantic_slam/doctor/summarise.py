@@ -17,7 +17,7 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.images import decode_depth, size_of
 from semantic_slam.messages.sensor import plain_frame
-from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, pose_vector
+from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose, pose_vector
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.detector_labels import labels_of
@@ -108,8 +108,10 @@ class Summariser:
         if topic == found.odometry:
             frames = plain_frame(content.header.frame_id), plain_frame(content.child_frame_id)
             summary.odometry_frames[frames] += 1
-            x, y, yaw = planar_from_pose_vector(pose_vector(content.pose.pose))
-            self._odometry.append(np.array([header_stamp_ns(content) / NANOSECONDS, x, y, yaw]))
+            pose = pose_vector(content.pose.pose)
+            if is_pose(pose):
+                x, y, yaw = planar_from_pose_vector(pose)
+                self._odometry.append(np.array([header_stamp_ns(content) / NANOSECONDS, x, y, yaw]))
         elif topic == summary.measured:
             self._num_measured += 1
             with suppress(InputError):  # which the front end counts

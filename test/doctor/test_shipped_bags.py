@@ -61,12 +61,11 @@ def test_shipped_bags_are_healthy(
     ("changes", "check", "words"),
     [
         ({"/odom": later(3.0)}, "clocks", ("odometry of 3.0 s later", "odometry.clock_offset_s near 3")),
-        ({"/odom": later(-2.0)}, "clocks", ("odometry of 2.0 s earlier", "odometry.clock_offset_s near -2")),
         ({"/tf_static": turned((0.5, 0.5, -0.5, -0.5))}, "extrinsics", ("looks backwards", "optical frame")),
         ({"/tf_static": turned((-0.7071, 0.0, 0.0, 0.7071))}, "extrinsics", ("looks to the right", "optical frame")),
         ({"/odom": jumping()}, "noise", ("times as far apart", "semantic_slam calibrate")),
     ],
-    ids=["odometry 3 s late", "odometry 2 s early", "camera backwards", "camera to the left", "odometry that slips"],
+    ids=["odometry 3 s late", "camera backwards", "camera to the left", "odometry that slips"],
 )
 def test_what_the_drive_contradicts_is_found(
     tmp_path: Path, changes: Mapping[str, Change], check: str, words: tuple[str, ...]

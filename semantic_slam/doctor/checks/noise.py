@@ -12,7 +12,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 NAME = "noise"
 SOME, MUCH = 2.0, 6.0
-"""By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on nine healthy drives, 3 to 5 in
+"""By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on thirteen healthy drives, 3 to 5 in
 stretches where most of what is seen moves."""
 LEAST_MOTION_M = 0.02
 """Shorter motions tell nothing of a share of the way."""
@@ -27,9 +27,8 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     yield from _exact_detections(summary)
     evidence = summary.evidence
     moving = summary.configuration.moving
-    if moving.share or moving.share_by_label or evidence.turn or evidence.later_s:
-        return
-    if evidence.excess > SOME:
+    least = MUCH if moving.share or moving.share_by_label else SOME
+    if evidence.excess > least and not evidence.turn and not evidence.later_s:
         yield Finding(
             Severity.ERROR if evidence.excess > MUCH else Severity.WARNING,
             NAME,
