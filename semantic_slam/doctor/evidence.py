@@ -16,7 +16,7 @@ TURNS = {
 }
 """By what the places would have to be turned to be right."""
 MUCH_BETTER = 0.6
-"""Share of the distance between pairs that may be left. In 309 stretches of thirteen healthy drives no turn and no
+"""Share of the distance between pairs that may be left. In 309 stretches of twelve healthy drives no turn and no
 offset left less; to undo a planted one leaves 0.04 to 0.6, least with several detections a frame and a robot that
 turns."""
 

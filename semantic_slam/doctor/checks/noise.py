@@ -12,7 +12,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 NAME = "noise"
 SOME, MUCH = 2.0, 6.0
-"""By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on thirteen healthy drives, 3 to 5 in
+"""By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on twelve healthy drives, 3 to 5 in
 stretches where most of what is seen moves."""
 LEAST_MOTION_M = 0.02
 """Shorter motions tell nothing of a share of the way."""
