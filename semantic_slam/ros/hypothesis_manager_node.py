@@ -9,7 +9,7 @@ Services (semantic_slam_msgs/srv):
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
   backend_timeout_s  a backend silent for so long is given up (default 60)
-  map_prior          objects.json with the objects known before (default none)
+  map_prior          FILE.map or objects.json with the objects known before (default none)
   source_bag         bag being replayed, for the record (default none)
   journal            folder in which the run is kept on disk, so that this node goes on where it stood when it is
                      started again (default none)
@@ -33,7 +33,8 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
