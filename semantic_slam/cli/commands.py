@@ -37,6 +37,8 @@ MAP = Group(
     {
         "save": Command("semantic_slam.cli.map:save", "the map at the end of a run, into one file"),
         "show": Command("semantic_slam.cli.map:show", "what is on a map"),
+        "diff": Command("semantic_slam.cli.map:diff", "what changed between two maps"),
+        "merge": Command("semantic_slam.cli.map:merge", "one map of two"),
     },
     "save, show, compare and merge maps",
 )

@@ -27,7 +27,7 @@ def in_place(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[fl
     """Both maps in one frame, each as far off as its own start was."""
     covariance = old.frame + new.frame + 1e-6 * np.eye(3)
     start = Alignment(T_old_new=np.zeros(3), covariance=covariance, centre=old.centre)
-    return [(1.0, corresponding(old, new, log_absent, start, np.linalg.inv(covariance)))]
+    return [(1.0, corresponding(old, new, log_absent, start, np.asarray(np.linalg.inv(covariance))))]
 
 
 def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[float, Correspondence]]:

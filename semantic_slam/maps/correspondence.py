@@ -25,16 +25,6 @@ class Correspondence:
     displaced: Array  # (n, m)
     log_evidence: float
 
-    @property
-    def unmatched_old(self) -> Array:
-        """(n,)"""
-        return np.clip(1.0 - (self.same + self.displaced).sum(axis=1), 0.0, 1.0)
-
-    @property
-    def unmatched_new(self) -> Array:
-        """(m,)"""
-        return np.clip(1.0 - (self.same + self.displaced).sum(axis=0), 0.0, 1.0)
-
 
 def corresponding(old: Landmarks, new: Landmarks, log_absent: Array, start: Alignment, prior: Array) -> Correspondence:
     """From an alignment on, refined by what is the same in it; ``log_absent`` (n,): of old ones with no new one.
@@ -74,9 +64,7 @@ def _assigned(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alig
     )
 
 
-def _refined(
-    old: Landmarks, new: Landmarks, found: Correspondence, start: Alignment, prior: Array
-) -> Alignment | None:
+def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Alignment, prior: Array) -> Alignment | None:
     """The alignment by what is the same, weighted by how probable that is; None where too little is."""
     rows, columns = np.nonzero(found.same > 0.05)
     now = found.alignment
@@ -95,9 +83,9 @@ def _refined(
     if values[0] <= 1e-6:
         return None
     step = np.linalg.solve(information, right)
-    moved = _about(now.centre, step)
+    moved = _about(now.centre, np.asarray(step))
     T = se2.compose(moved, now.T_old_new)
-    return replace(now, T_old_new=T, covariance=np.linalg.inv(information))
+    return replace(now, T_old_new=T, covariance=np.asarray(np.linalg.inv(information)))
 
 
 def _correction(start: Alignment, now: Alignment) -> Array:

@@ -93,10 +93,10 @@ def _log_descriptors(old: Landmarks, new: Landmarks) -> Array:
     told = np.zeros((len(old), len(new)))
     if not old.descriptors.shape[1] or old.descriptors.shape[1] != new.descriptors.shape[1] or len(new) < 2:
         return told
-    known = np.isfinite(old.descriptors).all(axis=1)[:, None] & np.isfinite(new.descriptors).all(axis=1)
+    ours, theirs = (np.asarray(np.isfinite(own.descriptors).all(axis=1)) for own in (old, new))
     broad = np.nanvar(np.concatenate([old.descriptors, new.descriptors]), axis=0)
     variance = old.descriptor_variances[:, None] + new.descriptor_variances[None]
     off = (old.descriptors[:, None] - new.descriptors[None]) ** 2
     any_two = variance + 2.0 * broad
     ratio = -0.5 * (off / variance - off / any_two + np.log(variance / any_two)).sum(axis=-1)
-    return np.where(known, np.nan_to_num(ratio), told)
+    return np.where(ours[:, None] & theirs, np.nan_to_num(ratio), told)
