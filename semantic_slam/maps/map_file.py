@@ -6,11 +6,13 @@ Its id is the digest of its content, so that a file that was changed since is to
 
 import hashlib
 import json
+import os
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from safetensors import SafetensorError
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.world import map_prior
@@ -28,13 +30,20 @@ LONGEST_NAME = 1000
 
 
 def write_map(path: Path, saved: SavedMap) -> SavedMap:
-    """Write a map; returns it with its id. Who calls it claims the place (``outputs.py``). Raises InputError."""
+    """Write a map, whole or not at all; returns it with its id. Who calls it claims the place. Raises InputError."""
     try:
         check_map(saved)
     except ValueError as fault:
         raise InputError(f"{path}: not written, for {fault}; report the run that gave this map") from None
     known = with_id(saved)
-    FORMAT.write(path, _arrays(known), _description(known) | {"map_id": known.map_id})
+    beside = path.with_name(f".{path.name}.unfinished")
+    try:
+        FORMAT.write(beside, _arrays(known), _description(known) | {"map_id": known.map_id})
+        os.replace(beside, path)
+    except SafetensorError as fault:
+        raise InputError(f"{path}: cannot be written ({' '.join(str(fault).split())}); name another place") from None
+    finally:
+        beside.unlink(missing_ok=True)
     return known
 
 

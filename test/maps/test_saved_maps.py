@@ -9,7 +9,7 @@ import gtsam
 import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
-from worlds.small_map import GIVEN, LOOSE, PLACES, keyframes, small_map
+from worlds.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.build import make_run_configuration, problem_of
@@ -37,9 +37,7 @@ def same_arrays(one: SavedMap, other: SavedMap) -> None:
 
 
 def test_joint_covariance_is_the_marginal_of_the_whole_graph() -> None:
-    engine = Engine(GIVEN, LOOSE, initial_covariance=np.diag([0.3, 0.3, 0.1]) ** 2)
-    for keyframe in keyframes():
-        belief = engine.process(keyframe)
+    engine, belief = run_to_its_end()
     assert isinstance(engine.pool, InProcessPool)
     saved = saved_map_of_engine(engine, engine.pool, belief)
     isam = engine.pool.component(int(belief.hypothesis_ids[0])).smoother.isam
@@ -105,9 +103,7 @@ def test_the_previous_version_is_read_as_a_map_of_independent_objects(tmp_path: 
 
 
 def test_a_belief_alone_gives_its_marginals_and_says_so() -> None:
-    engine = Engine(GIVEN, LOOSE)
-    for keyframe in keyframes():
-        belief = engine.process(keyframe)
+    engine, belief = run_to_its_end()
     saved = saved_map_of_belief(belief, engine.run)
     assert not saved.has_cross_covariances
     assert map_prior_of(saved).joint_covariance is None

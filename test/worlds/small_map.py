@@ -4,6 +4,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration
 from semantic_slam.geometry import se2
+from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -38,10 +39,15 @@ def keyframes(places: np.ndarray = PLACES, count: int = 6) -> list[Keyframe]:
     return told
 
 
+def run_to_its_end(prior: MapPrior = LOOSE) -> tuple[Engine, HybridBelief]:
+    """An engine at the end of that drive, with its backend in this process, and its last belief."""
+    engine = Engine(GIVEN, prior, initial_covariance=np.diag([0.3, 0.3, 0.1]) ** 2)
+    beliefs = [engine.process(keyframe) for keyframe in keyframes()]
+    return engine, beliefs[-1]
+
+
 def small_map(prior: MapPrior = LOOSE) -> SavedMap:
     """The map at the end of that drive."""
-    engine = Engine(GIVEN, prior, initial_covariance=np.diag([0.3, 0.3, 0.1]) ** 2)
-    for keyframe in keyframes():
-        belief = engine.process(keyframe)
+    engine, belief = run_to_its_end(prior)
     assert isinstance(engine.pool, InProcessPool)
     return with_id(saved_map_of_engine(engine, engine.pool, belief))
