@@ -13,8 +13,8 @@ from semantic_slam.maps.saved_map import SavedMap
 
 LEAST_EXISTENCE = 0.05
 """Existence from which on an object is compared."""
-LEAST_CLASS_SHARE = 0.01
-"""Share of the uniform distribution in what is known of a class."""
+LEAST_CLASS_SHARE = 0.002
+"""Share of the uniform distribution in what is known of a class: one sure object of some hundreds is another one."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,8 @@ from semantic_slam.maps.landmarks import Landmarks, frame_slopes, turned
 
 DISPLACED_SHARE, GONE_SHARE = 0.05, 0.05
 """Of the objects of a map, how many stand elsewhere by the next session, and how many are gone; as many are new."""
-DISPLACED_M = 1.5
-"""Standard deviation along x and y of how far something was moved."""
+DISPLACED_M = (0.3, 1.0, 3.0)
+"""Standard deviations along x and y of how far something was moved, of which any may be right: nudged, or carried."""
 FLOOR_M, FLOOR_RAD = 0.03, 0.03
 """Standard deviations of what maps do not say of themselves: where the middle of an object seems to be."""
 OTHER_HEADING = 0.02
@@ -52,10 +52,9 @@ def pairs(old: Landmarks, new: Landmarks, alignment: Alignment) -> Pairs:
     stays = np.log(1.0 - DISPLACED_SHARE - GONE_SHARE) + np.log(old.existence)[:, None]
     moves = np.log(DISPLACED_SHARE) + np.log(old.existence)[:, None]
     there = np.log(new.existence) - log_new_density(old)
-    moved = total[..., :2, :2] + DISPLACED_M**2 * np.eye(2)
     return Pairs(
         log_same=stays + there + alike + _log_normal(offset[..., :2], total[..., :2, :2]) + _log_heading(offset, total),
-        log_displaced=moves + there + alike + _log_normal(offset[..., :2], moved),
+        log_displaced=moves + there + alike + _log_moved(offset[..., :2], total[..., :2, :2]),
         offset=offset,
         covariance=total,
     )
@@ -70,6 +69,11 @@ def log_new_density(old: Landmarks) -> float:
 def _log_normal(offset: Array, covariance: Array) -> Array:
     squared = (offset * np.linalg.solve(covariance, offset[..., None])[..., 0]).sum(axis=-1)
     return np.asarray(-0.5 * squared - 0.5 * np.linalg.slogdet(2.0 * np.pi * covariance)[1])
+
+
+def _log_moved(offset: Array, covariance: Array) -> Array:
+    told = [_log_normal(offset, covariance + sigma**2 * np.eye(2)) for sigma in DISPLACED_M]
+    return np.asarray(np.logaddexp.reduce(told) - np.log(len(DISPLACED_M)))
 
 
 def _log_heading(offset: Array, covariance: Array) -> Array:
