@@ -23,11 +23,14 @@ UNLIKELY = 12.0
 """Nats below the best at which an alignment is left out."""
 
 
-def in_place(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[float, Correspondence]]:
-    """Both maps in one frame, each as far off as its own start was."""
+def in_place(
+    old: Landmarks, new: Landmarks, log_absent: Array, *, is_continued: bool
+) -> list[tuple[float, Correspondence]]:
+    """Both maps in one frame, each as far off as its own start was; ``is_continued``: the new one came from the old."""
     covariance = old.frame + new.frame + 1e-6 * np.eye(3)
     start = Alignment(T_old_new=np.zeros(3), covariance=covariance, centre=old.centre)
-    return [(1.0, corresponding(old, new, log_absent, start, np.asarray(np.linalg.inv(covariance))))]
+    prior = np.asarray(np.linalg.inv(covariance))
+    return [(1.0, corresponding(old, new, log_absent, start, prior, is_continued=is_continued))]
 
 
 def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[float, Correspondence]]:
@@ -49,7 +52,7 @@ def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[flo
 
 def _score(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment) -> float:
     """Log likelihood, roughly: every old object with whichever new one is likeliest to be it, where it stood."""
-    told = pairs(old, new, alignment)
+    told = pairs(old, new, alignment, np.ones(len(old)))
     return float(np.maximum(told.log_same.max(axis=1) - log_absent, 0.0).sum())
 
 

@@ -16,7 +16,7 @@ from semantic_slam.maps.likelihood import DISPLACED_SHARE, GONE_SHARE
 from semantic_slam.maps.saved_map import SavedMap
 
 SEEN_IN_A_LOOK = 0.3
-"""Probability that an object in the sensor's region is detected, whatever may hide it."""
+"""Probability that an object in the sensor's region is detected, whatever may hide it, where a map does not tell."""
 LEAST_UNSEEN = 1e-3
 """That an object is never detected however often one looks: it may be hidden for good."""
 
@@ -45,7 +45,11 @@ class Comparison:
             raise InputError("one of the maps has no object that is known to exist; compare maps with objects")
         # Until the alignment is known: whether its place was looked at hardly changes what an object may be.
         log_absent = np.log(1.0 - ours.existence + ours.existence * (GONE_SHARE + LEAST_UNSEEN))
-        found = (in_place if same_frame else aligned)(ours, theirs, log_absent)
+        if same_frame:
+            is_continued = new.provenance.started_from == old.map_id
+            found = in_place(ours, theirs, log_absent, is_continued=is_continued)
+        else:
+            found = aligned(ours, theirs, log_absent)
         if not found:
             raise InputError("the maps cannot be aligned: no object of one may be one of the other; name other maps")
         return cls(old=old, new=new, ours=ours, theirs=theirs, alignments=tuple(found), same_frame=same_frame)
@@ -71,11 +75,25 @@ class Comparison:
         states = planar_from_pose_vector(self.old.objects.poses[self.ours.rows])
         back = se2.inverse(self.best.alignment.T_old_new)
         places = se2.compose(np.broadcast_to(back, states.shape), states)[:, :2]
-        missed = np.ones(len(states))
-        if len(self.new.looks.path):
-            missed = np.maximum((1.0 - SEEN_IN_A_LOOK) ** self.new.looks.counts(places), LEAST_UNSEEN)
+        missed = np.maximum((1.0 - _seen_in_a_look(self.new)) ** self.new.looks.counts(places), LEAST_UNSEEN)
         stays = (1.0 - GONE_SHARE - DISPLACED_SHARE) * missed
-        return np.asarray(stays / (stays + GONE_SHARE))
+        found = np.asarray(stays / (stays + GONE_SHARE))
+        if self.new.provenance.started_from == self.old.map_id:
+            self._as_the_run_says(found)
+        return found
+
+    def _as_the_run_says(self, unseen: Array) -> None:
+        """Of objects that the run had from the old map, and of which it says whether they left."""
+        objects = self.new.objects
+        if np.isnan(objects.missing).all():
+            return
+        for row, number in enumerate(self.old.objects.ids[self.ours.rows].tolist()):
+            (at,) = np.nonzero(objects.ids == number)
+            if len(at) and objects.sightings[at[0]] > 0.0:
+                continue  # it was seen, or something else in its place
+            there = float(objects.existence[at[0]]) if len(at) else 0.0  # else given up
+            missing = float(np.nan_to_num(objects.missing[at[0]])) if len(at) else 1.0
+            unseen[row] = np.clip(there / max(there + missing, 1e-12), LEAST_UNSEEN, 1.0 - LEAST_UNSEEN)
 
     @cached_property
     def new_positions(self) -> Array:
@@ -93,3 +111,13 @@ def are_of_one_frame(old: SavedMap, new: SavedMap) -> bool:
 def _only_told(old: SavedMap, new: SavedMap, rows: Index) -> Flags:
     """Which objects of a map that came from the old one are there for the old one's word alone."""
     return np.asarray(np.isin(new.objects.ids[rows], old.objects.ids) & (new.objects.sightings[rows] == 0.0))
+
+
+def _seen_in_a_look(known: SavedMap) -> float:
+    """How often objects of a map were detected when they were in the sensor's region, whatever hid them."""
+    exist = np.flatnonzero((known.objects.existence > 0.5) & np.isfinite(known.objects.sightings))
+    if not len(known.looks.path) or not len(exist):
+        return SEEN_IN_A_LOOK
+    looks = known.looks.counts(planar_from_pose_vector(known.objects.poses[exist])[:, :2]).sum()
+    share = (known.objects.sightings[exist].sum() + SEEN_IN_A_LOOK) / (looks + 1.0)
+    return float(np.clip(share, 0.01, 0.99))

@@ -25,23 +25,30 @@ class Correspondence:
     displaced: Array  # (n, m)
     log_evidence: float
 
+    @property
+    def vacated(self) -> Array:
+        """(n,) probabilities that old objects are not where they were."""
+        return np.clip(1.0 - self.same.sum(axis=1), 0.0, 1.0)
 
-def corresponding(old: Landmarks, new: Landmarks, log_absent: Array, start: Alignment, prior: Array) -> Correspondence:
+
+def corresponding(
+    old: Landmarks, new: Landmarks, log_absent: Array, start: Alignment, prior: Array, *, is_continued: bool = False
+) -> Correspondence:
     """From an alignment on, refined by what is the same in it; ``log_absent`` (n,): of old ones with no new one.
 
     ``prior`` (3, 3): information on how far the alignment is from the start; 0 where nothing is known.
     """
-    found = _assigned(old, new, log_absent, start)
+    found = _assigned(old, new, log_absent, start, np.ones(len(old)), is_continued)
     for _ in range(REFINEMENTS):
-        refined = _refined(old, new, found, start, prior)
-        if refined is None:
-            return found
-        found = _assigned(old, new, log_absent, refined)
+        refined = _refined(old, new, found, start, prior) or found.alignment
+        found = _assigned(old, new, log_absent, refined, found.vacated, is_continued)
     return found
 
 
-def _assigned(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment) -> Correspondence:
-    told = pairs(old, new, alignment)
+def _assigned(
+    old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment, vacated: Array, is_continued: bool
+) -> Correspondence:
+    told = pairs(old, new, alignment, vacated, is_continued=is_continued)
     both = np.logaddexp(told.log_same, told.log_displaced)
     count = len(old)
     cost = np.full((count, len(new) + count), np.inf)
@@ -54,12 +61,11 @@ def _assigned(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alig
     for columns, weight in zip(best.columns, weights, strict=True):
         matched[np.arange(count), columns] += weight
     matched = matched[:, : len(new)]
-    stays = np.exp(told.log_same - both)
     return Correspondence(
         alignment=alignment,
         pairs=told,
-        same=matched * stays,
-        displaced=matched * (1.0 - stays),
+        same=matched * np.exp(told.log_same - both),
+        displaced=matched * np.exp(told.log_displaced - both),
         log_evidence=log_sum,
     )
 

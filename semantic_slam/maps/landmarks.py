@@ -13,8 +13,8 @@ from semantic_slam.maps.saved_map import SavedMap
 
 LEAST_EXISTENCE = 0.05
 """Existence from which on an object is compared."""
-LEAST_CLASS_SHARE = 0.002
-"""Share of the uniform distribution in what is known of a class: one sure object of some hundreds is another one."""
+LEAST_CLASS_SHARE = 0.001
+"""Share of the uniform distribution in what is known of a class: one sure object of a thousand is of another."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +22,7 @@ class Landmarks:
     """n objects of a map; C classes that both maps know."""
 
     rows: Index  # (n,) in the map
+    ids: Index  # (n,)
     states: Array  # (n, 3) x, y, yaw in the map's frame
     covariances: Array  # (n, 3, 3) without the error that they have in common, along the axes of map
     frame: Array  # (3, 3) covariance of that error: a shift, and a turn about ``centre``
@@ -49,6 +50,7 @@ class Landmarks:
         share = LEAST_CLASS_SHARE / max(len(columns), 1)
         return cls(
             rows=rows,
+            ids=known.objects.ids[rows],
             states=states,
             covariances=relative,
             frame=frame,

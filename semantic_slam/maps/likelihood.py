@@ -12,6 +12,8 @@ DISPLACED_SHARE, GONE_SHARE = 0.05, 0.05
 """Of the objects of a map, how many stand elsewhere by the next session, and how many are gone; as many are new."""
 DISPLACED_M = (0.3, 1.0, 3.0)
 """Standard deviations along x and y of how far something was moved, of which any may be right: nudged, or carried."""
+REPLACED_SHARE, REPLACED_M = 0.5, 0.3
+"""In how many places that were left something of another class stands, and how far from there along x and y."""
 FLOOR_M, FLOOR_RAD = 0.03, 0.03
 """Standard deviations of what maps do not say of themselves: where the middle of an object seems to be."""
 OTHER_HEADING = 0.02
@@ -39,8 +41,12 @@ class Pairs:
     covariance: Array  # (n, m, 3, 3) of the offset
 
 
-def pairs(old: Landmarks, new: Landmarks, alignment: Alignment) -> Pairs:
-    """All pairs under an alignment."""
+def pairs(old: Landmarks, new: Landmarks, alignment: Alignment, vacated: Array, *, is_continued: bool = False) -> Pairs:
+    """All pairs under an alignment; ``vacated`` (n,): probabilities that old objects are not where they were.
+
+    ``is_continued``: the new map has the places of the old one's objects from that, so that what it takes for one of
+    them stands there for that reason, too: class alone tells it from something else in its place.
+    """
     states, covariances = turned(new.states, new.covariances, alignment.T_old_new)
     offset = states[None] - old.states[:, None]
     offset[..., 2] = wrap_angle(offset[..., 2])
@@ -51,9 +57,14 @@ def pairs(old: Landmarks, new: Landmarks, alignment: Alignment) -> Pairs:
     alike = _log_classes(old, new) + _log_descriptors(old, new)
     stays = np.log(1.0 - DISPLACED_SHARE - GONE_SHARE) + np.log(old.existence)[:, None]
     moves = np.log(DISPLACED_SHARE) + np.log(old.existence)[:, None]
-    there = np.log(new.existence) - log_new_density(old)
+    in_place = _log_normal(offset[..., :2], total[..., :2, :2]) + _log_heading(offset, total)
+    instead = _log_normal(offset[..., :2], total[..., :2, :2] + REPLACED_M**2 * np.eye(2))
+    if is_continued:
+        instead = np.where(old.ids[:, None] == new.ids, np.maximum(instead, in_place), instead)
+    replacing = REPLACED_SHARE * vacated @ np.exp(instead + _log_other_class(old, new))
+    there = np.log(new.existence) - np.log(np.exp(log_new_density(old)) + replacing)
     return Pairs(
-        log_same=stays + there + alike + _log_normal(offset[..., :2], total[..., :2, :2]) + _log_heading(offset, total),
+        log_same=stays + there + alike + in_place,
         log_displaced=moves + there + alike + _log_moved(offset[..., :2], total[..., :2, :2]),
         offset=offset,
         covariance=total,
@@ -61,7 +72,7 @@ def pairs(old: Landmarks, new: Landmarks, alignment: Alignment) -> Pairs:
 
 
 def log_new_density(old: Landmarks) -> float:
-    """Log of new objects per square metre: as many come as go."""
+    """Log of new objects per square metre anywhere: as many come as go."""
     low, high = old.states[:, :2].min(axis=0) - SURROUNDINGS_M, old.states[:, :2].max(axis=0) + SURROUNDINGS_M
     return float(np.log(GONE_SHARE * max(old.existence.sum(), 1.0) / np.prod(high - low)))
 
@@ -90,6 +101,14 @@ def _log_classes(old: Landmarks, new: Landmarks) -> Array:
     if not count:
         return np.zeros((len(old), len(new)))
     return np.asarray(np.log(count * old.classes @ new.classes.T))
+
+
+def _log_other_class(old: Landmarks, new: Landmarks) -> Array:
+    """Of two classes, relative to any two; -inf where no classes are known."""
+    count = old.classes.shape[1]
+    if count < 2:
+        return np.full((len(old), len(new)), -np.inf)
+    return np.asarray(np.log((1.0 - old.classes @ new.classes.T) * count / (count - 1)))
 
 
 def _log_descriptors(old: Landmarks, new: Landmarks) -> Array:

@@ -111,7 +111,7 @@ def test_what_objects_have_in_common_tells_a_nudge_from_a_frame_that_is_off() ->
     whole, other = room(), room(poses, first=20)
     (nudged,) = [own for own in told_of(whole, other, True).old if own.kind != "same"]
     assert nudged.object_id == 3 and nudged.kind == "displaced"
-    off = room(ROOM + [0.3, 0.0, 0.0], first=20)
+    off = room(ROOM + np.array([0.3, 0.0, 0.0]), first=20)
     assert all(own.kind == "same" for own in told_of(whole, off, True).old)
 
 
@@ -139,7 +139,7 @@ def test_changes_are_told_in_lines_and_numbers() -> None:
 
 def test_merged_gaussians_are_the_product_of_both() -> None:
     """All objects the same: informations add up, but for the floor between the two maps."""
-    one, other = room(), room(ROOM + [0.05, -0.02, 0.01], first=20)
+    one, other = room(), room(ROOM + np.array([0.05, -0.02, 0.01]), first=20)
     both = merged(one, other, "test", same_frame=True)
     floor = np.diag(np.tile([0.03, 0.03, 0.03], len(ROOM))) ** 2
     first, second_ = (own.hypotheses.covariances[0] for own in (one, other))
