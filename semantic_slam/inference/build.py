@@ -46,8 +46,6 @@ from semantic_slam.viewpoint.outliers import OutlierScores
 
 LEAST_CLASS_SHARE = 0.01
 """Share of the uniform distribution in every prior over classes."""
-MOST_JOINT_OBJECTS = 60
-"""Objects of a map up to which their joint covariance enters: all are eliminated together in every update."""
 
 
 def make_run_configuration(
@@ -476,7 +474,7 @@ def class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
 
 def _joint(prior: MapPrior, sensing: Sensing) -> JointPrior | None:
     """What the map's objects have in common, where the map tells; what it may lack or have elsewhere comes after."""
-    if prior.joint_covariance is None or not 1 < len(prior.joint_covariance) // 3 <= MOST_JOINT_OBJECTS:
+    if prior.joint_covariance is None or len(prior.joint_covariance) <= 3:
         return None
     mapped = prior.objects[: len(prior.joint_covariance) // 3]
     poses = np.array([item.pose for item in mapped])

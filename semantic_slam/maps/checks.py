@@ -61,7 +61,7 @@ def _check_hypotheses(hypotheses: MapHypotheses, objects: int, classes: int) -> 
         "covariances": (count, 3 * objects, 3 * objects),
     }
     _check_shapes(vars(hypotheses), shapes)
-    weights = np.exp(hypotheses.log_weights)
+    weights = np.exp(np.minimum(hypotheses.log_weights, 1.0))
     if not count or not np.isfinite(weights).all() or abs(weights.sum() - 1.0) > SUM_ERROR:
         raise ValueError("the weights of its hypotheses do not add up to one")
     _check_probabilities(hypotheses.existence, "existence")

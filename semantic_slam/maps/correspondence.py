@@ -28,7 +28,7 @@ class Correspondence:
     @property
     def vacated(self) -> Array:
         """(n,) probabilities that old objects are not where they were."""
-        return np.clip(1.0 - self.same.sum(axis=1), 0.0, 1.0)
+        return np.asarray(np.clip(1.0 - self.same.sum(axis=1), 0.0, 1.0))
 
 
 def corresponding(

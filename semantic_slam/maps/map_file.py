@@ -38,13 +38,18 @@ def write_map(path: Path, saved: SavedMap) -> SavedMap:
     known = with_id(saved)
     beside = path.with_name(f".{path.name}.unfinished")
     try:
-        FORMAT.write(beside, _arrays(known), _description(known) | {"map_id": known.map_id})
+        FORMAT.write(beside, *packed(known))
         os.replace(beside, path)
     except SafetensorError as fault:
         raise InputError(f"{path}: cannot be written ({' '.join(str(fault).split())}); name another place") from None
     finally:
         beside.unlink(missing_ok=True)
     return known
+
+
+def packed(saved: SavedMap) -> tuple[Arrays, dict[str, Any]]:
+    """What stands in a file of the map, under its id."""
+    return _arrays(saved), _description(saved) | {"map_id": saved.map_id}
 
 
 def with_id(saved: SavedMap) -> SavedMap:

@@ -7,7 +7,6 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.keys import is_descriptor
 from semantic_slam.inference.states.spaces import Spaces
@@ -34,24 +33,6 @@ def linear_factors(
         terms = [part for pair in zip(variables, blocks, strict=True) for part in pair]
         factors.append(gtsam.LinearContainerFactor(_jacobian_factor(*terms, right, noise), point))
     return factors
-
-
-def joint_prior_factor(keys: Sequence[int], covariance: Array, means: gtsam.Values) -> Any:
-    """A prior of several variables at ``means``, their covariance in the tangent spaces there. Raises InputError."""
-    try:
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    except np.linalg.LinAlgError:
-        raise InputError(
-            "map prior: its joint covariance is not positive definite; save the map anew, or give its objects.json"
-        ) from None
-    root = np.linalg.qr(whiten, mode="r")
-    root *= np.sign(np.diag(root))[:, None]
-    blocks = np.split(root, len(keys), axis=1)
-    zero = np.zeros(len(root))
-    conditional = gtsam.GaussianConditional(
-        list(zip(keys, blocks, strict=True)), len(keys), zero, unit_noise(len(zero))
-    )
-    return gtsam.LinearContainerFactor(gtsam.JacobianFactor(conditional), means)
 
 
 def linearised(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:

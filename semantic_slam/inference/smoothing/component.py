@@ -11,8 +11,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import transport
 from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.clock_offset import line_at
+from semantic_slam.inference.models.joint_prior import joint_prior_factors
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.linear_factors import joint_prior_factor
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import CLOCK
@@ -73,7 +73,8 @@ class Component:
                 graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
             spaces.of(key).insert(values, key, prior.mean)
         if joint is not None:
-            graph.add(joint_prior_factor([object_key(n) for n in together], joint.covariance, values))
+            for factor in joint_prior_factors([object_key(n) for n in together], joint.covariance, values):
+                graph.add(factor)
         smoother = Smoother.of(spaces, SemanticFactorMaker(spaces, model, latent), graph, values)
         ids, stated = sorted(objects), existence or {}
         known = HypothesisObjects(

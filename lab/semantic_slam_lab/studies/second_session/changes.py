@@ -59,7 +59,7 @@ def _moved(own: PlacedObject, random: np.random.Generator) -> PlacedObject:
         own,
         x_m=own.x_m + float(distance * np.cos(direction)),
         y_m=own.y_m + float(distance * np.sin(direction)),
-        yaw_rad=float(wrap_angle(own.yaw_rad + random.uniform(-TURNED_RAD, TURNED_RAD))),
+        yaw_rad=float(wrap_angle(np.array(own.yaw_rad + random.uniform(-TURNED_RAD, TURNED_RAD)))),
     )
 
 
