@@ -17,6 +17,8 @@ from semantic_slam.maps.saved_map import SavedMap
 
 SEEN_IN_A_LOOK = 0.3
 """Probability that an object in the sensor's region is detected, whatever may hide it, where a map does not tell."""
+PLACED_M = 1.0
+"""How far off the frame of a run on a map may be for the run to have known what of the map it looked at."""
 LEAST_UNSEEN = 1e-3
 """That an object is never detected however often one looks: it may be hidden for good."""
 
@@ -78,7 +80,8 @@ class Comparison:
         missed = np.maximum((1.0 - _seen_in_a_look(self.new)) ** self.new.looks.counts(places), LEAST_UNSEEN)
         stays = (1.0 - GONE_SHARE - DISPLACED_SHARE) * missed
         found = np.asarray(stays / (stays + GONE_SHARE))
-        if self.new.provenance.started_from == self.old.map_id:
+        off = self.best.alignment.T_old_new
+        if self.new.provenance.started_from == self.old.map_id and np.hypot(off[0], off[1]) < PLACED_M:
             self._as_the_run_says(found)
         return found
 
