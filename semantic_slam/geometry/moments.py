@@ -71,7 +71,7 @@ def transport(before: Array, after: Array) -> Array:
 
 
 def _power(square: Array, exponent: float) -> Array:
-    """Of a symmetric square, on the directions in which it is not zero."""
+    """Power of a symmetric square, on the directions in which it is not zero."""
     values, vectors = np.linalg.eigh(0.5 * (square + square.T))
     kept = values > SINGULAR * max(float(values.max(initial=0.0)), 1e-300)
     return np.asarray((vectors[:, kept] * values[kept] ** exponent) @ vectors[:, kept].T)

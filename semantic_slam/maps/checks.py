@@ -10,7 +10,7 @@ from semantic_slam.inference.world.map_prior import ID_LIMIT, ROUNDING
 from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
 
 SUM_ERROR = 1e-6
-"""Of probabilities that have to add up to one."""
+"""How far the sum of probabilities may be off one."""
 
 
 def check_map(saved: SavedMap) -> None:

@@ -86,7 +86,7 @@ class Comparison:
         return found
 
     def _as_the_run_says(self, unseen: Array) -> None:
-        """Of objects that the run had from the old map, and of which it says whether they left."""
+        """Put in what the run says of objects that it had from the old map, and of which it says whether they left."""
         objects = self.new.objects
         if np.isnan(objects.missing).all():
             return

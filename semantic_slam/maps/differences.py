@@ -9,7 +9,7 @@ from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.likelihood import GONE_SHARE
 
 KINDS = ("same", "displaced", "gone", "unseen", "none")
-"""Of an object of the old map; none: there never was one."""
+"""What may have become of an object of the old map; none: there never was one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class NewObject:
 
 @dataclass(frozen=True, kw_only=True)
 class MapDifference:
-    """Of all objects that exist with some probability."""
+    """What became of all objects that exist with some probability."""
 
     old: tuple[OldObject, ...]
     new: tuple[NewObject, ...]

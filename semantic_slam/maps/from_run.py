@@ -27,7 +27,7 @@ from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
 from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 KEPT_MASS, MOST_HYPOTHESES, MOST_NUMBERS = 0.999, 50, 1 << 23
-"""Of the last belief hypotheses are kept, the heaviest, up to this mass and number, and to so many covariances."""
+"""The heaviest hypotheses of the last belief are kept, up to this mass and number, and to so many covariances."""
 
 
 def saved_map_of_bag(bag: Path, *, marginals_alone: bool = False) -> SavedMap:

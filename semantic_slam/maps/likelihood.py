@@ -9,7 +9,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.maps.landmarks import Landmarks, frame_slopes, turned
 
 DISPLACED_SHARE, GONE_SHARE = 0.05, 0.05
-"""Of the objects of a map, how many stand elsewhere by the next session, and how many are gone; as many are new."""
+"""How many objects of a map stand elsewhere by the next session, and how many are gone; as many are new."""
 DISPLACED_M = (0.3, 1.0, 3.0)
 """Standard deviations along x and y of how far something was moved, of which any may be right: nudged, or carried."""
 REPLACED_SHARE, REPLACED_M = 0.5, 0.3
@@ -96,7 +96,7 @@ def _log_heading(offset: Array, covariance: Array) -> Array:
 
 
 def _log_classes(old: Landmarks, new: Landmarks) -> Array:
-    """log sum_c p(c) q(c) C: of one class, relative to any two."""
+    """That two objects are of one class, relative to any two: log sum_c p(c) q(c) C."""
     count = old.classes.shape[1]
     if not count:
         return np.zeros((len(old), len(new)))
@@ -104,7 +104,7 @@ def _log_classes(old: Landmarks, new: Landmarks) -> Array:
 
 
 def _log_other_class(old: Landmarks, new: Landmarks) -> Array:
-    """Of two classes, relative to any two; -inf where no classes are known."""
+    """That two objects are of two classes, relative to any two; -inf where no classes are known."""
     count = old.classes.shape[1]
     if count < 2:
         return np.full((len(old), len(new)), -np.inf)
@@ -112,7 +112,7 @@ def _log_other_class(old: Landmarks, new: Landmarks) -> Array:
 
 
 def _log_descriptors(old: Landmarks, new: Landmarks) -> Array:
-    """Of one descriptor, relative to those of two objects of the new map; 0 where one is not known."""
+    """That two objects have one descriptor, relative to any two; 0 where one is not known."""
     told = np.zeros((len(old), len(new)))
     if not old.descriptors.shape[1] or old.descriptors.shape[1] != new.descriptors.shape[1] or len(new) < 2:
         return told

@@ -32,7 +32,7 @@ class Change:
 
 
 def changed(seed: int) -> Change:
-    """Of the room of that seed. What changed is of four classes: of identical twins nobody can tell which was moved."""
+    """The change of a room. What changed is of four classes: of identical twins nobody can tell which was moved."""
     random, before = np.random.default_rng([seed, 31]), draw_layout(seed)
     while True:
         drawn = _drawn(before, random)

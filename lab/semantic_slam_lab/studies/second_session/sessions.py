@@ -20,7 +20,7 @@ from semantic_slam_lab.studies.aliased_room.data import Recording, record_scene
 from semantic_slam_lab.studies.second_session.changes import Change, changed
 
 SURVEY_SIGMA = np.array([0.2236, 0.2236, 0.0224])
-"""Of the map that the first session starts from: x, y [m], yaw [rad]; it knows no classes. As in the shipped bag."""
+"""Standard deviations of the first session's map, x, y [m], yaw [rad], as in the shipped bag; it knows no classes."""
 LOST_SIGMA, KNOWN_SIGMA = np.array([10.0, 10.0, 0.2]), np.array([0.1, 0.1, 0.05])
 NEAR_M = 0.4
 """What stands nearer than that to the truth is it."""
