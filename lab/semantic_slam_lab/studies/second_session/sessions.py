@@ -22,6 +22,8 @@ from semantic_slam_lab.studies.second_session.changes import Change, changed
 SURVEY_SIGMA = np.array([0.2236, 0.2236, 0.0224])
 """Standard deviations of the first session's map, x, y [m], yaw [rad], as in the shipped bag; it knows no classes."""
 LOST_SIGMA, KNOWN_SIGMA = np.array([10.0, 10.0, 0.2]), np.array([0.1, 0.1, 0.05])
+STARTS = ("known_start", "lost")
+"""Where the second session begins: at its place on the map, or wherever it is, without the map."""
 NEAR_M = 0.4
 """What stands nearer than that to the truth is it."""
 STATED = 0.5
@@ -54,7 +56,7 @@ def sessions(number: int, seed: int) -> dict[str, Judged]:
     lost = _map(after, settings, None, _start(after, LOST_SIGMA, random), LOST_SIGMA)
     return {
         name: judged(difference(Comparison.of(old, new)), change, before)
-        for name, new in (("known start", here), ("lost", lost))
+        for name, new in zip(STARTS, (here, lost), strict=True)
     }
 
 

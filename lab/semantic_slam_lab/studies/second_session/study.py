@@ -8,7 +8,7 @@ from semantic_slam.configuration import load_configuration, to_dict
 from semantic_slam.shipped import configuration_file
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.studies.result import Claim, Table, write_result
-from semantic_slam_lab.studies.second_session.sessions import Judged, sessions
+from semantic_slam_lab.studies.second_session.sessions import STARTS, Judged, sessions
 
 ROOMS, QUICK_ROOMS = 10, 1
 """Room 0 is the shipped bag's."""
@@ -29,6 +29,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
         "config": to_dict(load_configuration(configuration_file("second_session"))),
         "revision": revision(),
         "quick": quick,
+        "summary": {start: _summary(rooms, start) for start in STARTS},
         "rooms": {str(n): {start: asdict(own) for start, own in room.items()} for n, room in rooms.items()},
     }
     return write_result(out, result, claims_of(rooms), [_table(rooms)])
@@ -39,21 +40,27 @@ def is_right(told: Judged) -> bool:
     return told.least >= SURE and told.wrong == 0
 
 
+def _summary(rooms: Rooms, start: str) -> dict[str, float]:
+    """How many rooms are right, and how sure the least sure of the four is in the shipped one."""
+    right = sum(is_right(room[start]) for room in rooms.values())
+    return {"rooms": len(rooms), "rooms_right": right, "shipped_least_probability": rooms[0][start].least}
+
+
 def claims_of(rooms: Rooms) -> list[Claim]:
     """What is required of the shipped room, and how the others fare."""
     claims = []
-    for start in ("known start", "lost"):
-        shipped, right = rooms[0][start], sum(is_right(room[start]) for room in rooms.values())
+    for start in STARTS:
+        shipped, right = rooms[0][start], _summary(rooms, start)["rooms_right"]
         claims += [
             Claim(
-                f"Shipped room, {start}: two displaced, one gone, one new, each with P >= 0.9, and nothing else",
+                f"Shipped room, {start.replace('_', ' ')}: two displaced, one gone, one new, each with P >= 0.9, and nothing else",
                 "project requirement",
                 "",
                 f"least probability {shipped.least:.3f}, {shipped.wrong} wrong",
                 is_right(shipped),
             ),
             Claim(
-                f"The same, {start}, in 8 of 10 rooms",
+                f"The same, {start.replace('_', ' ')}, in 8 of 10 rooms",
                 "project",
                 "",
                 f"{right} of {len(rooms)} rooms",
@@ -66,7 +73,7 @@ def claims_of(rooms: Rooms) -> list[Claim]:
 def _table(rooms: Rooms) -> Table:
     rows = [
         (
-            f"{number}, {start}",
+            f"{number}, {start.replace('_', ' ')}",
             *(f"{value:.3f}" for value in (*told.displaced, told.gone, told.new)),
             str(told.wrong),
             f"{told.displacement_error_m:.2f}",
