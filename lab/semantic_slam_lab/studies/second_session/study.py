@@ -53,7 +53,7 @@ def claims_of(rooms: Rooms) -> list[Claim]:
         shipped, right = rooms[0][start], _summary(rooms, start)["rooms_right"]
         claims += [
             Claim(
-                f"Shipped room, {start.replace('_', ' ')}: two displaced, one gone, one new, each with P >= 0.9, and nothing else",
+                f"Shipped room, {start.replace('_', ' ')}: two displaced, one gone, one new, P >= 0.9, no other",
                 "project requirement",
                 "",
                 f"least probability {shipped.least:.3f}, {shipped.wrong} wrong",
