@@ -11,10 +11,16 @@ from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
 
 SUM_ERROR = 1e-6
 """How far the sum of probabilities may be off one."""
+MOST_OBJECTS = 1300
+"""Objects of a map: their joint covariance is a square of three times as many numbers."""
+TINY = 1e-30
+"""Added to variances of which all are 0."""
 
 
 def check_map(saved: SavedMap) -> None:
     """Raises ValueError."""
+    if len(saved.objects.names) > MOST_OBJECTS:
+        raise ValueError(f"it has {len(saved.objects.names)} objects, and a map {MOST_OBJECTS} at most")
     _check_objects(saved.objects, len(saved.class_names))
     _check_hypotheses(saved.hypotheses, len(saved.objects), len(saved.class_names))
     looks = saved.looks
@@ -86,7 +92,12 @@ def _check_covariance(covariance: Array, what: str) -> None:
     tolerance = ROUNDING * float(np.abs(covariance).max(initial=0.0))
     if not len(covariance):
         return
-    if np.abs(covariance - covariance.T).max() > tolerance or np.linalg.eigvalsh(covariance).min() < -tolerance:
+    is_covariance = np.abs(covariance - covariance.T).max() <= tolerance
+    try:
+        np.linalg.cholesky(covariance + (tolerance + TINY) * np.eye(len(covariance)))
+    except np.linalg.LinAlgError:
+        is_covariance = False
+    if not is_covariance:
         raise ValueError(f"{what} is not symmetric and positive semi-definite")
 
 

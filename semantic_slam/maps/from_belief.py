@@ -11,6 +11,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import parse_map_prior
 from semantic_slam.maps.as_prior import independent, saved_map_of_prior
+from semantic_slam.maps.checks import MOST_OBJECTS
 from semantic_slam.maps.map_file import with_id
 from semantic_slam.maps.saved_map import MapObjects, Provenance, SavedMap
 
@@ -76,7 +77,9 @@ def _started_from(run: RunConfiguration) -> str:
     if not run.map_prior:
         return ""
     prior = parse_map_prior(run.map_prior, "map prior")
-    return prior.map_id or with_id(saved_map_of_prior(prior)).map_id
+    if prior.map_id or len(prior.objects) > MOST_OBJECTS:
+        return prior.map_id
+    return with_id(saved_map_of_prior(prior)).map_id
 
 
 def _settings(run: RunConfiguration) -> dict[str, dict[str, object]]:

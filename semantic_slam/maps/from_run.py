@@ -22,6 +22,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.keys import robot_key
 from semantic_slam.inference.world.objects import ReportedObjects
+from semantic_slam.maps.checks import MOST_OBJECTS
 from semantic_slam.maps.from_belief import mapped_rows, saved_map_of_belief
 from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
 from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
@@ -59,8 +60,12 @@ def saved_map_of_run(record: Record, keyframes: Iterable[Keyframe]) -> SavedMap:
 
 def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelief) -> SavedMap:
     """The map that an engine with its backends in this process has, by its newest belief. Raises InputError."""
-    known, rows = saved_map_of_belief(belief, engine.run), mapped_rows(belief)
-    chosen = _chosen(engine, belief, len(rows))
+    rows = mapped_rows(belief)
+    if len(rows) > MOST_OBJECTS:
+        raise InputError(
+            f"{len(rows)} objects were mapped, a map file has {MOST_OBJECTS} at most; use the objects.json"
+        )
+    known, chosen = saved_map_of_belief(belief, engine.run), _chosen(engine, belief, len(rows))
     reported = engine.association.reported(engine.registry, set(belief.object_ids.tolist()))
     parts = []
     for number in belief.hypothesis_ids[chosen].tolist():

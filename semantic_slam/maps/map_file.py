@@ -18,13 +18,13 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.world import map_prior
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
-from semantic_slam.maps.checks import check_map
+from semantic_slam.maps.checks import MOST_OBJECTS, check_map
 from semantic_slam.maps.saved_map import Looks, MapHypotheses, MapObjects, Provenance, SavedMap
 from semantic_slam.model_files import Arrays, ModelFormat
 
 REMEDY = "save it anew with semantic_slam map save"
 FORMAT = ModelFormat(kind="map", schema_version=1, remedy=REMEDY)
-LARGEST = 1 << 30
+LARGEST = 1 << 27
 """Bytes of a file that is read at all."""
 LONGEST_NAME = 1000
 
@@ -34,7 +34,9 @@ def write_map(path: Path, saved: SavedMap) -> SavedMap:
     try:
         check_map(saved)
     except ValueError as fault:
-        raise InputError(f"{path}: not written, for {fault}; report the run that gave this map") from None
+        raise InputError(
+            f"{path}: not written ({fault}); map fewer objects, or report the run that gave this map"
+        ) from None
     known = with_id(saved)
     beside = path.with_name(f".{path.name}.unfinished")
     try:
@@ -64,9 +66,12 @@ def with_id(saved: SavedMap) -> SavedMap:
 def read_map(path: Path) -> SavedMap:
     """A map from a ``FILE.map``, or from an ``objects.json``. Raises InputError."""
     if not is_map_file(path):
-        return with_id(saved_map_of_prior(map_prior.read_map_prior(path)))
+        known = map_prior.read_map_prior(path)
+        if len(known.objects) > MOST_OBJECTS:
+            raise InputError(f"{path}: {len(known.objects)} objects, a map has {MOST_OBJECTS} at most; leave some out")
+        return with_id(saved_map_of_prior(known))
     if path.stat().st_size > LARGEST:
-        raise InputError(f"{path}: larger than {LARGEST >> 30} GiB; {REMEDY}")
+        raise InputError(f"{path}: larger than {LARGEST >> 20} MiB; {REMEDY}")
     try:
         arrays, description = FORMAT.read(path)
         found = _saved(arrays, description)
