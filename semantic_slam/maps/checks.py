@@ -6,15 +6,13 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.world.map_prior import ID_LIMIT, ROUNDING
+from semantic_slam.inference.world.map_prior import ID_LIMIT, ROUNDING, is_positive
 from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
 
 SUM_ERROR = 1e-6
 """How far the sum of probabilities may be off one."""
 MOST_OBJECTS = 1300
 """Objects of a map: their joint covariance is a square of three times as many numbers."""
-TINY = 1e-30
-"""Added to variances of which all are 0."""
 
 
 def check_map(saved: SavedMap) -> None:
@@ -92,12 +90,7 @@ def _check_covariance(covariance: Array, what: str) -> None:
     tolerance = ROUNDING * float(np.abs(covariance).max(initial=0.0))
     if not len(covariance):
         return
-    is_covariance = np.abs(covariance - covariance.T).max() <= tolerance
-    try:
-        np.linalg.cholesky(covariance + (tolerance + TINY) * np.eye(len(covariance)))
-    except np.linalg.LinAlgError:
-        is_covariance = False
-    if not is_covariance:
+    if not (np.abs(covariance - covariance.T).max() <= tolerance and is_positive(covariance, tolerance)):
         raise ValueError(f"{what} is not symmetric and positive semi-definite")
 
 
