@@ -5,11 +5,12 @@ Services (semantic_slam_msgs/srv):
   ~/get_object       GetObject: all that is known of one
   ~/get_path         GetPath: the robot's path from its start on
   ~/find_lookalike   FindLookalike: which mapped object looks like a crop
+  ~/save_map         SaveMap: write the map into a file, from which a later run may start
 
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
   backend_timeout_s  a backend silent for so long is given up (default 60)
-  map_prior          objects.json with the objects known before (default none)
+  map_prior          FILE.map or objects.json with the objects known before (default none)
   source_bag         bag being replayed, for the record (default none)
   journal            folder in which the run is kept on disk, so that this node goes on where it stood when it is
                      started again (default none)
@@ -33,7 +34,9 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
@@ -51,6 +54,7 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
 from semantic_slam.ros.lookalike_service import LookalikeService
+from semantic_slam.ros.map_service import MapService
 from semantic_slam.ros.object_services import ObjectServices
 from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
@@ -96,7 +100,8 @@ class HypothesisManagerNode(PipelineNode):
         self._explanation = explanation_status(None)  # likewise
         self._publisher = BeliefPublisher(self, self.lossless)
         self._belief: HybridBelief | None = None  # the newest
-        self._answers = LookalikeService(self, self._configuration.semantic_model), ObjectServices(self)
+        lookalikes = LookalikeService(self, self._configuration.semantic_model)
+        self._answers = lookalikes, ObjectServices(self), MapService(self, self._run)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
         )
@@ -216,6 +221,11 @@ class HypothesisManagerNode(PipelineNode):
         self._explanation = explanation_status(belief)
         self._num_keyframes += 1
         self._belief_stamp_ns = belief.stamp_ns
+
+    def _run(self) -> RunConfiguration:
+        """The run that beliefs are of; there is one once there is a belief."""
+        assert self._manager is not None
+        return self._manager.run
 
     def _start(self, first: Keyframe) -> Engine:
         pose, covariance = initial_pose_of(self._configuration)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,15 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from semantic_slam_lab.studies.embeddings.known_map import map_of
-from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath
+from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, SaveMap
+from worlds.small_map import LOOSE, run_to_its_end
 
+from semantic_slam.maps.map_file import read_map
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros import path_publisher, qos
+from semantic_slam.ros.map_service import MapService
 from semantic_slam.ros.object_services import ObjectServices
 from semantic_slam.ros.transport import receive
 
@@ -82,6 +86,23 @@ def test_objects_are_found_by_class_and_region_and_told_one_by_one(asked: tuple[
     told = ask(GetObject, "get_object", GetObject.Request(object_id=0))
     assert told.fault == "" and told.name == "0" and told.existence == 0.5
     assert dict(zip(told.class_names, told.class_probabilities, strict=True)) == {"chair": 0.9, "cup": 0.1}
+
+
+def test_the_map_is_written_and_a_file_that_is_there_stays(asked: tuple[Node, Ask], tmp_path: Path) -> None:
+    node, ask = asked
+    engine, belief = run_to_its_end(LOOSE)
+    ours, place = MapService(node, lambda: engine.run), tmp_path / "room.map"
+    assert "no belief yet" in ask(SaveMap, "save_map", SaveMap.Request(path=str(place))).fault
+    ours.belief = belief
+    told = ask(SaveMap, "save_map", SaveMap.Request(path=str(place)))
+    known = read_map(place)
+    assert (told.fault, told.keyframe, told.map_id, told.objects) == ("", belief.keyframe, known.map_id, 4)
+    assert not known.has_cross_covariances and known.provenance.run_id == engine.run.run_id
+    assert "give overwrite: true" in ask(SaveMap, "save_map", SaveMap.Request(path=str(place))).fault
+    assert ask(SaveMap, "save_map", SaveMap.Request(path=str(place), overwrite=True)).fault == ""
+    assert "path is empty" in ask(SaveMap, "save_map", SaveMap.Request()).fault
+    assert "/dev/null" in ask(SaveMap, "save_map", SaveMap.Request(path="/dev/null/room.map")).fault
+    assert [own.name for own in tmp_path.iterdir()] == ["room.map"]
 
 
 @pytest.mark.parametrize(
