@@ -9,6 +9,7 @@ import jinja2
 import numpy as np
 
 from semantic_slam.answers.explain.explanation import Explanation
+from semantic_slam.report.boxes import BoxView
 from semantic_slam.report.charts import time_charts, truth_charts
 from semantic_slam.report.comparison import Run
 from semantic_slam.report.comparison_view import comparison_view
@@ -79,20 +80,25 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
 
 
 def slider_pictures(views: Mapping[int, FrameView]) -> list[dict[str, Any]]:
-    """The slider's pictures as the page's script shows them, by the place ``i`` of their keyframe."""
+    """The slider's pictures, in order."""
     return [
-        {
-            "i": row,
-            "data": view.data,
-            "width": view.width,
-            "height": view.height,
-            "boxes": [
-                [box.left, box.top, box.width, box.height, box.colour, box.verdict, box.places, box.text, box.told]
-                for box in view.boxes
-            ],
-        }
-        for row, view in sorted(views.items())
+        shown_picture(view.keyframe, f"data:image/jpeg;base64,{view.data}", (view.width, view.height), view.boxes)
+        for _, view in sorted(views.items())
     ]
+
+
+def shown_picture(keyframe: int, source: str, size: tuple[int, int], boxes: Sequence[BoxView]) -> dict[str, Any]:
+    """A picture as the page's script shows it; ``source`` is its address, ``size`` width and height in pixels."""
+    return {
+        "k": keyframe,
+        "src": source,
+        "width": size[0],
+        "height": size[1],
+        "boxes": [
+            [box.left, box.top, box.width, box.height, box.colour, box.verdict, box.places, box.text, box.told]
+            for box in boxes
+        ],
+    }
 
 
 def environment() -> jinja2.Environment:
