@@ -12,12 +12,12 @@ from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from semantic_slam.errors import InputError, MessageError
+from semantic_slam.errors import InputError, MessageError, SemanticSlamError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import deserialize
@@ -30,7 +30,8 @@ LOOK_S = 0.5
 """How often publishers are looked for."""
 PICTURES = (topics.IMAGE_COMPRESSED, topics.IMAGE)
 DEPTH = 200
-SPIN_S, JOIN_S = 0.2, 1.0
+JOIN_S = 1.0
+SAY_AGAIN_S = 10.0
 OF_THE_MANAGER = (topics.BELIEF, topics.RUN_CONFIGURATION, topics.MANAGER_PROGRESS)
 
 
@@ -81,6 +82,9 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
                 handle(read(data, kind))
             except MessageError as fault:
                 self.run.refused[f"{topic}: {fault.kind}"] += 1
+            except Exception as fault:  # whatever a message has in it, the page goes on with the next one
+                self.run.refused[f"{topic}: message cannot be shown"] += 1
+                self.get_logger().warning(f"{topic}: {fault!r}", throttle_duration_sec=SAY_AGAIN_S)
 
         if is_installed(kind):
             self.create_subscription(ros_type(kind), self._name(topic), taken, profile, raw=True)
@@ -101,24 +105,44 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
 
 
 def serve(host: str, port: int, belief: str, words: list[str]) -> None:
-    """Serve the page until interrupted. Raises InputError."""
+    """Serve the page until interrupted. Raises InputError, and whatever ends the node."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    executor = SingleThreadedExecutor()
-    listener = threading.Thread(target=_spin, args=(executor,), daemon=True)
+    listener = None
     try:
         node = _node(belief, words)
         with ViewServer(host, port, node.run) as server:
-            executor.add_node(node)
-            listener.start()
             print(f"{server.address} shows {node.run.topic}; Ctrl-C ends it", flush=True)
             if not server.is_of_this_machine:
                 print(f"whoever reaches {host} may look; nobody can change anything", file=sys.stderr, flush=True)
+            listener = Listener(node, server)
+            listener.start()
             server.serve_forever()
+            raise listener.fault or SemanticSlamError("view: the node has ended")
     finally:
         rclpy.try_shutdown()
-        if listener.is_alive():
+        if listener is not None:
             listener.join(JOIN_S)
+
+
+class Listener(threading.Thread):
+    """Calls the node back until the end; a fault ends the server, too."""
+
+    def __init__(self, node: ViewNode, server: ViewServer) -> None:
+        super().__init__(daemon=True)
+        self._node, self._server = node, server
+        self.fault: Exception | None = None
+
+    def run(self) -> None:
+        executor = SingleThreadedExecutor()
+        executor.add_node(self._node)
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception as fault:
+            self.fault = fault
+        self._server.shutdown()
 
 
 def _node(belief: str, words: list[str]) -> ViewNode:
@@ -126,8 +150,3 @@ def _node(belief: str, words: list[str]) -> ViewNode:
         return ViewNode(belief, words)
     except (RuntimeError, ValueError) as fault:  # names of topics and ROS arguments
         raise InputError(f"view: {' '.join(str(fault).split())[:300]}; see --belief and ROS arguments") from None
-
-
-def _spin(executor: SingleThreadedExecutor) -> None:
-    while rclpy.ok():
-        executor.spin_once(timeout_sec=SPIN_S)

@@ -11,9 +11,9 @@ from semantic_slam.evaluation.history import lineage
 from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.object_table import columns
-from semantic_slam.report.charts import discarded_chart, weights_chart
+from semantic_slam.report.charts import Chart, discarded_chart, weights_chart
 from semantic_slam.report.explanation_charts import unexplained_chart
-from semantic_slam.report.page import environment
+from semantic_slam.report.rendering import environment
 
 CHARTED = 240
 """Keyframes."""
@@ -45,17 +45,24 @@ class LiveCharts:
 
 
 def _drawn(beliefs: tuple[HybridBelief, ...]) -> dict[str, Any]:
-    charts = [weights_chart(beliefs, lineage(beliefs)), discarded_chart(beliefs)]
+    charts = [_weights(beliefs), discarded_chart(beliefs)]
     if np.isfinite([belief.unexplained for belief in beliefs]).any():
         charts.insert(1, unexplained_chart(beliefs))
     draw = environment().get_template("parts.html").module.chart  # type: ignore[attr-defined]  # a macro
     return {"keyframes": [belief.keyframe for belief in beliefs], "html": "".join(map(draw, charts))}
 
 
+def _weights(beliefs: tuple[HybridBelief, ...]) -> Chart:
+    """The report's chart, of a run that has no final answer yet."""
+    chart = weights_chart(beliefs, lineage(beliefs))
+    keys = [replace(chart.keys[0], name="leads to the best one now"), *chart.keys[1:]]
+    return replace(chart, keys=keys, text="One column per keyframe, one segment per hypothesis.")
+
+
 def without_objects(belief: HybridBelief) -> HybridBelief:
     """The belief's weights and lineage alone, in memory of their own: a message's arrays are views of all its bytes."""
-    per_object = {name: np.zeros((0, *values.shape[1:])) for name, values in columns(belief).items()}
-    nothing = {
+    per_object: dict[str, Any] = {name: np.zeros((0, *values.shape[1:])) for name, values in columns(belief).items()}
+    nothing: dict[str, Any] = {
         "class_names": (),
         "object_names": (),
         "noise_names": (),
@@ -65,5 +72,7 @@ def without_objects(belief: HybridBelief) -> HybridBelief:
         "outlier_probability": left_out(),
         **{name: getattr(belief, name)[:0].copy() for name in EMPTIED},
     }
-    own = {name: getattr(belief, name).copy() for name in ("hypothesis_ids", "parent_ids", "log_weights")}
+    own: dict[str, Any] = {
+        name: getattr(belief, name).copy() for name in ("hypothesis_ids", "parent_ids", "log_weights")
+    }
     return replace(belief, **per_object, **nothing, **own)

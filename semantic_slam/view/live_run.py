@@ -3,7 +3,7 @@
 import secrets
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -23,10 +23,8 @@ from semantic_slam.view.live_charts import LiveCharts
 from semantic_slam.view.node_health import NodeHealth
 from semantic_slam.view.pictures import Pictures
 from semantic_slam.view.timeline import Timeline, bounds
+from semantic_slam.view.true_path import TruePath
 
-KEPT_TRUTH = 2000
-TRUTH_STEP_M = 0.05
-"""The true path is kept at such steps."""
 RIVALS_SHOWN = 30
 """Keyframes of whose rival hypotheses the map has to show all."""
 
@@ -45,11 +43,12 @@ class LiveRun:
         self._version = 0
         self._configuration: RunConfiguration | None = None
         self._pictures = Pictures()
+        self._true_path = TruePath()
         self._true_objects: list[list[float]] = []
-        self._begin()
+        self._begin(0)
 
-    def _begin(self) -> None:
-        """Forget one run for another."""
+    def _begin(self, stamp_ns: int) -> None:
+        """Forget one run for another, whose first keyframe is of that time."""
         self._number += 1
         self._run_id: str | None = None  # not known yet
         self._first_stamp_ns: int | None = None  # of keyframe 0, where that was seen
@@ -63,7 +62,7 @@ class LiveRun:
         self._classes: list[dict[str, Any]] = []
         self._charts = LiveCharts()
         self._pictures.forget_run()
-        self._truth: deque[tuple[int, list[float]]] = deque(maxlen=KEPT_TRUTH)
+        self._true_path.begin(stamp_ns)
 
     @property
     def session(self) -> str:
@@ -73,7 +72,7 @@ class LiveRun:
         """Of the run that is going on, or of one that begins."""
         with self._lock:
             if self._run_id not in (None, run.run_id):
-                self._begin()
+                self._begin(run.stamp_ns)
             self._run_id, self._configuration = run.run_id, run
 
     def add_progress(self, progress: ReplayProgress) -> None:
@@ -84,7 +83,7 @@ class LiveRun:
         """The next keyframe's, or one that is known, or the first of another run."""
         with self._lock:
             if self._is_of_another_run(belief):
-                self._begin()
+                self._begin(belief.stamp_ns)
             if belief.keyframe <= self._timeline.newest:
                 self._repeated = belief.keyframe
                 return
@@ -132,12 +131,9 @@ class LiveRun:
             self._pictures.add_picture(message, self._version, self._folder)
 
     def add_true_pose(self, pose: OdometryEstimate) -> None:
-        x, y = pose.pose[:2].tolist()
         with self._lock:
-            last = self._truth[-1][1] if self._truth else [np.inf, np.inf]
-            if np.hypot(x - last[0], y - last[1]) >= TRUTH_STEP_M:
-                self._version += 1
-                self._truth.append((self._version, [round(x, 3), round(y, 3)]))
+            self._version += 1
+            self._true_path.add(pose, self._version)
 
     def add_true_objects(self, objects: GroundTruthObjects) -> None:
         with self._lock:
@@ -159,7 +155,7 @@ class LiveRun:
                 "frames": self._timeline.changed_since(since),
                 "objects": self._timeline.objects.changed_since(since),
                 "pictures": self._pictures.changed_since(since),
-                "truth": [point for since_version, point in self._truth if since_version > since],
+                "truth": self._true_path.changed_since(since),
                 "crosses": self._true_objects,
                 "classes": self._classes,
                 "extent": self._extent.box,

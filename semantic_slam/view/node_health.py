@@ -7,6 +7,7 @@ KEPT_STATUSES = 200
 SILENT_S = 5.0
 """Diagnostics come once a second; what has not spoken for so long is silent."""
 FORGOTTEN_S = 600.0
+MOST_LETTERS = 300
 OURS = "semantic_slam"
 DROPPED = "dropped: "
 
@@ -32,7 +33,7 @@ class NodeHealth:
             {
                 "name": name,
                 "level": int(status.level),
-                "message": str(status.message),
+                "message": str(status.message)[:MOST_LETTERS],
                 "silent": round(now_s - came_s) if now_s - came_s > SILENT_S else None,
             }
             for name, (came_s, status) in self._statuses.items()
@@ -41,9 +42,10 @@ class NodeHealth:
 
     def dropped(self) -> list[list[str]]:
         """Node, reason and number of what was not used."""
-        return sorted(
+        rows = sorted(
             [name.split(":")[0], value.key.removeprefix(DROPPED), str(value.value)]
             for name, (_, status) in self._statuses.items()
             for value in status.values
             if value.key.startswith(DROPPED)
         )
+        return rows[:KEPT_STATUSES]

@@ -2,7 +2,7 @@
 
 import jinja2
 
-from semantic_slam.report.page import environment
+from semantic_slam.report.rendering import environment
 
 HTML, CSS, SCRIPT = ("text/html; charset=utf-8", "text/css; charset=utf-8", "text/javascript; charset=utf-8")
 

@@ -12,7 +12,7 @@ from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.report.boxes import boxes_of
 from semantic_slam.report.frames import jpeg, scaled
-from semantic_slam.report.page import shown_picture
+from semantic_slam.report.rendering import shown_picture
 
 WIDTH = 560
 """Pixels."""

@@ -47,7 +47,7 @@ class ViewServer(ThreadingHTTPServer):
             self.address_family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
             super().__init__((host, port), Handler)
         except (OSError, OverflowError) as fault:
-            reason = getattr(fault, "strerror", None) or str(fault)
+            reason = getattr(fault, "strerror", None) or str(fault).rstrip(".")
             raise InputError(f"{host} port {port}: {reason}; choose others with --host and --port") from None
 
     @property

@@ -27,7 +27,7 @@ class ShownObjects:
     def note(self, belief: HybridBelief, version: int) -> list[int]:
         """Take in who is there; returns the places of those that are not any more."""
         existence = np.where(np.isfinite(belief.existence), belief.existence, 1.0)
-        rows = np.argsort(-existence, kind="stable")[:SHOWN_OBJECTS].tolist()
+        rows = sorted(np.argsort(-existence, kind="stable")[:SHOWN_OBJECTS].tolist())
         shown = {int(belief.object_ids[row]): row for row in rows}
         gone = [self.places.pop(number) for number in list(self.places) if number not in shown]
         self.written = {number: state for number, state in self.written.items() if number in shown}

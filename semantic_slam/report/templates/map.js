@@ -47,11 +47,11 @@ function nameOf(place, o) { // its label, and what it is once that is likelier t
 }
 
 class MapView {
-  constructor(svg, small) {
+  constructor(svg, small, height = 0) { // height: share of the width, 0: as the extent is, within limits
     this.svg = svg;
     this.small = small;
     let [x0, y0, x1, y1] = scene.extent;
-    const aspect = Math.min(Math.max((y1 - y0) / (x1 - x0), 0.6), small ? 1 : 0.85);
+    const aspect = height || Math.min(Math.max((y1 - y0) / (x1 - x0), 0.6), small ? 1 : 0.85);
     const grow = Math.max((y1 - y0) / aspect - (x1 - x0), 0) / 2, rise = Math.max((x1 - x0) * aspect - (y1 - y0), 0) / 2;
     [this.x0, this.x1, this.y0, this.y1] = [x0 - grow, x1 + grow, y0 - rise, y1 + rise];
     this.width = 800;

@@ -12,6 +12,7 @@ function forget() { // another run begins
   drawnAt = 0;
   part("charts").replaceChildren();
   plots = [];
+  document.body.className = "empty";
 }
 
 function take(data) { // what is new since the last time
@@ -31,14 +32,19 @@ function take(data) { // what is new since the last time
   scene.pictures = [...scene.pictures.filter(p => !newer.has(p.k)), ...data.pictures].slice(-MOST_PICTURES);
   scene.classes = data.classes;
   scene.crosses = data.crosses;
-  const extent = "" + data.extent;
-  if (extent !== "" + scene.extent) {
+  if (scene.frames.length && "" + data.extent !== "" + scene.extent) {
     scene.extent = data.extent;
-    main = new MapView(part("mainmap"), false);
+    fit();
   }
   tell(data);
   if (scene.frames.length && (data.frames.length || data.pictures.length || data.truth.length)) show(follows ? Infinity : shown);
   if (data.frames.length) later(drawCharts);
+}
+
+function fit() { // the map into the window
+  document.body.className = scene.frames.length ? "" : "empty";
+  const svg = part("mainmap");
+  main = new MapView(svg, false, svg.clientHeight / svg.clientWidth || 0);
 }
 
 function takeFrame(frame) {
@@ -104,18 +110,25 @@ function tell({ state, run, health, dropped }) { // how the run goes, and its no
       entry.append(name);
     }
   }
-  table("health", health, (row, { name, level, message, silent }) => {
-    row.className = silent === null ? "" : "silent";
-    const cell = html(row, "td");
-    html(cell, "i", "dot " + (silent !== null ? "silent" : ["", "warn", "error"][Math.min(level, 2)]));
-    cell.append(name);
-    html(row, "td", "", silent === null ? message : `silent for ${silent} s; last: ${message}`);
-  }, "no diagnostics so far");
+  const wrong = health.filter(status => status.level && status.silent === null), others = health.filter(status => !wrong.includes(status));
+  const fine = others.filter(status => status.silent === null).length, silent = others.length - fine;
+  table("health", wrong, statusRow, health.length ? "nothing is wrong" : "no diagnostics so far");
+  table("fine", others, statusRow, "");
+  part("others").hidden = !others.length;
+  part("others").firstElementChild.textContent = [fine && fine + " fine", silent && silent + " silent"].filter(word => word).join(", ");
   table("dropped", dropped, (row, [node, reason, count]) => {
     html(row, "td", "", node);
     html(row, "td", "", reason);
     html(row, "td", "num", count);
   }, "nothing");
+}
+
+function statusRow(row, { name, level, message, silent }) {
+  const cell = html(row, "td");
+  row.className = silent === null ? "" : "silent";
+  html(cell, "i", "dot " + (silent !== null ? "silent" : ["", "warn", "error"][Math.min(level, 2)]));
+  cell.append(name);
+  html(row, "td", "", silent === null ? message : `silent for ${silent} s; last: ${message}`);
 }
 
 function stateOf({ topic, publishers, age, ended, repeated, missed }) {
@@ -177,6 +190,9 @@ async function poll() {
 
 part("slider").addEventListener("input", event => look(+event.target.value));
 part("follow").addEventListener("click", () => look(scene.frames.length - 1));
-addEventListener("resize", () => scene.frames.length && show(follows ? Infinity : shown));
+addEventListener("resize", () => {
+  fit();
+  if (scene.frames.length) show(follows ? Infinity : shown);
+});
 forget();
 poll();
