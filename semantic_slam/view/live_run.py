@@ -22,11 +22,8 @@ from semantic_slam.view.extent import Extent
 from semantic_slam.view.live_charts import LiveCharts
 from semantic_slam.view.node_health import NodeHealth
 from semantic_slam.view.pictures import Pictures
-from semantic_slam.view.timeline import Timeline, bounds
+from semantic_slam.view.timeline import Timeline
 from semantic_slam.view.true_path import TruePath
-
-RIVALS_SHOWN = 30
-"""Keyframes of whose rival hypotheses the map has to show all."""
 
 
 class LiveRun:
@@ -108,10 +105,8 @@ class LiveRun:
         colours = self._palette.of(belief)
         pairs = zip(belief.class_names, colours, strict=True)
         self._classes = [{"name": name, "colour": own, "shared": own == OTHER_COLOUR} for name, own in pairs]
-        moments = self._timeline.moments
-        recent = len(moments) - RIVALS_SHOWN
-        points = [bounds(moment.scene, row >= recent) for row, moment in enumerate(moments)]
-        self._extent.show(np.vstack([*points, np.array(self._true_objects).reshape(-1, 2)]))
+        true_objects = np.array(self._true_objects).reshape(-1, 2)
+        self._extent.show(np.concatenate([self._timeline.to_be_seen(), true_objects]))
         self._pictures.add_belief(belief, colours, self._version, self._folder)
         self._charts.add(belief)
 
@@ -148,11 +143,11 @@ class LiveRun:
         """What a page has to learn that knows all up to ``version`` of a session; all there is for another session."""
         with self._lock:
             since = version if session == self.session else 0
+            frames = self._timeline.changed_since(since)
             found = {
                 "session": self.session,
                 "version": self._version,
                 "first": self._timeline.oldest,
-                "frames": self._timeline.changed_since(since),
                 "objects": self._timeline.objects.changed_since(since),
                 "pictures": self._pictures.changed_since(since),
                 "truth": self._true_path.changed_since(since),
@@ -164,7 +159,7 @@ class LiveRun:
                 "health": self.health.rows(),
                 "dropped": self.health.dropped() + self._refused(),
             }
-        return plain(found)  # type: ignore[no-any-return]
+        return {**plain(found), "frames": frames}
 
     def _run(self) -> dict[str, str]:
         run = self._configuration

@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.keyframe import hypothesis_rows, keyframe_scene
+from semantic_slam.report.plain_json import plain
 from semantic_slam.report.scene import SHOWN_HYPOTHESES
 from semantic_slam.view.shown_objects import ShownObjects
 
@@ -15,6 +16,8 @@ KEPT = 600
 """Keyframes; of older ones the page knows nothing."""
 KEPT_HYPOTHESES = 100
 """Heaviest hypotheses of a keyframe that may be drawn later, as ancestors of heavy ones."""
+RIVALS_SHOWN, LEAST_WEIGHT = 30, 0.02
+"""Keyframes of whose rival hypotheses of such a weight the map has to show all."""
 NUMBERS = ("unexplained", "discarded_mass", "discarded_mass_window", "association_entropy", "dropped", "num_candidates")
 """Quantities of a belief that the page states as they are."""
 
@@ -29,6 +32,7 @@ class Moment:
     parents: dict[int, int]  # by hypothesis
     rows: dict[int, list[float]]  # by hypothesis, as the page draws it
     places: dict[int, int]  # in the scene, by hypothesis
+    corners: Array  # (2, 2) of what the map has to show: lowest and highest x and y
 
     def draw(self, hypothesis: int, parent_place: int, version: int) -> int:
         """Have a hypothesis drawn; returns its place in the scene."""
@@ -56,15 +60,17 @@ class Timeline:
         gone = self.objects.note(belief, version)
         scene = keyframe_scene(belief, self.start_ns, [], self.objects.places, self.objects.written)
         scene["o"] += [[place] for place in gone]
-        scene |= {"e": self.objects.fading(belief), **_numbers(belief)}
+        scene = plain(scene | {"e": self.objects.fading(belief), **_numbers(belief)})
+        rows = plain(hypothesis_rows(belief, heaviest, {}))
         self.moments.append(
             Moment(
                 version=version,
                 stamp_ns=belief.stamp_ns,
                 scene=scene,
                 parents={own: int(belief.parent_ids[row]) for own, row in zip(ids, heaviest, strict=True)},
-                rows=dict(zip(ids, hypothesis_rows(belief, heaviest, {}), strict=True)),
+                rows=dict(zip(ids, rows, strict=True)),
                 places={},
+                corners=_corners(_points(scene, rows)),
             )
         )
         for hypothesis in ids[:SHOWN_HYPOTHESES]:
@@ -81,6 +87,13 @@ class Timeline:
         same = [moment for moment in self.moments if moment.scene["k"] == belief.keyframe]
         best = int(belief.hypothesis_ids[np.argmax(belief.log_weights)])
         return bool(same) and same[0].stamp_ns == belief.stamp_ns and best in same[0].parents
+
+    def to_be_seen(self) -> Array:
+        """(N, 2) points that the map has to show: paths and objects, and the rivals of late that weigh something."""
+        recent = [row for moment in self.moments[-RIVALS_SHOWN:] for row in moment.scene["h"]]
+        rivals = [row[2:4] for row in recent if (row[1] or 0.0) > LEAST_WEIGHT]
+        corners = np.concatenate([moment.corners for moment in self.moments])
+        return np.concatenate([corners, np.array(rivals, dtype=np.float64).reshape(-1, 2)])
 
     @property
     def newest(self) -> int:
@@ -117,8 +130,13 @@ def _numbers(belief: HybridBelief) -> dict[str, float | None]:
     return {name: round(value, 6) if np.isfinite(value) else None for name, value in values.items()}
 
 
-def bounds(scene: dict[str, Any], with_rivals: bool) -> Array:
-    """(N, 2) points of a keyframe that its map has to show: best hypothesis, rivals that weigh something, objects."""
-    heaviest = max((row[1] for row in scene["h"]), default=0.0)
-    shown = [row[2:4] for row in scene["h"] if row[1] == heaviest or (with_rivals and row[1] > 0.02)]
-    return np.array(shown + [row[1:3] for row in scene["o"] if len(row) > 1], dtype=np.float64).reshape(-1, 2)
+def _points(scene: dict[str, Any], rows: list[list[float]]) -> list[list[float]]:
+    """Where the best hypothesis and the objects are that a keyframe tells of."""
+    heaviest = max(rows, key=lambda row: row[1] or 0.0)
+    return [heaviest[2:4], *(row[1:3] for row in scene["o"] if len(row) > 1)]
+
+
+def _corners(points: list[list[float]]) -> Array:
+    """(2, 2) lowest and highest x and y of points."""
+    every = np.array(points, dtype=np.float64)
+    return np.stack([every.min(axis=0), every.max(axis=0)])

@@ -25,7 +25,7 @@ class TruePath:
         if self._points and pose.stamp_ns < self._points[-1][1]:
             self._points.clear()
         last_x, last_y = self._points[-1][2] if self._points else (np.inf, np.inf)
-        if np.hypot(x - last_x, y - last_y) >= STEP_M:
+        if np.isfinite([x, y]).all() and np.hypot(x - last_x, y - last_y) >= STEP_M:
             self._points.append((version, pose.stamp_ns, [round(x, 3), round(y, 3)]))
 
     def begin(self, stamp_ns: int) -> None:
