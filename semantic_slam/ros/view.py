@@ -1,9 +1,11 @@
 """What ``semantic_slam view`` is besides its page: a node that listens, and slows nothing down.
 
-Pictures and diagnostics are read best effort. What is read reliably is of few bytes, and nothing waits for it to be
-worked on: a reader that keeps the newest alone acknowledges what it throws away.
+All that goes on and on is read best effort, and nothing through shared memory. A reliable reader that is stopped
+(Ctrl-Z, a laptop that is closed) holds up the run until DDS forgets it, which takes 20 s; one that holds shared memory
+does so for good.
 """
 
+import os
 import signal
 import sys
 import threading
@@ -29,15 +31,16 @@ from semantic_slam.view.server import ViewServer
 LOOK_S = 0.5
 """How often publishers are looked for."""
 PICTURES = (topics.IMAGE_COMPRESSED, topics.IMAGE)
-DEPTH = 200
+DEPTH, PICTURES_DEPTH = 200, 10
+WITHOUT_SHARED_MEMORY = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 JOIN_S = 1.0
 SAY_AGAIN_S = 10.0
 OF_THE_MANAGER = (topics.BELIEF, topics.RUN_CONFIGURATION, topics.MANAGER_PROGRESS)
 
 
-def newest(reliability: ReliabilityPolicy, depth: int) -> QoSProfile:
-    """Keeps the newest alone, so that no publisher waits for this node."""
-    return QoSProfile(reliability=reliability, history=HistoryPolicy.KEEP_LAST, depth=depth)
+def newest(depth: int) -> QoSProfile:
+    """Quality of service that no publisher waits for: what is lost on the way is lost."""
+    return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth)
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
@@ -55,15 +58,14 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         rules = [word for rule in renamed if belief != topics.BELIEF for word in ("-r", rule)]
         super().__init__("view", namespace=namespace or None, cli_args=["--ros-args", *rules, *(words or [])[1:]])
         self.run = LiveRun(self.resolve_topic_name(topics.BELIEF))
-        reliable, best_effort = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
         take, run = self._take, self.run
-        take(topics.BELIEF, run.add_belief, newest(reliable, DEPTH))
-        take(topics.MEASUREMENTS, run.add_measurements, newest(reliable, DEPTH))
+        take(topics.BELIEF, run.add_belief, newest(DEPTH))
+        take(topics.MEASUREMENTS, run.add_measurements, newest(DEPTH))
         take(topics.RUN_CONFIGURATION, run.add_configuration, qos.latched())
-        take(topics.MANAGER_PROGRESS, run.add_progress, qos.latched())
+        take(topics.MANAGER_PROGRESS, run.add_progress, newest(1))
         take(topics.GROUND_TRUTH_OBJECTS, run.add_true_objects, qos.latched())
-        take(topics.GROUND_TRUTH_ODOMETRY, run.add_true_pose, newest(best_effort, DEPTH))
-        take(topics.DIAGNOSTICS, run.add_diagnostics, newest(best_effort, DEPTH), read=deserialize)
+        take(topics.GROUND_TRUTH_ODOMETRY, run.add_true_pose, newest(DEPTH))
+        take(topics.DIAGNOSTICS, run.add_diagnostics, newest(DEPTH), read=deserialize)
         self._has_camera = False
         self.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -101,12 +103,13 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         for topic in PICTURES:
             if not self._has_camera and self.count_publishers(self.resolve_topic_name(topic)):
                 self._has_camera = True
-                self._take(topic, self.run.add_picture, newest(ReliabilityPolicy.BEST_EFFORT, 10), read=deserialize)
+                self._take(topic, self.run.add_picture, newest(PICTURES_DEPTH), read=deserialize)
 
 
 def serve(host: str, port: int, belief: str, words: list[str]) -> None:
     """Serve the page until interrupted. Raises InputError, and whatever ends the node."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    os.environ.setdefault(*WITHOUT_SHARED_MEMORY)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     listener = None
     try:

@@ -7,7 +7,7 @@ from semantic_slam.geometry.arrays import Array
 MARGIN = 0.12
 """Share of its size that is left free around what is to be seen, so that it need not grow at every keyframe."""
 LEAST_MARGIN_M = 0.5
-EMPTY = 0.45
+EMPTY = 0.65
 """It becomes smaller where both sides would by this factor: a map that jumps cannot be watched."""
 
 

@@ -123,7 +123,8 @@ def test_the_page_follows_a_run(robot: Robot, view: tuple[subprocess.Popen[str],
     assert page(address, lambda told: told["state"]["publishers"] == 1)["frames"] == []
     robot.wait_for_view()
     robot.send(topics.RUN_CONFIGURATION, encode(run_configuration(tmp_path, CLASSES, ("",) * len(OBJECTS))))
-    robot.send(topics.DIAGNOSTICS, serialize(dropped_message(START, {"frames": Counter(late=3)})))
+    diagnostics = serialize(dropped_message(START, {"frames": Counter(late=3)}))
+    page(address, lambda told: robot.send(topics.DIAGNOSTICS, diagnostics) or told["dropped"])
     robot.send(topics.BELIEF, b"no message at all")
     for k in range(5, 9):  # the view came in the midst of the run
         robot.keyframe(k)
