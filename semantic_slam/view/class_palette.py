@@ -7,7 +7,7 @@ from semantic_slam.report.palette import CLASS_COLOURS, OTHER_COLOUR, class_colo
 
 
 class ClassPalette:
-    """Of more classes than there are colours, those get one that an object was first found to be."""
+    """Gives the colours there are to the classes that objects were first found to be, where there are more classes."""
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] = ()

@@ -66,7 +66,7 @@ class LiveRun:
         return f"{self._token}.{self._number}"
 
     def add_configuration(self, run: RunConfiguration) -> None:
-        """Of the run that is going on, or of one that begins."""
+        """Take in what is said of the run that is going on, or of one that begins."""
         with self._lock:
             if self._run_id not in (None, run.run_id):
                 self._begin(run.stamp_ns)

@@ -10,7 +10,7 @@ KEPT_TRUTH = 2000
 STEP_M = 0.05
 """Points are kept at such steps."""
 AHEAD_NS = 1_000_000_000
-"""Of a run, before its first keyframe."""
+"""How long before its first keyframe a run begins, at most."""
 
 
 class TruePath:
