@@ -35,10 +35,14 @@ class LiveCharts:
     def add(self, belief: HybridBelief) -> None:
         self._beliefs.append(without_objects(belief))
 
-    def draw(self) -> dict[str, Any]:
+    @property
+    def beliefs(self) -> tuple[HybridBelief, ...]:
+        """What there is to be drawn."""
+        return tuple(self._beliefs)
+
+    def draw(self, beliefs: tuple[HybridBelief, ...]) -> dict[str, Any]:
         """Their keyframes and their HTML, in which every text is escaped."""
         with self._drawing:
-            beliefs = tuple(self._beliefs)
             if beliefs and beliefs[-1].keyframe != self._drawn[0]:
                 self._drawn = beliefs[-1].keyframe, _drawn(beliefs)
             return self._drawn[1]

@@ -186,8 +186,8 @@ class LiveRun:
     def charts(self) -> dict[str, Any]:
         """Keyframes and HTML of the charts."""
         with self._lock:
-            charts = self._charts
-        return charts.draw()
+            charts, beliefs = self._charts, self._charts.beliefs
+        return charts.draw(beliefs)
 
     def picture(self, session: str, keyframe: int) -> bytes | None:
         """JPEG of a keyframe; None where there is none. Raises MessageError where it does not decode."""

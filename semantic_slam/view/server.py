@@ -3,12 +3,12 @@
 import gzip
 import json
 import socket
-from collections.abc import Callable
+import sys
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.view.live_run import LiveRun
@@ -25,6 +25,7 @@ HEADERS = {
 JSON, JPEG = "application/json", "image/jpeg"
 SMALL = 1000
 """Bytes that are not worth being compressed."""
+MOST_DIGITS = 16
 PATIENCE_S = 30.0
 """After which a browser that says nothing is forgotten."""
 
@@ -62,13 +63,14 @@ class ViewServer(ThreadingHTTPServer):
         """Whether no other machine reaches it."""
         return ip_address(str(self.server_address[0]).partition("%")[0]).is_loopback
 
-    def is_meant(self, host: str) -> bool:
+    def is_meant(self, name: str) -> bool:
         """Whether a request names this machine: a page of a foreign name that was pointed here must not read ours."""
-        name = urlsplit(f"//{host}").hostname or ""
         return name in self.own_names or _is_address(name)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that went away is no fault."""
+        """Say what went wrong; a browser that went away is no fault."""
+        if not isinstance(sys.exception(), (ConnectionError, TimeoutError)):
+            super().handle_error(request, client_address)
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -79,37 +81,38 @@ class Handler(BaseHTTPRequestHandler):
     timeout = PATIENCE_S
 
     def do_GET(self) -> None:
-        if not self.server.is_meant(self.headers.get("Host", "")):
+        try:
+            name, asked = urlsplit(f"//{self.headers.get('Host', '')}").hostname, urlsplit(self.path)
+        except ValueError:
+            self.refuse(HTTPStatus.BAD_REQUEST)
+            return
+        if not self.server.is_meant(name or ""):
             self.refuse(HTTPStatus.MISDIRECTED_REQUEST)
             return
         try:
-            answer = self.answer()
-        except (MessageError, ValueError):
+            answer = self.answer(asked)
+        except MessageError:  # a picture that does not decode
             answer = None
         if answer is None:
             self.refuse(HTTPStatus.NOT_FOUND)
         else:
             self.send(HTTPStatus.OK, *answer)
 
-    def answer(self) -> Answer | None:
-        """What lies at the address that is asked for. Raises ValueError, or MessageError, where it means nothing."""
-        asked = urlsplit(self.path)
+    def answer(self, asked: SplitResult) -> Answer | None:
+        """What lies at the address that is asked for; None where there is nothing. Raises MessageError."""
         if asked.path in self.server.files:
             return self.server.files[asked.path]
-        known: dict[str, Callable[[dict[str, list[str]]], Any]] = {"/changes": self.changes, "/charts": self.charts}
-        if asked.path in known:
-            return JSON, json.dumps(known[asked.path](parse_qs(asked.query)), allow_nan=False).encode()
-        if asked.path.startswith("/pictures/"):
-            session, _, name = asked.path.removeprefix("/pictures/").partition("/")
-            found = self.server.run.picture(session, int(name.removesuffix(".jpg")))
-            return (JPEG, found) if found is not None else None
-        return None
-
-    def changes(self, asked: dict[str, list[str]]) -> Any:
-        return self.server.run.changes(asked.get("session", [""])[0], int(asked.get("version", ["0"])[0]))
-
-    def charts(self, _: dict[str, list[str]]) -> Any:
-        return self.server.run.charts()
+        if asked.path == "/changes":
+            query = dict(parse_qsl(asked.query))
+            version = query.get("version", "0")
+            return (
+                as_json(self.server.run.changes(query.get("session", ""), int(version))) if is_number(version) else None
+            )
+        if asked.path == "/charts":
+            return as_json(self.server.run.charts())
+        folder, _, name = asked.path.removesuffix(".jpg").rpartition("/")
+        found = self.server.run.picture(folder.removeprefix("/pictures/"), int(name)) if is_number(name) else None
+        return (JPEG, found) if found is not None else None
 
     def refuse(self, status: HTTPStatus) -> None:
         self.close_connection = True
@@ -133,6 +136,15 @@ class Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *words: Any) -> None:
         """Nothing: requests come several times a second."""
+
+
+def as_json(value: Any) -> Answer:
+    return JSON, json.dumps(value, allow_nan=False).encode()
+
+
+def is_number(text: str) -> bool:
+    """Whether a keyframe or a version may be meant."""
+    return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
 def _is_address(name: str) -> bool:

@@ -85,7 +85,7 @@ def test_what_is_not_there_is_not_found(server: ViewServer, path: str) -> None:
 
 def test_a_foreign_name_for_this_machine_is_refused(server: ViewServer) -> None:
     """Else any page on the web could have its own name point here, and read what it likes."""
-    assert get(server, "/", Host="evil.example")[0] == 421
+    assert get(server, "/", Host="evil.example")[0] == 421 and get(server, "/", Host="[")[0] == 400
     assert get(server, "/", Host="localhost:8321")[0] == get(server, "/", Host="[::1]")[0] == 200
 
 

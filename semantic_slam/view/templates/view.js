@@ -17,7 +17,12 @@ function forget() { // another run begins
 
 function take(data) { // what is new since the last time
   const last = scene.frames.at(-1);
-  if (data.session !== session || (last && data.first > last.k)) forget();
+  if (data.session === session && last && data.first > last.k) { // away for too long: from the start
+    session = "";
+    version = 0;
+    return;
+  }
+  if (data.session !== session) forget();
   session = data.session;
   version = data.version;
   for (const [place, entry] of data.objects) scene.objects[place] = entry;
