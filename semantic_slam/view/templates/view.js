@@ -47,7 +47,7 @@ function take(data) { // what is new since the last time
 }
 
 function fit() { // the map into the window
-  document.body.className = scene.frames.length ? "" : "empty";
+  document.body.className = "";
   const svg = part("mainmap");
   main = new MapView(svg, false, svg.clientHeight / svg.clientWidth || 0);
 }
@@ -77,7 +77,7 @@ function show(i) {
   panel(i);
   picture(i);
   tiles(i, frame);
-  const place = charted.indexOf(frame.k);
+  const place = follows ? charted.length - 1 : charted.indexOf(frame.k); // they are drawn a little later
   for (const plot of plots) plot.point(frame.k, place, !follows && place >= 0);
 }
 
@@ -117,6 +117,8 @@ function tell({ state, run, health, dropped }) { // how the run goes, and its no
   }
   const wrong = health.filter(status => status.level && status.silent === null), others = health.filter(status => !wrong.includes(status));
   const fine = others.filter(status => status.silent === null).length, silent = others.length - fine;
+  part("alarm").hidden = !wrong.length;
+  part("alarm").textContent = wrong.length === 1 ? wrong[0].message : wrong.length + " things are wrong with the nodes";
   table("health", wrong, statusRow, health.length ? "nothing is wrong" : "no diagnostics so far");
   table("fine", others, statusRow, "");
   part("others").hidden = !others.length;
@@ -196,8 +198,9 @@ async function poll() {
 part("slider").addEventListener("input", event => look(+event.target.value));
 part("follow").addEventListener("click", () => look(scene.frames.length - 1));
 addEventListener("resize", () => {
+  if (!scene.frames.length) return;
   fit();
-  if (scene.frames.length) show(follows ? Infinity : shown);
+  show(follows ? Infinity : shown);
 });
 forget();
 poll();
