@@ -68,6 +68,7 @@ setup(
         NAME: ["configurations/*", "py.typed", "weights/*"],
         f"{NAME}.messages": ["definitions/*.msg"],
         f"{NAME}.report": ["templates/*"],
+        f"{NAME}.view": ["templates/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -10,7 +10,7 @@ from semantic_slam.calibration.search import LEAST_GAIN, Trial
 from semantic_slam.calibration.truth import truth_beside
 from semantic_slam.report.charts import Chart, Key, keyframes, time_plot
 from semantic_slam.report.noise_charts import noise_charts
-from semantic_slam.report.page import environment
+from semantic_slam.report.rendering import environment
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ COMMANDS = Group(
             "semantic_slam.cli.import_dataset:main", "write a data set, or your own bag, as an input bag"
         ),
         "demo": Command("semantic_slam.ros.demo:main", "replay a bag through the ROS nodes and report it"),
+        "view": Command("semantic_slam.cli.view:main", "follow a run that goes on, in the browser"),
         "train": TRAIN,
         "fit": Command("semantic_slam.cli.fit_viewpoint_models:main", "fit class models over the direction of view"),
         "find": Command("semantic_slam.cli.find:main", "objects of a map by class, vector, text or picture"),

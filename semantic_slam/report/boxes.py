@@ -1,10 +1,12 @@
 """The boxes of a keyframe: what they were taken for, and what the detector calls them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from semantic_slam.evaluation.history import UNKNOWN, associated_objects, best_index
+from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.report.document import Analysis
 
@@ -44,26 +46,36 @@ def told_of(measured: SemanticMeasurements, row: int) -> str:
 def box_views(analysis: Analysis, row: int, size: tuple[int, int], colours: list[str]) -> list[BoxView]:
     """The boxes of the ``row``-th belief in a picture of that size (width, height)."""
     belief = analysis.record.beliefs[row]
-    measured = analysis.record.measurements[belief.stamp_ns]
+    objects = associated_objects(belief)[best_index(belief)]
+    verdicts = [_verdict(analysis, row, detection, int(found)) for detection, found in enumerate(objects)]
+    return boxes_of(belief, analysis.record.measurements[belief.stamp_ns], size, colours, verdicts)
+
+
+def boxes_of(
+    belief: HybridBelief,
+    measured: SemanticMeasurements,
+    size: tuple[int, int],
+    colours: list[str],
+    verdicts: Sequence[tuple[str, str]] = (),
+) -> list[BoxView]:
+    """The boxes of a belief's keyframe; ``verdicts`` on what the D detections are taken for, with a note on each."""
     places = {int(number): place for place, number in enumerate(measured.detection_ids)}
     best = best_index(belief)
-    objects = associated_objects(belief)[best]
     views = []
     for detection, number in enumerate(belief.detection_ids):
         if int(number) in places:
             place = places[int(number)]
             box = np.clip(measured.boxes[place], 0, size * 2)
-            text, colour = _text(analysis, row, int(belief.associations[best, detection]), colours)
-            verdict, note = _verdict(analysis, row, detection, int(objects[detection]))
+            text, colour = _text(belief, int(belief.associations[best, detection]), colours)
+            verdict, note = verdicts[detection] if verdicts else ("unknown", "")
             left, top, right, bottom = (100.0 * box / np.array(size * 2)).round(2).tolist()
             told = told_of(measured, place)
             views.append(BoxView(left, top, right - left, bottom - top, text + note, colour, verdict, told))
     return views
 
 
-def _text(analysis: Analysis, row: int, place: int, colours: list[str]) -> tuple[str, str]:
+def _text(belief: HybridBelief, place: int, colours: list[str]) -> tuple[str, str]:
     """``object class probability`` as believed at that keyframe, and the colour of the class."""
-    belief = analysis.record.beliefs[row]
     if place < 0:
         return "clutter", "#5b6b7a"
     probabilities = belief.class_probabilities[place]

@@ -41,7 +41,12 @@ class Chart:
 def time_charts(analysis: Analysis) -> list[Chart]:
     """The charts that every run has."""
     beliefs = analysis.record.beliefs
-    charts = [_weights(beliefs, analysis.ancestors), _entropies(beliefs), _counts(beliefs), _discarded(beliefs)]
+    charts = [
+        weights_chart(beliefs, analysis.ancestors),
+        _entropies(beliefs),
+        _counts(beliefs),
+        discarded_chart(beliefs),
+    ]
     return charts
 
 
@@ -66,7 +71,8 @@ def time_plot(beliefs: tuple[HybridBelief, ...], low: float, high: float, label:
     return Plot((first - 0.5, last + 0.5), (low, high), label=label, **options)
 
 
-def _weights(beliefs: tuple[HybridBelief, ...], ancestors: list[int]) -> Chart:
+def weights_chart(beliefs: tuple[HybridBelief, ...], ancestors: list[int]) -> Chart:
+    """Weights of all hypotheses; ``ancestors`` are the places of those that lead to the final answer, -1 unknown."""
     plot = time_plot(beliefs, 0.0, 1.0, "weights of the hypotheses, stacked, per keyframe")
     plot.axes(y_ticks=(0, 0.25, 0.5, 0.75, 1))
     final = []
@@ -112,7 +118,8 @@ def _counts(beliefs: tuple[HybridBelief, ...]) -> Chart:
     return Chart("Effort", "Logarithmic. Candidates are weighed first; the light ones are pruned.", keys, plot.svg())
 
 
-def _discarded(beliefs: tuple[HybridBelief, ...]) -> Chart:
+def discarded_chart(beliefs: tuple[HybridBelief, ...]) -> Chart:
+    """What was given up of the probability."""
     mass = [belief.discarded_mass for belief in beliefs]
     high = max(0.01, float(np.nanmax(mass)) * 1.15)
     plot = time_plot(beliefs, 0.0, min(high, 1.0), "discarded probability mass")

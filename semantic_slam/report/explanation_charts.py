@@ -12,7 +12,7 @@ from semantic_slam.report.charts import Chart, Key, keyframes, time_plot
 
 def explanation_charts(record: Record) -> list[Chart]:
     """Charts of what the beliefs say of their data; those without any value are left out."""
-    charts = [_evidence(record.beliefs), _innovations(record), _unexplained(record.beliefs)]
+    charts = [_evidence(record.beliefs), _innovations(record), unexplained_chart(record.beliefs)]
     return [chart for chart in charts if np.isfinite(chart.keys[0].values).any()]
 
 
@@ -65,7 +65,8 @@ def _degrees(record: Record, belief: HybridBelief) -> float:
     return float(sizes @ np.nan_to_num(belief.association_probabilities[:, :-1].sum(axis=1)))
 
 
-def _unexplained(beliefs: tuple[HybridBelief, ...]) -> Chart:
+def unexplained_chart(beliefs: tuple[HybridBelief, ...]) -> Chart:
+    """Whether the belief explains its data."""
     values = [belief.unexplained for belief in beliefs]
     plot = time_plot(beliefs, 0.0, 1.0, "probability that the belief does not explain its data")
     plot.axes(y_ticks=(0, 0.25, 0.5, 0.75, 1))

@@ -123,10 +123,10 @@ def _pictures(bag: Path, stamps: set[int]) -> Iterator[tuple[int, Picture]]:
 
 
 def _view(analysis: Analysis, row: int, picture: Picture, width: int, colours: list[str]) -> FrameView:
-    small = _scaled(picture, min(1.0, width / picture.shape[1]))
+    small = scaled(picture, min(1.0, width / picture.shape[1]))
     return FrameView(
         keyframe=analysis.record.beliefs[row].keyframe,
-        data=_jpeg(small),
+        data=base64_jpeg(small),
         width=small.shape[1],
         height=small.shape[0],
         boxes=box_views(analysis, row, (picture.shape[1], picture.shape[0]), colours),
@@ -139,7 +139,7 @@ def _crop(picture: Picture, view: BestView) -> CropView | None:
     if right - left < 2 or bottom - top < 2:
         return None
     part = picture[top:bottom, left:right]
-    return CropView(data=_jpeg(_scaled(part, min(1.0, CROP_SIDE / max(part.shape[:2])))), text=view.text)
+    return CropView(data=base64_jpeg(scaled(part, min(1.0, CROP_SIDE / max(part.shape[:2])))), text=view.text)
 
 
 def _edges(box: Array, width: int, height: int) -> list[int]:
@@ -149,16 +149,22 @@ def _edges(box: Array, width: int, height: int) -> list[int]:
     return edges
 
 
-def _scaled(picture: Picture, scale: float) -> Picture:
+def scaled(picture: Picture, scale: float) -> Picture:
+    """A picture made smaller; never larger."""
     if scale >= 1.0:
         return picture
     size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _jpeg(picture: Picture) -> str:
-    """Base64 of a JPEG of an RGB picture."""
+def base64_jpeg(picture: Picture) -> str:
+    """Base64 of the JPEG of an RGB picture."""
+    return base64.b64encode(jpeg(picture)).decode("ascii")
+
+
+def jpeg(picture: Picture) -> bytes:
+    """A JPEG of an RGB picture."""
     _, encoded = cv2.imencode(
         ".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     )
-    return base64.b64encode(encoded.tobytes()).decode("ascii")
+    return bytes(encoded.tobytes())

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from semantic_slam.answers.explain.explanation import Explanation
@@ -21,9 +20,9 @@ from semantic_slam.report.noise_charts import noise_charts
 from semantic_slam.report.objects import object_views
 from semantic_slam.report.palette import OTHER_COLOUR, colours_by_weight
 from semantic_slam.report.plain_json import plain
+from semantic_slam.report.rendering import environment, shown_picture
 from semantic_slam.report.scene import moments, scene
 from semantic_slam.report.verdict import verdict, warnings
-from semantic_slam.report.wording import number, percent
 
 
 def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequence[Explanation] = ()) -> str:
@@ -79,29 +78,11 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
 
 
 def slider_pictures(views: Mapping[int, FrameView]) -> list[dict[str, Any]]:
-    """The slider's pictures as the page's script shows them, by the place ``i`` of their keyframe."""
+    """The slider's pictures, in order."""
     return [
-        {
-            "i": row,
-            "data": view.data,
-            "width": view.width,
-            "height": view.height,
-            "boxes": [
-                [box.left, box.top, box.width, box.height, box.colour, box.verdict, box.places, box.text, box.told]
-                for box in view.boxes
-            ],
-        }
-        for row, view in sorted(views.items())
+        shown_picture(view.keyframe, f"data:image/jpeg;base64,{view.data}", (view.width, view.height), view.boxes)
+        for _, view in sorted(views.items())
     ]
-
-
-def environment() -> jinja2.Environment:
-    """Templates of this package; every value is escaped."""
-    found = jinja2.Environment(
-        loader=jinja2.PackageLoader("semantic_slam.report"), autoescape=True, undefined=jinja2.StrictUndefined
-    )
-    found.filters |= {"number": number, "series": series, "percent": percent}
-    return found
 
 
 def flat(configuration: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
@@ -110,10 +91,3 @@ def flat(configuration: dict[str, Any], prefix: str = "") -> list[tuple[str, str
     for name, value in configuration.items():
         rows += flat(value, f"{prefix}{name}.") if isinstance(value, dict) else [(f"{prefix}{name}", json.dumps(value))]
     return rows
-
-
-def series(chart_keys: list[Any]) -> str:
-    """The values of a legend as JSON, three significant digits."""
-    return json.dumps(
-        [[None if value != value else float(f"{value:.3g}") for value in key.values] for key in chart_keys]
-    )

@@ -3,23 +3,17 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semantic_slam.evaluation.evaluate import dead_reckonings
-from semantic_slam.evaluation.history import best_index
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.maps.from_belief import MOVES
 from semantic_slam.report.document import Analysis
-from semantic_slam.report.ellipse import ellipses
+from semantic_slam.report.keyframe import hypothesis_rows, keyframe_scene, rounded
 from semantic_slam.report.objects import object_label, true_object_poses
 
 SHOWN_HYPOTHESES = 16
 """Heaviest hypotheses of a keyframe that are drawn, besides the ancestors of those drawn later."""
 SHOWN_MOMENTS = 4
-MOVED_M, CHANGED = 0.01, 0.004
-"""An object is written again when it moved this far, or its probabilities or size changed this much."""
 
 
 def scene(analysis: Analysis, colours: list[str]) -> dict[str, Any]:
@@ -35,7 +29,7 @@ def scene(analysis: Analysis, colours: list[str]) -> dict[str, Any]:
     data = {
         "classes": [{"name": name, "colour": colour} for name, colour in zip(last.class_names, colours, strict=True)],
         "objects": [
-            {"label": object_label(last, row), "id": int(number), "true": _rounded(true_objects.get(int(number)))}
+            {"label": object_label(last, row), "id": int(number), "true": rounded(true_objects.get(int(number)))}
             for row, number in enumerate(last.object_ids)
         ],
         "truth": true_path,
@@ -85,69 +79,14 @@ def _frames(beliefs: tuple[HybridBelief, ...], drawn: list[list[int]]) -> list[d
     numbers = {int(number): row for row, number in enumerate(beliefs[-1].object_ids)}
     written: dict[int, Array] = {}
     for belief, rows in zip(beliefs, drawn, strict=True):
-        best = best_index(belief)
-        seen = [numbers.get(int(belief.object_ids[row]), -1) for row in belief.associations[best] if row >= 0]
-        frames.append(
-            {
-                "k": belief.keyframe,
-                "t": round((belief.stamp_ns - beliefs[0].stamp_ns) * 1e-9, 2),
-                "n": len(belief.hypothesis_ids),
-                "h": _hypotheses(belief, rows, place),
-                "o": _changed_objects(belief, numbers, written),
-                "s": [row for row in seen if row >= 0],
-                **_movers(belief, numbers),
-            }
-        )
+        hypotheses = hypothesis_rows(belief, rows, place)
+        frames.append(keyframe_scene(belief, beliefs[0].stamp_ns, hypotheses, numbers, written))
         place = {int(belief.hypothesis_ids[row]): index for index, row in enumerate(rows)}
     return frames
 
 
-def _hypotheses(belief: HybridBelief, rows: list[int], place: dict[int, int]) -> list[list[float]]:
-    """Per hypothesis: place of its parent in the frame before (-1 none), weight, x, y, yaw, ellipse."""
-    states = np.column_stack(
-        [np.exp(belief.log_weights), planar_from_pose_vector(belief.poses), ellipses(belief.pose_covariances)]
-    )
-    return [[place.get(int(belief.parent_ids[row]), -1), *_rounded(states[row], 4)] for row in rows]
-
-
-def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dict[int, Array]) -> list[list[float]]:
-    """Per changed object: place in the list of objects, x, y, yaw, ellipse, sigma of yaw, class probabilities."""
-    covariances = belief.object_covariances
-    states = np.column_stack(
-        [
-            planar_from_pose_vector(belief.object_poses),
-            ellipses(covariances),
-            np.sqrt(np.maximum(covariances[:, 5, 5], 0.0)),
-            belief.class_probabilities,
-        ]
-    )
-    before = np.array([written.get(int(number), np.full(states.shape[1], np.nan)) for number in belief.object_ids])
-    changed = _differs(states, before.reshape(states.shape)) & np.isfinite(states).all(axis=1)
-    rows = [row for row in np.flatnonzero(changed) if int(belief.object_ids[row]) in numbers]
-    written.update({int(belief.object_ids[row]): states[row] for row in rows})
-    return [[numbers[int(belief.object_ids[row])], *_rounded(states[row])] for row in rows]
-
-
-def _movers(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[list[float]]]:
-    """Per object that moves: place in the list of objects, velocity along x and y [m/s]; nothing where none does."""
-    rows = [row for row in np.flatnonzero(belief.moving > MOVES) if int(belief.object_ids[row]) in numbers]
-    moving = [[numbers[int(belief.object_ids[row])], *_rounded(belief.object_velocities[row, :2])] for row in rows]
-    return {"m": moving} if moving else {}
-
-
-def _differs(states: Array, before: Array) -> NDArray[np.bool_]:
-    """(O,) whether states differ enough to be written; those never written before are NaN, and do."""
-    step = np.abs(states - before)
-    same = (step[:, [0, 1, 3, 4]] <= MOVED_M).all(axis=1) & (step[:, 7:] <= CHANGED).all(axis=1)
-    return np.asarray(~same | np.isnan(before[:, 0]))
-
-
 def _points(poses: Array) -> list[list[float]]:
-    return [_rounded(pose[:2]) for pose in poses if np.isfinite(pose[:2]).all()]
-
-
-def _rounded(values: Any, digits: int = 3) -> Any:
-    return None if values is None else [round(float(value), digits) for value in values]
+    return [rounded(pose[:2]) for pose in poses if np.isfinite(pose[:2]).all()]
 
 
 def _extent(data: dict[str, Any]) -> list[float]:

@@ -8,8 +8,8 @@ from typing import Any
 
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.report.metrics_table import MEANINGS
-from semantic_slam.report.page import environment
 from semantic_slam.report.plain_json import to_text
+from semantic_slam.report.rendering import environment
 
 EXISTS = 0.5
 SHOWN_METRICS = ("ate_aligned_m", "nees_mean", "association_f1", "class_nll")

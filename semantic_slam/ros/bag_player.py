@@ -47,7 +47,7 @@ GONE_S = 30.0
 """A manager that is missing for so long, besides the time that DDS needs to notice, does not come back."""
 GRACE_S = 1.0
 """For which a manager may be unknown although somebody listens to the inputs."""
-ONLOOKERS = ("bag_recorder", "doctor")
+ONLOOKERS = ("bag_recorder", "doctor", "view")
 """Who hears everything and answers nothing."""
 SECOND = 1_000_000_000
 

@@ -44,7 +44,9 @@ def test_every_command_explains_itself(
     assert capsys.readouterr().out.startswith(f"usage: semantic_slam {path} ")
 
 
-@pytest.mark.parametrize("path", ["report", "import avd", "train latent", "fit", "find", "study", "scene", "demo"])
+@pytest.mark.parametrize(
+    "path", ["report", "import avd", "train latent", "fit", "find", "study", "scene", "demo", "view"]
+)
 def test_nothing_heavy_is_imported_before_the_arguments_are_understood(path: str) -> None:
     words = [sys.executable, "-c", LEFT_OVER, *path.split(), "--no-such-option"]
     told = subprocess.run(words, capture_output=True, text=True, timeout=60)
@@ -85,3 +87,12 @@ def test_an_alias_is_the_command_under_another_name(
     with pytest.raises(SystemExit):
         import_module(f"semantic_slam.cli.{alias}").main()
     assert capsys.readouterr().out.split() == expected.split()  # apart from where lines break
+
+
+def test_without_ros_the_view_says_in_one_line_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("semantic_slam.cli.needs.find_spec", lambda name: None)
+    assert call(monkeypatch, "view") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("semantic_slam view: needs rclpy, not found here; source ROS 2")

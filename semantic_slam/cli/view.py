@@ -1,0 +1,44 @@
+"""``semantic_slam view``: a page in the browser that follows a run while it goes on."""
+
+from argparse import Namespace
+
+from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.needs import need_ros
+from semantic_slam.messages.topics import BELIEF
+
+ROS_ARGUMENTS = "--ros-args"
+
+
+def parse(words: list[str]) -> Namespace:
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
+        description="A page in the browser that follows a run while it goes on: map, hypotheses, camera, what the nodes"
+        " say. It only listens, and slows nothing down.",
+        epilog=f"{ROS_ARGUMENTS} -r image/compressed:=/camera/color/image_raw/compressed names your camera's topic.",
+    )
+    parser.add_argument("--port", type=int, default=8321, help="0: any that is free (default: %(default)s)")
+    parser.add_argument(
+        "--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0: for other machines, too (default: %(default)s)"
+    )
+    parser.add_argument("--belief", default=BELIEF, metavar="TOPIC", help="default: %(default)s")
+    return parser.parse_args(words)
+
+
+def command(words: list[str]) -> None:
+    """Parse, serve until interrupted; raises InputError."""
+    at = words.index(ROS_ARGUMENTS) if ROS_ARGUMENTS in words else len(words)
+    arguments = parse(words[:at])
+    need_ros()
+    from semantic_slam.ros.view import serve
+
+    serve(arguments.host, arguments.port, arguments.belief, words[at:])
+
+
+def main() -> None:
+    import sys
+
+    run_main(lambda: command(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    main()

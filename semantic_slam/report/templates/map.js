@@ -1,0 +1,225 @@
+"use strict";
+// Draws `scene`: classes, objects, frames, truth, dead, extent, pictures; `objectsAt` holds every frame's objects.
+const SVG = "http://www.w3.org/2000/svg";
+const REGION = Math.sqrt(5.991); // 95 % of a Gaussian in the plane
+const INK = "#14212b", GREY = "#6f7d89", SIGHT = "#0b62b8", MOVER = "#8a2be2";
+const TRAIL = 15, AHEAD = 2, VAGUE = 3, FAINTEST = .15; // keyframes behind what moves, seconds ahead of it, sigma [m] from which on it is gone, opacity
+
+// Objects are stored where they change, and without values where they are gone: what holds after a frame.
+function objectsAfter(before, frame) {
+  const state = before.slice();
+  for (const [place, ...values] of frame.o) state[place] = values.length ? values : null;
+  return state;
+}
+
+function make(parent, name, attributes, text) {
+  const element = document.createElementNS(SVG, name);
+  for (const key in attributes) element.setAttribute(key, attributes[key]);
+  if (text !== undefined) element.textContent = text;
+  parent.appendChild(element);
+  return element;
+}
+
+function html(parent, name, className, text) {
+  const element = document.createElement(name);
+  if (className) element.className = className;
+  if (text !== undefined) element.textContent = text;
+  parent.appendChild(element);
+  return element;
+}
+
+const round = value => Math.round(value * 10) / 10;
+const percent = p => p >= 0.9995 ? "100 %" : p > 0.995 ? (100 * p).toFixed(1) + " %" : (100 * p).toFixed(0) + " %";
+
+function track(i, j) { // from hypothesis j of keyframe i back to its root
+  const points = [];
+  for (; i >= 0 && j >= 0; i--) {
+    const h = scene.frames[i].h[j];
+    points.push([h[2], h[3]]);
+    j = h[0];
+  }
+  return points;
+}
+
+function nameOf(place, o) { // its label, and what it is once that is likelier than not
+  const p = o.slice(7), top = p.indexOf(Math.max(...p));
+  return scene.objects[place].label + (p[top] > .5 ? " " + scene.classes[top].name : "");
+}
+
+class MapView {
+  constructor(svg, small, height = 0) { // height: share of the width, 0: as the extent is, within limits
+    this.svg = svg;
+    this.small = small;
+    let [x0, y0, x1, y1] = scene.extent;
+    const aspect = height || Math.min(Math.max((y1 - y0) / (x1 - x0), 0.6), small ? 1 : 0.85);
+    const grow = Math.max((y1 - y0) / aspect - (x1 - x0), 0) / 2, rise = Math.max((x1 - x0) * aspect - (y1 - y0), 0) / 2;
+    [this.x0, this.x1, this.y0, this.y1] = [x0 - grow, x1 + grow, y0 - rise, y1 + rise];
+    this.width = 800;
+    this.scale = this.width / (this.x1 - this.x0);
+    this.height = (this.y1 - this.y0) * this.scale;
+    svg.setAttribute("viewBox", `0 0 ${this.width} ${round(this.height)}`);
+  }
+  x(value) { return round((value - this.x0) * this.scale); }
+  y(value) { return round(this.height - (value - this.y0) * this.scale); }
+  path(points) { return points.map(p => this.x(p[0]) + "," + this.y(p[1])).join(" "); }
+
+  draw(i) {
+    const u = this.u = this.width / (this.svg.clientWidth || this.width); // one CSS pixel
+    this.svg.replaceChildren();
+    this.labels = [];
+    this.grid();
+    const line = (points, stroke, width, more) =>
+      make(this.svg, "polyline", { points: this.path(points), fill: "none", stroke, "stroke-width": width * u, "stroke-linejoin": "round", "stroke-linecap": "round", ...more });
+    line(scene.truth, "#ffd34d", this.small ? 5 : 8, { opacity: .8 });
+    line(scene.dead, "#a3591a", 1.3, { "stroke-dasharray": `${5 * u} ${5 * u}`, opacity: .75 });
+    const frame = scene.frames[i], best = frame.h.reduce((b, h, j) => h[1] > frame.h[b][1] ? j : b, 0);
+    const order = frame.h.map((h, j) => j).sort((a, b) => frame.h[a][1] - frame.h[b][1]);
+    for (const j of order)
+      line(track(i, j), j === best ? INK : GREY, j === best ? 2.2 : 1.4, { opacity: j === best ? 1 : Math.min(.9, .18 + Math.sqrt(frame.h[j][1])) });
+    for (const place of frame.s) {
+      const o = objectsAt[i][place], h = frame.h[best];
+      if (o) line([[h[2], h[3]], [o[0], o[1]]], SIGHT, 1, { opacity: .7 });
+    }
+    const moves = new Set((frame.m || []).map(m => m[0])), gone = (o, place) => moves.has(place) && o[3] > VAGUE;
+    const exists = new Map(frame.e);
+    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.fading(exists.get(place), () => this.object(o, scene.objects[place])));
+    for (const at of scene.crosses || []) this.cross(at);
+    for (const [place, vx, vy] of frame.m || []) {
+      const o = objectsAt[i][place], past = objectsAt.slice(Math.max(0, i - TRAIL), i + 1).map(at => at[place]).filter(at => at);
+      if (!o || o[3] > VAGUE) continue;
+      line(past, MOVER, 1.6, { "stroke-dasharray": `${2 * u} ${3 * u}` });
+      this.arrow(o[0], o[1], o[0] + AHEAD * vx, o[1] + AHEAD * vy);
+    }
+    for (const j of order) this.robot(frame.h[j], j === best);
+    if (this.small) return;
+    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o))));
+    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.question(this.x(o[0]), this.y(o[1]), scene.objects[place]));
+  }
+
+  grid() {
+    const span = this.x1 - this.x0, u = this.u, wanted = span / (this.small ? 4 : 8);
+    const power = 10 ** Math.floor(Math.log10(wanted)), step = [1, 2, 5, 10].map(f => f * power).find(s => s >= wanted);
+    for (let x = Math.ceil(this.x0 / step) * step; x < this.x1; x += step)
+      make(this.svg, "line", { class: "gridline", x1: this.x(x), x2: this.x(x), y1: 0, y2: this.height });
+    for (let y = Math.ceil(this.y0 / step) * step; y < this.y1; y += step)
+      make(this.svg, "line", { class: "gridline", y1: this.y(y), y2: this.y(y), x1: 0, x2: this.width });
+    const length = step * this.scale, y = this.height - 12 * u, x = 12 * u;
+    make(this.svg, "line", { x1: x, x2: x + length, y1: y, y2: y, stroke: GREY, "stroke-width": 2 * u });
+    make(this.svg, "text", { x: x + length + 6 * u, y: y + 4 * u, "font-size": 12 * u }, +step.toPrecision(3) + " m");
+  }
+
+  ellipse(x, y, a, b, angle, attributes) {
+    const rx = Math.max(a * REGION * this.scale, .5), ry = Math.max(b * REGION * this.scale, .5);
+    make(this.svg, "ellipse", { rx: round(rx), ry: round(ry), transform: `translate(${this.x(x)} ${this.y(y)}) rotate(${round(-angle * 180 / Math.PI)})`, ...attributes });
+  }
+
+  object(o, about) {
+    const u = this.u, [x, y, yaw, a, b, angle, sigmaYaw, ...p] = o, r = (this.small ? 4.5 : 7) * u;
+    const top = p.indexOf(Math.max(...p)), colour = p[top] > .5 ? scene.classes[top].colour : GREY;
+    this.ellipse(x, y, a, b, angle, { fill: colour, "fill-opacity": .1, stroke: colour, "stroke-width": 1.3 * u });
+    const px = this.x(x), py = this.y(y);
+    if (sigmaYaw < .8 && !this.small)
+      make(this.svg, "line", { x1: px, y1: py, x2: px + 2.1 * r * Math.cos(yaw), y2: py - 2.1 * r * Math.sin(yaw), stroke: colour, "stroke-width": 3 * u, "stroke-linecap": "round" });
+    make(this.svg, "circle", { cx: px, cy: py, r: r + 1.5 * u, fill: "#fff" });
+    if (p.length) this.pie(px, py, r, p);
+    else make(this.svg, "circle", { cx: px, cy: py, r: r * .7, fill: colour });
+    if (about.true) this.cross(about.true);
+  }
+
+  cross([x, y]) { // where an object truly is
+    const tx = this.x(x), ty = this.y(y), c = (this.small ? 2.5 : 3.5) * this.u;
+    make(this.svg, "path", { d: `M${tx - c} ${ty - c}L${tx + c} ${ty + c}M${tx - c} ${ty + c}L${tx + c} ${ty - c}`, stroke: INK, "stroke-width": 1.6 * this.u });
+  }
+
+  fading(existence, draw) { // what draw() makes, the fainter the less likely it exists
+    if (existence === undefined) return draw();
+    const whole = this.svg;
+    this.svg = make(whole, "g", { opacity: Math.max(existence, FAINTEST) });
+    draw();
+    this.svg = whole;
+  }
+
+  question(x, y, about) { // an object that the page explains opens its account
+    if (!document.getElementById("why-" + about.id)) return;
+    const link = make(this.svg, "a", { href: "#why-" + about.id, "aria-label": "why " + about.label });
+    make(link, "circle", { cx: x, cy: y, r: 14 * this.u, fill: "transparent" });
+  }
+
+  arrow(x0, y0, x1, y1) {
+    const u = this.u, [ax, ay, bx, by] = [this.x(x0), this.y(y0), this.x(x1), this.y(y1)], turn = Math.atan2(by - ay, bx - ax), s = 6 * u;
+    const wing = side => `${round(bx - s * Math.cos(turn + side * .5))} ${round(by - s * Math.sin(turn + side * .5))}`;
+    make(this.svg, "path", { d: `M${ax} ${ay}L${bx} ${by}M${wing(1)}L${bx} ${by}L${wing(-1)}`, fill: "none", stroke: MOVER, "stroke-width": 2 * u });
+  }
+
+  label(px, py, text) { // beside a point, where no other label stands: right or left, above or below
+    const u = this.u, width = 7.5 * u * text.length;
+    for (const [x, y] of [[px + 12 * u, py - 8 * u], [px + 12 * u, py + 16 * u], [px - 12 * u - width, py - 8 * u], [px - 12 * u - width, py + 16 * u]]) {
+      const box = [x, y - 11 * u, x + width, y + 3 * u];
+      if (this.labels.some(b => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) continue;
+      this.labels.push(box);
+      make(this.svg, "text", { class: "name", x, y, "font-size": 13 * u, "stroke-width": 3 * u }, text);
+      return;
+    }
+  }
+
+  pie(x, y, r, p) {
+    const total = p.reduce((s, v) => s + v, 0) || 1;
+    let from = -Math.PI / 2;
+    p.forEach((value, c) => {
+      const share = value / total, to = from + share * 2 * Math.PI;
+      if (share > .97) make(this.svg, "circle", { cx: x, cy: y, r, fill: scene.classes[c].colour });
+      else if (share > .02) make(this.svg, "path", { fill: scene.classes[c].colour,
+        d: `M${x} ${y}L${x + r * Math.cos(from)} ${y + r * Math.sin(from)}A${r} ${r} 0 ${share > .5 ? 1 : 0} 1 ${x + r * Math.cos(to)} ${y + r * Math.sin(to)}Z` });
+      from = to;
+    });
+  }
+
+  robot(h, best) {
+    const [, weight, x, y, yaw, a, b, angle] = h, u = this.u, s = (this.small ? 5 : 7) * u;
+    const colour = best ? INK : GREY, opacity = best ? 1 : Math.min(.9, .25 + Math.sqrt(weight));
+    this.ellipse(x, y, a, b, angle, { fill: colour, "fill-opacity": .06 * opacity, stroke: colour, "stroke-width": (best ? 1.3 : 1) * u, opacity });
+    make(this.svg, "path", { d: `M${1.5 * s} 0L${-s} ${.9 * s}L${-.5 * s} 0L${-s} ${-.9 * s}Z`, fill: colour, stroke: "#fff", "stroke-width": .8 * u, opacity,
+      transform: `translate(${this.x(x)} ${this.y(y)}) rotate(${round(-yaw * 180 / Math.PI)})` });
+  }
+}
+
+function panel(i) {
+  const box = document.getElementById("panel"), frame = scene.frames[i];
+  box.replaceChildren();
+  html(box, "h4", "", frame.n === 1 ? "One hypothesis" : `Weights of the ${frame.n} hypotheses`);
+  const sorted = frame.h.slice().sort((a, b) => b[1] - a[1]).slice(0, 6);
+  sorted.forEach((h, rank) => {
+    const row = html(box, "div", rank ? "bar" : "bar best");
+    html(row, "span", "", percent(h[1]));
+    html(row, "i").style.width = Math.max(100 * h[1], .5) + "%";
+  });
+  if (!frame.s.length) return void html(box, "h4", "", "Nothing in view");
+  html(box, "h4", "", "In view, for the best hypothesis");
+  for (const place of [...new Set(frame.s)]) {
+    const p = objectsAt[i][place] ? objectsAt[i][place].slice(7) : [], row = html(box, "div", "seen");
+    const line = html(row, "div"), top = p.indexOf(Math.max(...p));
+    html(line, "b", "", scene.objects[place].label);
+    if (top < 0) continue;
+    html(line, "span", "muted", scene.classes[top].name + " " + percent(p[top]));
+    const bar = html(row, "span", "stacked");
+    p.forEach((value, c) => { const part = html(bar, "i"); part.style.width = 100 * value + "%"; part.style.background = scene.classes[c].colour; });
+  }
+}
+
+function picture(i) { // the newest one up to that keyframe
+  const figure = document.getElementById("view"), shown = scene.pictures.filter(p => p.k <= scene.frames[i].k).pop() || null;
+  if (!figure || figure.shown === shown) return;
+  figure.shown = shown;
+  figure.replaceChildren();
+  if (!shown) return void html(figure, "figcaption", "", "No picture yet");
+  const frame = html(figure, "div", "picture"), image = html(frame, "img");
+  Object.assign(image, { src: shown.src, width: shown.width, height: shown.height, alt: "camera picture" });
+  for (const [left, top, width, height, colour, verdict, places, text, told] of shown.boxes) {
+    const box = html(frame, "div", `box ${verdict} ${places}`);
+    Object.assign(box.style, { left: left + "%", top: top + "%", width: width + "%", height: height + "%" });
+    box.style.setProperty("--c", colour);
+    html(box, "span", "", text);
+    if (told) html(box, "em", "", told);
+  }
+  html(figure, "figcaption", "", "Camera at keyframe " + shown.k);
+}

@@ -1,0 +1,155 @@
+"""What ``semantic_slam view`` is besides its page: a node that listens, and slows nothing down.
+
+All that goes on and on is read best effort, and nothing through shared memory. A reliable reader that is stopped
+(Ctrl-Z, a laptop that is closed) holds up the run until DDS forgets it, which takes 20 s; one that holds shared memory
+does so for good.
+"""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+
+from semantic_slam.errors import InputError, MessageError, SemanticSlamError
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.transport import is_installed, ros_type
+from semantic_slam.view.live_run import LiveRun
+from semantic_slam.view.server import ViewServer
+
+LOOK_S = 0.5
+"""How often publishers are looked for."""
+PICTURES = (topics.IMAGE_COMPRESSED, topics.IMAGE)
+DEPTH, PICTURES_DEPTH = 200, 10
+WITHOUT_SHARED_MEMORY = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+JOIN_S = 1.0
+SAY_AGAIN_S = 10.0
+OF_THE_MANAGER = (topics.BELIEF, topics.RUN_CONFIGURATION, topics.MANAGER_PROGRESS)
+
+
+def newest(depth: int) -> QoSProfile:
+    """Quality of service that no publisher waits for: what is lost on the way is lost."""
+    return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth)
+
+
+class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
+    """Hands what is published to a :class:`LiveRun`. Its name is known to the player, which does not wait for it."""
+
+    def __init__(self, belief: str = topics.BELIEF, words: list[str] | None = None) -> None:
+        """``belief``: its topic, beside which the manager's other topics lie, and those of its namespace around it.
+
+        ``words``: ROS arguments.
+        """
+        manager, _, _ = belief.rpartition("/")
+        namespace = manager.rpartition("/")[0]
+        renamed = [f"{topic}:={manager}/{topic.rpartition('/')[2]}" for topic in OF_THE_MANAGER]
+        renamed[0] = f"{topics.BELIEF}:={belief}"
+        rules = [word for rule in renamed if belief != topics.BELIEF for word in ("-r", rule)]
+        super().__init__("view", namespace=namespace or None, cli_args=["--ros-args", *rules, *(words or [])[1:]])
+        self.run = LiveRun(self.resolve_topic_name(topics.BELIEF))
+        take, run = self._take, self.run
+        take(topics.BELIEF, run.add_belief, newest(DEPTH))
+        take(topics.MEASUREMENTS, run.add_measurements, newest(DEPTH))
+        take(topics.RUN_CONFIGURATION, run.add_configuration, qos.latched())
+        take(topics.MANAGER_PROGRESS, run.add_progress, newest(1))
+        take(topics.GROUND_TRUTH_OBJECTS, run.add_true_objects, qos.latched())
+        take(topics.GROUND_TRUTH_ODOMETRY, run.add_true_pose, newest(DEPTH))
+        take(topics.DIAGNOSTICS, run.add_diagnostics, newest(DEPTH), read=deserialize)
+        self._has_camera = False
+        self.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _take(
+        self,
+        topic: str,
+        handle: Callable[[Any], None],
+        profile: QoSProfile,
+        read: Callable[[bytes, str], Any] = decode,
+    ) -> None:
+        """Have ``handle`` called with each message; one that cannot be used is counted."""
+        kind = topics.TYPES[topic]
+
+        def taken(data: bytes) -> None:
+            try:
+                handle(read(data, kind))
+            except MessageError as fault:
+                self.run.refused[f"{topic}: {fault.kind}"] += 1
+            except Exception as fault:  # whatever a message has in it, the page goes on with the next one
+                self.run.refused[f"{topic}: message cannot be shown"] += 1
+                self.get_logger().warning(f"{topic}: {fault!r}", throttle_duration_sec=SAY_AGAIN_S)
+
+        if is_installed(kind):
+            self.create_subscription(ros_type(kind), self._name(topic), taken, profile, raw=True)
+
+    def _name(self, topic: str) -> str:
+        """The topic's name in the namespace of the manager; what is of the manager itself is renamed by rules."""
+        if topic in OF_THE_MANAGER or topic == topics.DIAGNOSTICS:
+            return topic
+        return topic.lstrip("/")
+
+    def _look(self) -> None:
+        """Who publishes the belief, and which of the camera's topics speaks."""
+        self.run.publishers = self.count_publishers(self.run.topic)
+        for topic in PICTURES:
+            if not self._has_camera and self.count_publishers(self.resolve_topic_name(topic)):
+                self._has_camera = True
+                self._take(topic, self.run.add_picture, newest(PICTURES_DEPTH), read=deserialize)
+
+
+def serve(host: str, port: int, belief: str, words: list[str]) -> None:
+    """Serve the page until interrupted. Raises InputError, and whatever ends the node."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    os.environ.setdefault(*WITHOUT_SHARED_MEMORY)
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    listener = None
+    try:
+        node = _node(belief, words)
+        with ViewServer(host, port, node.run) as server:
+            print(f"{server.address} shows {node.run.topic}; Ctrl-C ends it", flush=True)
+            if not server.is_of_this_machine:
+                print(f"whoever reaches {host} may look; nobody can change anything", file=sys.stderr, flush=True)
+            listener = Listener(node, server)
+            listener.start()
+            server.serve_forever()
+            raise listener.fault or SemanticSlamError("view: the node has ended")
+    finally:
+        rclpy.try_shutdown()
+        if listener is not None:
+            listener.join(JOIN_S)
+
+
+class Listener(threading.Thread):
+    """Calls the node back until the end; a fault ends the server, too."""
+
+    def __init__(self, node: ViewNode, server: ViewServer) -> None:
+        super().__init__(daemon=True)
+        self._node, self._server = node, server
+        self.fault: Exception | None = None
+
+    def run(self) -> None:
+        executor = SingleThreadedExecutor()
+        executor.add_node(self._node)
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception as fault:
+            self.fault = fault
+        self._server.shutdown()
+
+
+def _node(belief: str, words: list[str]) -> ViewNode:
+    try:
+        return ViewNode(belief, words)
+    except (RuntimeError, ValueError) as fault:  # names of topics and ROS arguments
+        raise InputError(f"view: {' '.join(str(fault).split())[:300]}; see --belief and ROS arguments") from None
