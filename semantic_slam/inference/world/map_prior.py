@@ -105,7 +105,7 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
     except (ValueError, KeyError, TypeError, OverflowError) as fault:
         reason = " ".join(repr(fault).split())[:200]
         raise InputError(
-            f"{origin}: not a map prior ({reason}); give an objects.json as reports have it, or what semantic_slam map save"
+            f"{origin}: not a map prior ({reason}); give an objects.json of a report, or what semantic_slam map save"
             " writes"
         ) from None
     ids = [prior.object_id for prior in objects]
