@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
     from semantic_slam.answers.find_objects import find_objects
+    from semantic_slam.answers.query_place import query_place
     from semantic_slam.answers.question import Question
     from semantic_slam.configuration import Configuration, load_configuration
     from semantic_slam.errors import InputError, SemanticSlamError
@@ -41,6 +42,7 @@ __all__ = [
     "__version__",
     "find_objects",
     "load_configuration",
+    "query_place",
     "read_map_prior",
     "read_record",
     "run_bag",
@@ -60,6 +62,7 @@ _ORIGIN = {
     "__version__": "version",
     "find_objects": "answers.find_objects",
     "load_configuration": "configuration",
+    "query_place": "answers.query_place",
     "read_map_prior": "inference.world.map_prior",
     "read_record": "evaluation.belief_bag",
     "run_bag": "pipeline.offline",

@@ -3,6 +3,7 @@
 Services (semantic_slam_msgs/srv):
   ~/find_objects     FindObjects: which mapped objects are of a class, and lie in a region
   ~/get_object       GetObject: all that is known of one
+  ~/query_place      QueryPlace: what is at a place, and what should be there and is not
   ~/get_path         GetPath: the robot's path from its start on
   ~/find_lookalike   FindLookalike: which mapped object looks like a crop
 
