@@ -18,6 +18,8 @@ FIRST_STEP_NS = NANOSECONDS
 BACKWARDS = "time goes backwards"
 AHEAD = "stamp leaps ahead of those around it"
 SET_BACK = "its clock was set back; what follows is another session, to be run by itself"
+MOST_EARLIER = 5000
+"""So many of the newest messages of another session are kept until it begins."""
 
 
 class TopicClock(Generic[T]):
@@ -31,20 +33,30 @@ class TopicClock(Generic[T]):
     was set back. What is believed depends on the stamps alone, never on when they came.
     """
 
-    def __init__(self, topic: str, dropped: Counter[str]) -> None:
+    def __init__(self, topic: str, dropped: Counter[str], most_earlier: int = MOST_EARLIER) -> None:
         self.topic = topic
         self._dropped = dropped
         self._first_ns: list[int] | None = []  # what is believed without witnesses; None: there are enough by now
         self._last_ns: int | None = None  # the newest stamp that is believed
         self._steps_ns: deque[int] = deque(maxlen=USUAL_STEPS)  # between the newest that are believed
         self._held: list[tuple[int, T]] = []  # ahead of the newest, growing
-        self._earlier: list[tuple[int, T]] = []  # the last ones, one after the other, that agree on an earlier time
+        self._earlier: deque[tuple[int, T]] = deque(maxlen=most_earlier)  # the last ones that agree on an earlier time
         self.withdrawn_from_ns: int | None = None  # the last call withdraws what was given out from this stamp on
 
     @property
     def is_holding(self) -> bool:
         """Whether an item waits for the next ones."""
         return bool(self._held)
+
+    @property
+    def is_set_back(self) -> bool:
+        """Whether several items, none newer after them, agree on an earlier time: they are of another session."""
+        return len(self._earlier) > WITNESSES
+
+    @property
+    def earlier(self) -> list[tuple[int, T]]:
+        """The newest items, one after the other, that agree on an earlier time; they were counted as dropped."""
+        return list(self._earlier)
 
     def take(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
         """What is believed now that this item has come: nothing, it, or what was held and it."""
@@ -88,7 +100,8 @@ class TopicClock(Generic[T]):
 
     def _begin_anew(self, first_ns: list[int]) -> list[tuple[int, T]]:
         """What is believed instead of the first items, which had wrong stamps."""
-        taken, self._earlier = self._earlier, []
+        taken = self.earlier
+        self._earlier.clear()
         self.withdrawn_from_ns = taken[0][0]
         right = [stamp_ns for stamp_ns in first_ns if stamp_ns < taken[0][0]]
         self._count(BACKWARDS, 1 - len(taken))

@@ -87,7 +87,8 @@ def node_set(
     if record:
         recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
         nodes.append(NodeSpec("bag_recorder", "bag_recorder", recorder, again={"resume": True}))
-    return [*nodes, NodeSpec("bag_player", "bag_player", {"bag": str(bag), "rate": rate})]
+    player = {"bag": str(bag), "rate": rate, "resume": resume}
+    return [*nodes, NodeSpec("bag_player", "bag_player", player, again={"resume": True})]
 
 
 def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[str, Any]:
