@@ -180,9 +180,17 @@ class BagPlayer(PipelineNode):
             if item.is_frame:
                 self._wait_for_credit(bar)
                 self._sent += 1
+            self._wait_while_paused(pace)
             pace.wait(message.stamp_ns)
             self._stamp_ns = message.stamp_ns
             self._send(message)
+
+    def _wait_while_paused(self, pace: "Pace") -> None:
+        since_s = time.monotonic()
+        while rclpy.ok() and not self.is_active:
+            time.sleep(0.05)
+            pace.shift(time.monotonic() - since_s)
+            since_s = time.monotonic()
 
     def _send(self, message: RawMessage) -> None:
         clock = message_class(TYPES[CLOCK])(clock=time_message(message.stamp_ns))
@@ -235,6 +243,11 @@ class Pace:
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._start: tuple[int, float] | None = None
+
+    def shift(self, by_s: float) -> None:
+        """What is still to come is due so much later."""
+        if self._start is not None:
+            self._start = self._start[0], self._start[1] + by_s
 
     def wait(self, stamp_ns: int) -> None:
         """Sleep until the message of this log time is due."""

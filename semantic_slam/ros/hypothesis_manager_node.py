@@ -162,6 +162,16 @@ class HypothesisManagerNode(PipelineNode):
             service.belief = None
         self._explanation = explanation_status(None)
 
+    def resume(self) -> None:
+        """Work; after :meth:`pause_work`, make keyframes again."""
+        if self.is_active:
+            self.worker.submit(lambda _: self.pause(False), None)
+        super().resume()
+
+    def pause_work(self) -> None:
+        """A paused robot: no keyframes are made, but odometry is listened to, which tells how far it moves."""
+        self.worker.submit(lambda _: self.pause(True), None)
+
     def reset(self) -> str:
         """End the run; another one begins at keyframe 0, on the same map. Says what has ended."""
         ended = f"a run of {self._session.num_keyframes} keyframes has ended"
