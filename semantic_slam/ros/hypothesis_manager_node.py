@@ -21,15 +21,12 @@ Parameters, besides those of config/default.yaml:
   lossless           true in a replay by bag_player at rate 0 (default false)
 """
 
-import hashlib
-import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.configuration import to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
@@ -40,7 +37,8 @@ from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.frame_count import FrameCount
-from semantic_slam.pipeline.journal import Journal, NoJournal, Record
+from semantic_slam.pipeline.journal import Record
+from semantic_slam.pipeline.journal_of_run import open_journal
 from semantic_slam.pipeline.journaled_pool import JournaledPool
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.provenance import source_text
@@ -56,7 +54,6 @@ from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.ros_pool import RosPool
 from semantic_slam.ros.session_services import SessionServices
 from semantic_slam.ros.transport import Outlet, private_name
-from semantic_slam.version import __version__
 
 END = "end"
 """The journal's record of a replay's end: what comes after it is another session."""
@@ -81,7 +78,7 @@ class HypothesisManagerNode(PipelineNode):
         resume = bool(self.declare_parameter("resume", True).value)
         refuse_undeclared(self)
         self._source = _source(source_bag)
-        self._journal = self._open_journal(journal, resume)
+        self._journal = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
         self._pool_of_run = JournaledPool(self._pool, self._journal)
         self._session = Session(self._configuration, self._map_prior, self._source)
         self._is_paused = False
@@ -196,23 +193,6 @@ class HypothesisManagerNode(PipelineNode):
 
     def _set_paused(self, paused: bool) -> None:
         self._is_paused = self._session.assembler.is_paused = paused
-
-    def _open_journal(self, folder: str, resume: bool) -> NoJournal:
-        """Raises InputError where the folder has the journal of another run, or of one that cannot be repeated."""
-        if not folder:
-            return NoJournal()
-        if self._configuration.open_world.time_budget_ms > 0.0:
-            raise InputError(
-                "parameter journal: with open_world.time_budget_ms a run cannot be repeated; set one or the other"
-            )
-        prior = "" if self._map_prior is None else self._map_prior.to_json()
-        run = {
-            "configuration": to_dict(self._configuration),
-            "map_prior": hashlib.sha256(prior.encode()).hexdigest(),
-            "source": self._source,
-            "version": __version__,
-        }
-        return Journal(Path(folder), json.dumps(run, sort_keys=True), resume=resume)
 
     def _recover(self, _: None) -> None:
         """Go again through what the journal has, up to where the last process stood; then say where that is."""
