@@ -133,7 +133,7 @@ class KeyframeAssembler:
     @property
     def is_over(self) -> bool:
         """Whether odometry and measurements both go on from an earlier time: what they say is of another session."""
-        return self._odometry.is_set_back and self._measurements.is_set_back
+        return self._odometry.begins_again and self._measurements.begins_again
 
     def go_on_from(self, former: "KeyframeAssembler") -> None:
         """Take what another one, whose session is over, has refused because it is of this session."""

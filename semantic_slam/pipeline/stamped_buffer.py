@@ -45,9 +45,9 @@ class StampedBuffer(Generic[T]):
         return self._clock.is_holding
 
     @property
-    def is_set_back(self) -> bool:
-        """Whether the topic's clock was set back: what it says is of another session."""
-        return self._clock.is_set_back
+    def begins_again(self) -> bool:
+        """Whether the topic's clock was set back to its start, or before it: what it says is of another session."""
+        return self._clock.begins_again
 
     def go_on_from(self, former: "StampedBuffer[T]") -> None:
         """Add what another one has refused because it is of this session."""

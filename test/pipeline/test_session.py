@@ -105,6 +105,15 @@ def test_a_bag_that_is_played_again_is_another_session_with_the_same_beliefs(
     assert played.session.number == 1 and not played.session.dropped
 
 
+def test_a_player_that_goes_over_its_last_messages_again_begins_no_session(played: Played) -> None:
+    """Started again, it begins some frames before the newest one; they are dropped, and the run goes on."""
+    entries = place_entries("ranges", 20)
+    played.play(entries)
+    half = len(entries) // 2
+    played.play(entries[half:])
+    assert not played.session.assembler.is_over and len(played.beliefs) == 20
+
+
 def test_odometry_alone_that_is_set_back_begins_no_session(played: Played) -> None:
     entries = place_entries("ranges", NUM_FRAMES)
     played.play(entries)
