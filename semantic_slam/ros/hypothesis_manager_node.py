@@ -58,7 +58,7 @@ from semantic_slam.ros.transport import Outlet, private_name
 END = "end"
 """The journal's record of a replay's end: what comes after it is another session."""
 SESSION, PAUSE = "session", "pause"
-"""Those of a run that was ended by a service, with the map of the next one, and of a pause, with b"1" or b"0"."""
+"""Records of a run that was ended by a service, with the map of the next one, and of a pause, with b"1" or b"0"."""
 
 
 class HypothesisManagerNode(PipelineNode):
@@ -169,27 +169,24 @@ class HypothesisManagerNode(PipelineNode):
         """A paused robot: no keyframes are made, but odometry is listened to, which tells how far it moves."""
         self.worker.submit(lambda _: self.pause(True), None)
 
-    def reset(self) -> str:
-        """End the run; another one begins at keyframe 0, on the same map. Says what has ended."""
-        ended = f"a run of {self._session.num_keyframes} keyframes has ended"
-        self._restart(self._session.map_prior)
-        return ended
+    def reset(self) -> None:
+        """End the run; another one begins at keyframe 0, on the same map."""
+        self.load(self._session.map_prior)
 
-    def load(self, prior: MapPrior) -> None:
-        """End the run; another one begins on this map. Raises InputError where none can."""
+    def check(self, prior: MapPrior) -> None:
+        """Raises InputError where no run can be on this map; on any thread."""
         self._session.check(prior)
-        self._restart(prior)
 
-    def _restart(self, map_prior: MapPrior | None) -> None:
+    def load(self, map_prior: MapPrior | None) -> None:
+        """End the run; another one begins on this map."""
         self._journal.append(SESSION, b"" if map_prior is None else map_prior.to_json().encode())
         self._begin(map_prior)
         self._infer()
 
-    def pause(self, paused: bool) -> str:
-        """Make no keyframes, or make them again. Says so."""
+    def pause(self, paused: bool) -> None:
+        """Make no keyframes, or make them again."""
         self._journal.append(PAUSE, b"1" if paused else b"0")
         self._set_paused(paused)
-        return "paused: no keyframes are made" if paused else "keyframes are made"
 
     def _set_paused(self, paused: bool) -> None:
         self._is_paused = self._session.assembler.is_paused = paused

@@ -200,7 +200,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
 
 
 def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """The same but for transitions that a state does not have: in rclpy whoever asks for one ends the node."""
+    """Handler that says no where a state lacks the transition: in rclpy whoever asks for one ends the node."""
 
     def answer(request: Any, response: Any) -> Any:
         try:

@@ -27,7 +27,7 @@ class Worker:
         """Begin nothing new until it is started again; what is submitted meanwhile waits."""
         self._may_work.clear()
 
-    def submit(self, function: Callable[[Any], object], item: Any) -> None:
+    def submit(self, function: Callable[[Any], None], item: Any) -> None:
         """Have ``function(item)`` called after all that was submitted before."""
         self._items.put((function, item))
 

@@ -71,6 +71,7 @@ class Robot:
                 break
             self.spin(0.2)
             assert time.monotonic() < give_up
+        self.spin(2.0)  # what is on its way belongs to this run
         self.ask(Trigger, "reset", Trigger.Request())
         self.heard.clear()
 
@@ -153,7 +154,7 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     robot.wait_for(whole)
 
     said = robot.ask(Trigger, "reset", Trigger.Request())
-    assert said.success and said.message == f"a run of {NUM_FRAMES} keyframes has ended"
+    assert said.success and "keyframe 0" in said.message
     next_entries, half = later(entries, NUM_FRAMES), 1 + len(SENT) * (NUM_FRAMES // 2)
     robot.send(next_entries[:half])
     robot.wait_for(whole[: NUM_FRAMES // 2])
