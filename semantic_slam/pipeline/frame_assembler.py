@@ -91,7 +91,7 @@ class FrameAssembler:
     @property
     def is_over(self) -> bool:
         """Whether detections and pictures go on from an earlier time, and so are of another session."""
-        return self._detections.begins_again and self._images.begins_again
+        return self._detections.is_set_back and self._images.is_set_back
 
     def keep_camera_of(self, former: "FrameAssembler") -> None:
         """Until another one is told of, the camera is that of the session before."""

@@ -61,7 +61,7 @@ class PlacesAssembler:
     @property
     def is_over(self) -> bool:
         """Whether detections go on from an earlier time, and so are of another session."""
-        return self._detections.begins_again
+        return self._detections.is_set_back
 
     def keep_camera_of(self, former: "PlacesAssembler") -> None:
         """Until another one is told of, the camera is that of the session before."""

@@ -45,6 +45,11 @@ class StampedBuffer(Generic[T]):
         return self._clock.is_holding
 
     @property
+    def is_set_back(self) -> bool:
+        """Whether the topic's clock was set back."""
+        return self._clock.is_set_back
+
+    @property
     def begins_again(self) -> bool:
         """Whether the topic's clock was set back to its start, or before it: what it says is of another session."""
         return self._clock.begins_again

@@ -53,18 +53,19 @@ class TopicClock(Generic[T]):
         return bool(self._held)
 
     @property
-    def begins_again(self) -> bool:
-        """Whether several items, none newer after them, agree on a time about the start of this session, or before it.
+    def is_set_back(self) -> bool:
+        """Whether several items, none newer after them, agree on an earlier time."""
+        return len(self._earlier) > WITNESSES
 
-        They are of another session. Those that are earlier, but of this session's time, are of a player that was
+    @property
+    def begins_again(self) -> bool:
+        """Whether it was set back to about the start of this session, or before it.
+
+        Its items are of another session. Those that are earlier, but of this session's time, are of a player that was
         started again and goes over its last messages once more.
         """
         began_ns = self._began_ns
-        return (
-            began_ns is not None
-            and len(self._earlier) > WITNESSES
-            and self._earlier_from_ns <= began_ns + ABOUT_THE_START_NS
-        )
+        return self.is_set_back and began_ns is not None and self._earlier_from_ns <= began_ns + ABOUT_THE_START_NS
 
     @property
     def earlier(self) -> list[tuple[int, T]]:
