@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from semantic_slam.inference.engine import Engine
     from semantic_slam.inference.inputs.detection import Detection
     from semantic_slam.inference.inputs.keyframe import Keyframe
-    from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, read_map_prior
+    from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+    from semantic_slam.maps.map_file import read_map, read_map_prior
     from semantic_slam.pipeline.offline import run_bag
     from semantic_slam.version import __version__
 
@@ -43,6 +44,7 @@ __all__ = [
     "find_objects",
     "load_configuration",
     "query_place",
+    "read_map",
     "read_map_prior",
     "read_record",
     "run_bag",
@@ -63,7 +65,8 @@ _ORIGIN = {
     "find_objects": "answers.find_objects",
     "load_configuration": "configuration",
     "query_place": "answers.query_place",
-    "read_map_prior": "inference.world.map_prior",
+    "read_map": "maps.map_file",
+    "read_map_prior": "maps.map_file",
     "read_record": "evaluation.belief_bag",
     "run_bag": "pipeline.offline",
 }

@@ -43,7 +43,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     )
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after that many keyframes")
     parser.add_argument(
-        "--map-prior", type=Path, metavar="objects.json", help="objects known before (default: objects.json beside BAG)"
+        "--map-prior", type=Path, metavar="MAP", help="FILE.map or objects.json (default: objects.json beside BAG)"
     )
     parser.add_argument(
         "--compare",
@@ -140,7 +140,7 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
 
     Raises InputError.
     """
-    from semantic_slam.inference.world.map_prior import read_map_prior
+    from semantic_slam.maps.map_file import read_map_prior
     from semantic_slam.pipeline.offline import run_bag
 
     if arguments.compare:

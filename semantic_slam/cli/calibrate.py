@@ -31,7 +31,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="use the first N keyframes of the bag alone")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="runs at a time (default: %(default)s)")
     parser.add_argument(
-        "--map-prior", type=Path, metavar="objects.json", help="objects known before (default: objects.json beside BAG)"
+        "--map-prior", type=Path, metavar="MAP", help="FILE.map or objects.json (default: objects.json beside BAG)"
     )
     add_overwrite(parser)
     arguments = parser.parse_args(words)
@@ -63,7 +63,7 @@ def write(arguments: Namespace, out: Path) -> str:
     from semantic_slam.calibration.page import render_page
     from semantic_slam.calibration.trial import Drive
     from semantic_slam.configuration import load_configuration
-    from semantic_slam.inference.world.map_prior import read_map_prior
+    from semantic_slam.maps.map_file import read_map_prior
 
     configuration = load_configuration(arguments.config)
     prior = read_map_prior(arguments.map_prior) if arguments.map_prior else None

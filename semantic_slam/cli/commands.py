@@ -33,6 +33,15 @@ TRAIN = Group(
     },
     "learn a network or a latent model from turntable views",
 )
+MAP = Group(
+    {
+        "save": Command("semantic_slam.cli.map:save", "the map at the end of a run, into one file"),
+        "show": Command("semantic_slam.cli.map:show", "what is on a map"),
+        "diff": Command("semantic_slam.cli.map:diff", "what changed between two maps"),
+        "merge": Command("semantic_slam.cli.map:merge", "one map of two"),
+    },
+    "save, show, compare and merge maps",
+)
 COMMANDS = Group(
     {
         "report": Command("semantic_slam.cli.bag_to_report:main", "run a bag, or take recorded beliefs, and report it"),
@@ -44,7 +53,9 @@ COMMANDS = Group(
         "fit": Command("semantic_slam.cli.fit_viewpoint_models:main", "fit class models over the direction of view"),
         "find": Command("semantic_slam.cli.find:main", "objects of a map by class, vector, text or picture"),
         "explain": Command("semantic_slam.cli.explain:main", "why a map believes what it does of one object"),
+        "map": MAP,
         "calibrate": Command("semantic_slam.cli.calibrate:main", "a robot's noise, by the evidence of a drive"),
+        "doctor": Command("semantic_slam.cli.doctor:main", "what is wrong with a bag or a running system"),
         "study": Command("semantic_slam.cli.laboratory:study", "run an experiment (laboratory)"),
         "bench": Command("semantic_slam.cli.laboratory:bench", "measure against peers (laboratory)"),
         "scene": Command("semantic_slam.cli.laboratory:scene", "render a room, turntables or a bag (laboratory)"),

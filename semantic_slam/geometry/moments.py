@@ -5,6 +5,9 @@ from scipy.spatial.transform import Rotation
 
 from semantic_slam.geometry.arrays import Array
 
+SINGULAR = 1e-14
+"""Share of the largest eigenvalue below which one counts as zero."""
+
 
 def position_sigmas(covariances: Array) -> Array:
     """(O,) largest standard deviations of positions [m], from (O, d, d)."""
@@ -56,3 +59,19 @@ def _matched(shares: Array, poses: Array, covariances: Array) -> tuple[Array, Ar
     spread = np.einsum("ho,hoi,hoj->oij", shares, deviation, deviation)
     covariance = np.einsum("ho,hoij->oij", shares, covariances) + spread
     return np.concatenate([position, mean.as_quat(canonical=True)], axis=-1), covariance
+
+
+def transport(before: Array, after: Array) -> Array:
+    """(d, d) C, symmetric and the nearest to I, with C ``before`` C^T = ``after``: what moves one Gaussian to another.
+
+    Optimal transport (Olkin and Pukelsheim, 1982). Where ``before`` is singular, as far as it goes.
+    """
+    root = _power(after, 0.5)
+    return np.asarray(root @ _power(root @ before @ root, -0.5) @ root)
+
+
+def _power(square: Array, exponent: float) -> Array:
+    """Power of a symmetric square, on the directions in which it is not zero."""
+    values, vectors = np.linalg.eigh(0.5 * (square + square.T))
+    kept = values > SINGULAR * max(float(values.max(initial=0.0)), 1e-300)
+    return np.asarray((vectors[:, kept] * values[kept] ** exponent) @ vectors[:, kept].T)

@@ -26,6 +26,7 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.gaussian import JointPrior
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.inference.world.displaced_objects import Displaced, with_displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
@@ -249,6 +250,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         reader=sensing.reader,
         robot=robot,
         objects=objects,
+        joint=_joint(prior, sensing),
         class_names=run.class_names,
         class_shares=labels.class_shares if labels is not None else _even(len(run.class_names)),
         seed=configuration.seed,
@@ -476,6 +478,15 @@ def class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
     if given.sum() <= 0.0:
         return uniform
     return np.asarray((1.0 - LEAST_CLASS_SHARE) * given / given.sum() + LEAST_CLASS_SHARE * uniform)
+
+
+def _joint(prior: MapPrior, sensing: Sensing) -> JointPrior | None:
+    """What the map's objects have in common, where the map tells; what it may lack or have elsewhere comes after."""
+    if prior.joint_covariance is None or len(prior.joint_covariance) <= 3:
+        return None
+    mapped = prior.objects[: len(prior.joint_covariance) // 3]
+    poses = np.array([item.pose for item in mapped])
+    return JointPrior(tuple(item.object_id for item in mapped), sensing.joint_prior(poses, prior.joint_covariance))
 
 
 def _even(num_classes: int) -> Array:

@@ -73,7 +73,7 @@ class Engine:
         return engine
 
     def _start(self, run: RunConfiguration, pool: BackendPool, problem: Problem | None) -> None:
-        self.problem, self.pool = problem or problem_of(run), pool
+        self.run, self.problem, self.pool = run, problem or problem_of(run), pool
         self.reference = reference_of(run, self.problem) if problem is None else None
         pool.start(run)
         self.association: type[AssociationStrategy] = self.problem.association

@@ -3,6 +3,7 @@
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.world.problem import Problem
 
 
@@ -31,3 +32,8 @@ class InProcessPool:
         """Round two: the survivors forked, updated and reported."""
         answers = [backend.commit(commit) for backend in self._backends]
         return [answer for answer in answers if answer is not None]
+
+    def component(self, number: int) -> Component:
+        """The component of a live hypothesis, whichever backend holds it. Raises KeyError."""
+        held = next((backend.held for backend in self._backends if number in backend.held), {})
+        return held[number].component

@@ -66,6 +66,11 @@ class TransformTree:
         """Whether there is any transform."""
         return bool(self._parents)
 
+    @property
+    def frames(self) -> list[str]:
+        """Names of all frames, sorted."""
+        return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
+
     def lookup(self, target: str, source: str) -> Array:
         """T_target_source along the tree; raises InputError that names the frames when nothing connects them."""
         to_target, to_source = self._ancestors(plain_frame(target)), self._ancestors(plain_frame(source))

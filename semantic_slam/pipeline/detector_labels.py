@@ -78,11 +78,11 @@ def with_labels(
         known = settings.labels or tuple(sorted({*told, *mapped, *learned} - {NONE_OF_THESE}))
         return replace(configuration, semantic_model=replace(settings, labels=known))
     if measurements.class_probability_samples.shape[1] > 0:
-        _check_meant(configuration, told)
+        check_meant(configuration, told)
     return configuration
 
 
-def _check_meant(configuration: Configuration, labels: list[str]) -> None:
+def check_meant(configuration: Configuration, labels: list[str]) -> None:
     """Raises InputError for a label that is not a class of the models, to which a network would give one anyway."""
     settings = configuration.semantic_model
     model = load_model(settings) or load_latent_model(settings)

@@ -11,6 +11,8 @@ from semantic_slam.messages.topics import TYPES
 
 COPIED = tuple(absolute(topic) for topic in topics.KEPT_INPUTS)
 """Topics that a belief bag takes over from its input."""
+BY_NAME = {absolute(topic): kind for topic, kind in TYPES.items()}
+"""Types by the topics' absolute names."""
 
 
 @dataclass(frozen=True)
@@ -39,24 +41,31 @@ class InputTopics:
 
 def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:
     """The topics of the bag ``path`` (absolute name -> type); raises InputError that names what is missing."""
-    names = {topic: _present(path, topic, available) for topic in TYPES}
-    image = names[topics.IMAGE_COMPRESSED] or names[topics.IMAGE]
-    required = {topics.ODOMETRY: names[topics.ODOMETRY]}
-    recorded = names[topics.MEASUREMENTS] if not image else ""
-    if not recorded:
-        required[topics.DETECTIONS] = names[topics.DETECTIONS]
-    if image:
-        required[topics.CAMERA_INFO] = names[topics.CAMERA_INFO]
-    missing = [f"{topic} ({TYPES[topic]})" for topic, name in required.items() if not name]
+    for topic, kind in mistyped(available).items():
+        raise InputError(f"{path}: {topic} is {kind}, not {BY_NAME[topic]}; import_dataset bag converts other types")
+    found = offered(available)
+    missing = [f"{topic} ({TYPES[topic]})" for topic in lacking(found)]
     if missing:
         present = ", ".join(sorted(available)) or "nothing"
         raise InputError(
             f"{path}: no topic {' and no topic '.join(missing)}; it has {present};"
             " import_dataset bag takes topics of other names and types"
         )
+    return found
+
+
+def mistyped(available: Mapping[str, str]) -> dict[str, str]:
+    """Types of those topics, by their absolute names, that should have another one."""
+    return {topic: available[topic] for topic, kind in BY_NAME.items() if available.get(topic, kind) != kind}
+
+
+def offered(available: Mapping[str, str]) -> InputTopics:
+    """What of it can be read, whether that is enough for a run or not."""
+    names = {topic: absolute(topic) if available.get(absolute(topic)) == kind else "" for topic, kind in TYPES.items()}
+    image = names[topics.IMAGE_COMPRESSED] or names[topics.IMAGE]
     return InputTopics(
         odometry=names[topics.ODOMETRY],
-        measurements=recorded,
+        measurements=names[topics.MEASUREMENTS] if not image else "",
         detections=names[topics.DETECTIONS],
         image=image,
         camera_info=names[topics.CAMERA_INFO],
@@ -66,10 +75,11 @@ def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:
     )
 
 
-def _present(path: Path, topic: str, available: Mapping[str, str]) -> str:
-    """The topic's absolute name, "" when the bag lacks it; raises InputError when it has another type."""
-    name = absolute(topic)
-    found = available.get(name, "")
-    if found and found != TYPES[topic]:
-        raise InputError(f"{path}: {name} is {found}, not {TYPES[topic]}; import_dataset bag converts other types")
-    return name if found else ""
+def lacking(found: InputTopics) -> list[str]:
+    """Topics, by their relative names, without which no run is possible."""
+    required = {topics.ODOMETRY: found.odometry}
+    if not found.measurements:
+        required[topics.DETECTIONS] = found.detections
+    if found.image:
+        required[topics.CAMERA_INFO] = found.camera_info
+    return [topic for topic, name in required.items() if not name]

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
@@ -56,6 +57,13 @@ class Session:
     def dropped(self) -> Counter[str]:
         """Inputs not used and hypotheses given up, by reason."""
         return self.assembler.dropped + (self._engine.lost if self._engine is not None else Counter[str]())
+
+    @property
+    def run(self) -> RunConfiguration:
+        """What was announced. Raises InputError before the first keyframe."""
+        if self._engine is None:
+            raise InputError("there is no belief yet; ask after the first keyframe")
+        return self._engine.run
 
     @property
     def num_without_label(self) -> int:

@@ -13,10 +13,9 @@ from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.maps.from_belief import mapped_rows
 
 SCHEMA_VERSION = 1
-MOVES = 0.5
-"""Probability of moving from which on an object is said to move."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ def map_prior(record: Record) -> MapPrior:
     Those that no hypothesis has placed are left out, and those that move: they are elsewhere by then.
     """
     last = record.beliefs[-1]
-    settings = json_object(record.run.configuration).get("semantic_model", {})
+    rows, settings = mapped_rows(last), json_object(record.run.configuration).get("semantic_model", {})
     return MapPrior(
         tuple(
             ObjectPrior(
@@ -156,9 +155,7 @@ def map_prior(record: Record) -> MapPrior:
                 existence=float(last.existence[row]),
                 **_descriptor(last, row),
             )
-            for row, number in enumerate(last.object_ids)
-            if np.isfinite(last.object_poses[row]).all() and np.isfinite(last.object_covariances[row]).all()
-            if not last.moving[row] > MOVES
+            for row, number in zip(rows.tolist(), last.object_ids[rows], strict=True)
         ),
         str(settings.get("space", "")),
     )

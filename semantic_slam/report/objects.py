@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.maps.from_belief import MOVES
 from semantic_slam.report.charts import time_plot
-from semantic_slam.report.document import MOVES, Analysis
+from semantic_slam.report.document import Analysis
 from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.frames import CropView
 

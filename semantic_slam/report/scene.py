@@ -10,7 +10,8 @@ from semantic_slam.evaluation.history import best_index
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.report.document import MOVES, Analysis
+from semantic_slam.maps.from_belief import MOVES
+from semantic_slam.report.document import Analysis
 from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.objects import object_label, true_object_poses
 

@@ -48,7 +48,8 @@ GONE_S = 30.0
 """A manager that is missing for so long, besides the time that DDS needs to notice, does not come back."""
 GRACE_S = 1.0
 """For which a manager may be unknown although somebody listens to the inputs."""
-RECORDERS = ("bag_recorder",)
+ONLOOKERS = ("bag_recorder", "doctor")
+"""Who hears everything and answers nothing."""
 SECOND = 1_000_000_000
 
 
@@ -128,7 +129,7 @@ class BagPlayer(PipelineNode):
         inputs = [self._outlets[topic] for topic, item in self._playlist.items.items() if item.is_input]
         # A recorder takes everything and works on nothing: it must not be all that has come up so far.
         while rclpy.ok() and (
-            unheard := [outlet.name for outlet in inputs if not outlet.has_listener_besides(RECORDERS)]
+            unheard := [outlet.name for outlet in inputs if not outlet.has_listener_besides(ONLOOKERS)]
         ):
             if time.monotonic() > give_up:
                 names = ", ".join(unheard)

@@ -9,11 +9,12 @@ Services (semantic_slam_msgs/srv):
   ~/reset            std_srvs/Trigger: the run ends, another one begins at keyframe 0
   ~/load_map         LoadMap: likewise, on a saved map
   ~/pause            std_srvs/SetBool: no keyframes are made; odometry is still listened to
+  ~/save_map         SaveMap: write the map into a file, from which a later run may start
 
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
   backend_timeout_s  a backend silent for so long is given up (default 60)
-  map_prior          objects.json with the objects known before (default none)
+  map_prior          FILE.map or objects.json with the objects known before (default none)
   source_bag         bag being replayed, for the record (default none)
   journal            folder in which the run is kept on disk, so that this node goes on where it stood when it is
                      started again (default none)
@@ -31,7 +32,9 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior, read_map_prior
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
+from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
@@ -47,6 +50,7 @@ from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
 from semantic_slam.ros.lookalike_service import LookalikeService
+from semantic_slam.ros.map_service import MapService
 from semantic_slam.ros.object_services import ObjectServices
 from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
@@ -92,7 +96,8 @@ class HypothesisManagerNode(PipelineNode):
         self._publisher = BeliefPublisher(self, self.lossless)
         self._belief: HybridBelief | None = None  # the newest
         self._objects = ObjectServices(self)
-        self._answers = LookalikeService(self, self._configuration.semantic_model), self._objects
+        lookalikes = LookalikeService(self, self._configuration.semantic_model)
+        self._answers = lookalikes, self._objects, MapService(self, self._run)
         self._session_services = SessionServices(self, self, read_map_prior)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
@@ -249,6 +254,10 @@ class HypothesisManagerNode(PipelineNode):
             service.belief = belief
         self._explanation = explanation_status(belief)
         self._belief_stamp_ns = belief.stamp_ns
+
+    def _run(self) -> RunConfiguration:
+        """The run that beliefs are of. Raises InputError before there is one."""
+        return self._session.run
 
     def _classifier_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from operator import attrgetter
 from typing import Any
 
@@ -51,6 +51,15 @@ def declare_configuration(node: Node) -> Configuration:
         if value is not None:  # an empty list in a YAML file has no type and arrives as "not set"
             _insert(values, name.split("."), value)
     return from_dict(values, f"parameters of {node.get_name()}")
+
+
+def configuration_of(parameters: Mapping[str, Any], origin: str) -> Configuration:
+    """The configuration that values by dotted names make; others keep their defaults. Raises InputError."""
+    values: dict[str, Any] = {}
+    for name, _, _ in leaves():
+        if name in parameters:
+            _insert(values, name.split("."), parameters[name])
+    return from_dict(values, origin)
 
 
 def refuse_undeclared(node: Node) -> None:

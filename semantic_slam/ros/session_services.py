@@ -57,5 +57,4 @@ class SessionServices:
         prior = self._read(Path(request.path))
         self._sessions.check(prior)
         self._worker.submit(self._sessions.load, prior)
-        response.objects = len(prior.objects)
-        response.map_id = getattr(prior, "map_id", "")
+        response.objects, response.map_id = len(prior.objects), prior.map_id

@@ -24,6 +24,8 @@ OF_ROS = {"rclpy", "rcl_interfaces", "semantic_slam_msgs", "std_srvs"}
 """What only the nodes import, and what kills them in the laboratory; ROS brings it."""
 TRAINING = ("semantic_slam/training/", "semantic_slam/report/viewpoint_page.py")
 """What only the commands import that fit models."""
+CLUSTER = "semantic_slam/cluster.py"
+"""What only ``--scheduler`` imports."""
 CONTRACTS = "semantic_slam/contracts/"
 """What only tests import, ours and those of packages that extend us."""
 
@@ -87,7 +89,7 @@ def test_the_citation_names_the_same_version() -> None:
 @pytest.mark.slow
 def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     used = imported(ROOT / "semantic_slam")
-    apart = (*TRAINING, CONTRACTS)
+    apart = (*TRAINING, CLUSTER, CONTRACTS)
     modules = {name for name, files in used.items() if not all(file.startswith(apart) for file in files)}
     known = names(declared(ROOT).install_requires)
     assert distributions(modules - OF_ROS, known) == known
@@ -99,6 +101,14 @@ def test_what_only_training_imports_is_the_extra_of_that_name() -> None:
     modules = {name for name, files in used.items() if all(file.startswith(TRAINING) for file in files)}
     known = names(declared(ROOT).extras_require["train"])
     assert distributions(modules, known) == known
+
+
+@pytest.mark.slow
+def test_what_only_a_cluster_needs_is_the_extra_of_its_scheduler() -> None:
+    used = imported(ROOT / "semantic_slam")
+    modules = {name for name, files in used.items() if files == {CLUSTER}}
+    known = names(declared(ROOT).extras_require["scheduler"])
+    assert modules and distributions(modules, known) <= known
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from semantic_slam.messages import topics
 from semantic_slam.ros import qos
-from semantic_slam.ros.bag_player import RECORDERS
+from semantic_slam.ros.bag_player import ONLOOKERS
 from semantic_slam.ros.transport import Outlet, ros_type
 
 pytestmark = pytest.mark.ros
@@ -42,10 +42,10 @@ def comes_true(condition: Callable[[], bool], timeout_s: float) -> bool:
 def test_a_recorder_alone_is_no_listener(context: rclpy.Context) -> None:
     player = Node("player", context=context)
     outlet = Outlet(player, TOPIC, topics.TYPES[TOPIC], qos.replayed(TOPIC))
-    recorder = listener(context, RECORDERS[0])
+    recorder = listener(context, ONLOOKERS[0])
     assert outlet.wait_for_readers(1, 20.0)
-    assert not comes_true(lambda: outlet.has_listener_besides(RECORDERS), 0.5)
+    assert not comes_true(lambda: outlet.has_listener_besides(ONLOOKERS), 0.5)
     worker = listener(context, "worker")
-    assert comes_true(lambda: outlet.has_listener_besides(RECORDERS), 20.0)
+    assert comes_true(lambda: outlet.has_listener_besides(ONLOOKERS), 20.0)
     for node in (worker, recorder, player):
         node.destroy_node()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,16 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from semantic_slam_lab.studies.embeddings.known_map import map_of
-from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, QueryPlace
+from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, QueryPlace, SaveMap
+from worlds.small_map import LOOSE, run_to_its_end
 
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.maps.map_file import read_map
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros import path_publisher, qos
+from semantic_slam.ros.map_service import MapService
 from semantic_slam.ros.object_services import ObjectServices
 from semantic_slam.ros.transport import receive
 
@@ -94,6 +98,23 @@ def test_a_place_is_told_with_what_is_there_and_what_is_gone(asked: tuple[Node, 
     told = ask(QueryPlace, "query_place", QueryPlace.Request(region=region, least_probability=0.1))
     assert told.fault == "" and list(told.object_ids) == [0, 9] and len(told.poses) == 14
     np.testing.assert_allclose([told.here, told.gone], [[0.25, 0.0], [0.75, 1.0]], atol=1e-6)
+
+
+def test_the_map_is_written_and_a_file_that_is_there_stays(asked: tuple[Node, Ask], tmp_path: Path) -> None:
+    node, ask = asked
+    engine, belief = run_to_its_end(LOOSE)
+    ours, place = MapService(node, lambda: engine.run), tmp_path / "room.map"
+    assert "no belief yet" in ask(SaveMap, "save_map", SaveMap.Request(path=str(place))).fault
+    ours.belief = belief
+    told = ask(SaveMap, "save_map", SaveMap.Request(path=str(place)))
+    known = read_map(place)
+    assert (told.fault, told.keyframe, told.map_id, told.objects) == ("", belief.keyframe, known.map_id, 4)
+    assert not known.has_cross_covariances and known.provenance.run_id == engine.run.run_id
+    assert "give overwrite: true" in ask(SaveMap, "save_map", SaveMap.Request(path=str(place))).fault
+    assert ask(SaveMap, "save_map", SaveMap.Request(path=str(place), overwrite=True)).fault == ""
+    assert "path is empty" in ask(SaveMap, "save_map", SaveMap.Request()).fault
+    assert "/dev/null" in ask(SaveMap, "save_map", SaveMap.Request(path="/dev/null/room.map")).fault
+    assert [own.name for own in tmp_path.iterdir()] == ["room.map"]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import struct
 import zlib
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from shutil import rmtree
@@ -27,6 +28,11 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import parse_map_prior, read_map_prior
 from semantic_slam.latent.store import read_latent_model
+from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
+from semantic_slam.maps.comparison import Comparison
+from semantic_slam.maps.differences import difference
+from semantic_slam.maps.map_file import FORMAT as MAP_FORMAT
+from semantic_slam.maps.map_file import packed, read_map, with_id, write_map
 from semantic_slam.messages.codec import BY_TYPE_NAME, decode, from_message
 from semantic_slam.messages.images import decode_depth, decode_image
 from semantic_slam.messages.standard import header_message
@@ -41,6 +47,7 @@ from semantic_slam_lab.fuzz.mutation import change_message, damaged, with_extrem
 from semantic_slam_lab.fuzz.protocol import spoken
 
 OPEN = {**small_drive.PLAIN, "association": "open"}
+STRANGE_NUMBERS = (-1.0, 0.0, 1.0, 1e-300, 1e9)
 WEIGHTS = CONFIGURATIONS.parent / "weights"
 MODELS: dict[str, Callable[[Path], Any]] = {
     "viewpoint_models.safetensors": read_model,
@@ -90,6 +97,32 @@ def maps(folder: Path) -> Case:
             path.write_text(json.dumps(change(json.loads(text), chance)), encoding="utf-8")
         read_map_prior(path)
         _two_keyframes(configurations[chance.integers(2)], path.read_text(encoding="utf-8"))
+
+    return case
+
+
+def map_files(folder: Path) -> Case:
+    """Files of maps that are damaged, or whole with strange numbers; what is accepted has to begin a run."""
+    whole, path = with_id(saved_map_of_prior(small_drive.map_prior())), folder / "room.map"
+    configurations = [from_dict(small_drive.PLAIN), from_dict(OPEN)]
+    write_map(path, whole)
+    data = path.read_bytes()
+
+    def case(chance: Generator) -> None:
+        if chance.random() < 0.4:
+            path.write_bytes(damaged(data, chance))
+        else:
+            part = ("objects", "hypotheses")[chance.integers(2)]
+            before = getattr(whole, part)
+            names = sorted(name for name, own in vars(before).items() if isinstance(own, np.ndarray) and own.size)
+            name = names[chance.integers(len(names))]
+            changed = getattr(before, name).copy()
+            changed.flat[chance.integers(changed.size)] = chance.choice(STRANGE_NUMBERS)
+            strange = replace(whole, **{part: replace(before, **{name: changed})})
+            MAP_FORMAT.write(path, *packed(with_id(strange)))
+        known = read_map(path)
+        _two_keyframes(configurations[chance.integers(2)], map_prior_of(known).to_json())
+        difference(Comparison.of(whole, known, same_frame=bool(chance.integers(2))))
 
     return case
 
@@ -225,7 +258,7 @@ def pictures(folder: Path) -> Case:
 
 TARGETS: dict[str, Target] = {
     target.__name__: target
-    for target in (configurations, labels, maps, bags, drives, messages, rounds, models, pictures)
+    for target in (configurations, labels, maps, map_files, bags, drives, messages, rounds, models, pictures)
 }
 
 

@@ -37,8 +37,13 @@ class SceneSettings:
     goods: int = 0  # pairs of the first so many goods stand in the room; 0: furniture
 
 
-def make_scene(root: Path, seed: int, settings: SceneSettings | None = None) -> Path:
-    """Render the room of that seed into ``root/Gen_<seed>_1``; returns the scene's folder. Raises InputError."""
+def make_scene(
+    root: Path, seed: int, settings: SceneSettings | None = None, objects: Sequence[PlacedObject] | None = None
+) -> Path:
+    """Render the room of that seed into ``root/Gen_<seed>_1``; returns the scene's folder. Raises InputError.
+
+    ``objects`` stand in it in place of those that the seed draws.
+    """
     settings = settings or SceneSettings()
     if not 0 <= seed <= LARGEST_SCENE_NUMBER:
         raise InputError(f"--seed {seed}: the scene's number has three digits; choose 0 to {LARGEST_SCENE_NUMBER}")
@@ -46,7 +51,7 @@ def make_scene(root: Path, seed: int, settings: SceneSettings | None = None) -> 
     if folder.exists():
         raise InputError(f"{folder}: exists already; remove it or choose another --out")
     folder.mkdir(parents=True)
-    objects = draw_layout(seed, settings.goods)
+    objects = draw_layout(seed, settings.goods) if objects is None else objects
     images = _render(folder, _planned(seed, settings.tour_only), objects, settings)
     scale_mm = float(np.random.default_rng([seed, 4]).uniform(300.0, 900.0))
     avd_writer.write_annotations(folder, images)

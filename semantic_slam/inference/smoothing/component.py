@@ -8,8 +8,10 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.moments import transport
 from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.clock_offset import line_at
+from semantic_slam.inference.models.joint_prior import joint_prior_factors
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
@@ -21,8 +23,8 @@ from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMak
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_after
 from semantic_slam.inference.states.correction import Correction
-from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.gaussian import GaussianPrior, JointPrior
+from semantic_slam.inference.states.keys import number_of, object_key, robot_key
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.inference.states.spaces import Spaces
@@ -61,12 +63,18 @@ class Component:
         objects: dict[int, GaussianPrior],
         latent: LatentObservation | None = None,
         existence: dict[int, float] | None = None,
+        joint: JointPrior | None = None,
     ) -> "Component":
-        """The prior of Eq. 4.3; descriptors enter with the first view of their object."""
+        """The prior of Eq. 4.3, of some objects jointly; descriptors enter with the first view of their object."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        together = joint.object_ids if joint is not None else ()
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
-            graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
+            if key == robot_key(-1) or number_of(key) not in together:
+                graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
             spaces.of(key).insert(values, key, prior.mean)
+        if joint is not None:
+            for factor in joint_prior_factors([object_key(n) for n in together], joint.covariance, values):
+                graph.add(factor)
         smoother = Smoother.of(spaces, SemanticFactorMaker(spaces, model, latent), graph, values)
         ids, stated = sorted(objects), existence or {}
         known = HypothesisObjects(
@@ -95,6 +103,27 @@ class Component:
     def joint_covariance(self, keys: Sequence[int]) -> Array:
         """(m, m) marginal covariance, in the tangent spaces at the estimate. Raises LostComponentError."""
         return self.smoother.joint_covariance(keys)
+
+    def joint_of_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
+        """(n, s) states and (n l, n l) covariance of some of its objects, in the tangent spaces there.
+
+        With what their Gaussians and their factors do not say, beside which correlations stay as they are. Raises
+        LostComponentError.
+        """
+        keys, space = [object_key(n) for n in object_ids], self.spaces.landmark
+        size = space.tangent_size
+        states = self.states(keys)[:, : space.storage_size].copy()
+        covariance = self.joint_covariance(keys) if keys else np.zeros((0, 0))
+        for key, correction in self._corrections():
+            if key in keys:
+                row = keys.index(key)
+                own = slice(row * size, (row + 1) * size)
+                before = covariance[own, own].copy()
+                states[row], after = correction.applied(space, states[row], before)
+                change = transport(before, after)
+                covariance[own] = change @ covariance[own]
+                covariance[:, own] = covariance[:, own] @ change.T
+        return states, covariance
 
     def robot_and_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
         """(1 + n, s) states, the robot's first, and (1 + n, w, w) covariances of some of its objects.

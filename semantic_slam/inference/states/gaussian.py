@@ -1,4 +1,4 @@
-"""The Gaussian prior of one variable."""
+"""The Gaussian prior of one variable, and of several that have errors in common."""
 
 from dataclasses import dataclass
 
@@ -11,3 +11,11 @@ class GaussianPrior:
 
     mean: Array  # (s,)
     covariance: Array  # (d, d)
+
+
+@dataclass(frozen=True)
+class JointPrior:
+    """What the priors of n objects have in common: their covariance, in the tangent spaces at their means."""
+
+    object_ids: tuple[int, ...]  # n
+    covariance: Array  # (n l, n l)

@@ -1,7 +1,10 @@
 """The map prior: objects known before the run, in the format of ``objects.json``."""
 
+import base64
+import binascii
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,12 +12,14 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, pose_vector_from_planar
 from semantic_slam.text_files import parse_json, read_text
 
 ID_LIMIT = 2**32
 ROUNDING = 1e-6
 """Relative; files hold rounded numbers."""
+LEAST_TOLERANCE = 1e-30
+"""Where all variances are 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,12 +68,16 @@ class MapPrior:
 
     objects: tuple[ObjectPrior, ...] = ()
     descriptor_space: str = ""  # which learned space the descriptors are of, as its model names it
+    joint_covariance: Array | None = None  # (3 O, 3 O) x y yaw of all objects, along the axes of map; None: independent
+    map_id: str = ""  # of the FILE.map that it is of
 
     def to_json(self) -> str:
-        """The text of an ``objects.json``."""
+        """The text of an ``objects.json``; what objects have in common stands there as a FILE.map tells it."""
         space = {"descriptor_space": self.descriptor_space} if self.descriptor_space else {}
+        joint = {} if self.joint_covariance is None else {"joint_covariance": _packed(self.joint_covariance)}
+        known = {"map_id": self.map_id} if self.map_id else {}
         rows = [_row(prior) for prior in self.objects]
-        return json.dumps({"schema_version": 1, "frame": "map", **space, "objects": rows}, indent=1)
+        return json.dumps({"schema_version": 1, "frame": "map", **known, **space, **joint, "objects": rows}, indent=1)
 
 
 def _row(prior: ObjectPrior) -> dict[str, object]:
@@ -92,15 +101,16 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
         _check_frame(document)
         objects = tuple(_object(row) for row in document["objects"])
         space = str(document.get("descriptor_space", ""))
+        joint, map_id = _joint(document.get("joint_covariance"), objects), str(document.get("map_id", ""))
     except (ValueError, KeyError, TypeError, OverflowError) as fault:
         reason = " ".join(repr(fault).split())[:200]
         raise InputError(
-            f"{origin}: not a map prior ({reason}); give an objects.json as bag_to_report writes it"
+            f"{origin}: not a map prior ({reason}); give an objects.json as reports have it, or a map as semantic_slam map save writes it"
         ) from None
     ids = [prior.object_id for prior in objects]
     if len(set(ids)) < len(ids):
         raise InputError(f"{origin}: object ids are not unique; number the objects anew")
-    return MapPrior(objects, space)
+    return MapPrior(objects, space, joint, map_id)
 
 
 def read_map_prior(path: Path) -> MapPrior:
@@ -176,3 +186,46 @@ def _class_probabilities(values: object) -> dict[str, float]:
     if probabilities and not any(probabilities.values()):
         raise ValueError("class probabilities are all zero")
     return probabilities
+
+
+def _packed(joint: Array) -> str:
+    """The numbers of a square in base64, to the last bit, little-endian."""
+    return base64.b64encode(np.ascontiguousarray(joint, dtype="<f8").tobytes()).decode()
+
+
+def _joint(text: object, objects: tuple[ObjectPrior, ...]) -> Array | None:
+    """(3 O, 3 O) of objects whose own covariances stand in it."""
+    if text is None:
+        return None
+    size = 3 * len(objects)
+    try:
+        packed = base64.b64decode(str(text), validate=True)
+    except binascii.Error:
+        raise ValueError("joint_covariance is not in base64") from None
+    if len(packed) != 8 * size**2:
+        raise ValueError(f"joint_covariance needs {size} x {size} numbers")
+    joint = np.frombuffer(packed, dtype="<f8").reshape(size, size).astype(np.float64)
+    check_joint(joint, objects)
+    return joint
+
+
+def is_positive(square: Array, tolerance: float) -> bool:
+    """Whether a symmetric square has no eigenvalue below minus the tolerance, told many times as fast as by these."""
+    try:
+        np.linalg.cholesky(square + max(tolerance, LEAST_TOLERANCE) * np.eye(len(square)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def check_joint(joint: Array, objects: Sequence[ObjectPrior]) -> None:
+    """Raises ValueError where (3 O, 3 O) is no covariance, or not one of these objects."""
+    if not np.isfinite(joint).all():
+        raise ValueError("joint_covariance needs finite numbers")
+    tolerance = ROUNDING * float(np.abs(joint).max(initial=0.0))
+    if len(joint) and not (np.abs(joint - joint.T).max() <= tolerance and is_positive(joint, tolerance)):
+        raise ValueError("joint_covariance is not symmetric and positive semi-definite")
+    own = np.array([planar_from_covariance(item.covariance) for item in objects]).reshape(-1, 3, 3)
+    rows = np.arange(len(joint)).reshape(-1, 3)
+    if np.abs(joint[rows[:, :, None], rows[:, None, :]] - own).max(initial=0.0) > tolerance:
+        raise ValueError("joint_covariance has other covariances than the objects")

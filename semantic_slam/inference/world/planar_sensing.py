@@ -6,7 +6,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
-from semantic_slam.geometry.se2 import rotate_covariance
+from semantic_slam.geometry.se2 import rotate_covariance, sine_cosine
 from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
@@ -34,6 +34,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
         reader=_reader(settings),
         robot_prior=planar_prior,
         object_prior=planar_prior,
+        joint_prior=joint_planar_prior,
     )
 
 
@@ -54,6 +55,7 @@ def points(settings: SensingSettings) -> Sensing:
         reader=_reader(settings),
         robot_prior=planar_prior,
         object_prior=point_prior,
+        joint_prior=joint_point_prior,
     )
 
 
@@ -68,6 +70,23 @@ def point_prior(pose: Array, covariance: Array) -> GaussianPrior:
     """Prior of a place, whatever the heading."""
     place = planar_from_covariance(covariance)[:2, :2]
     return GaussianPrior(planar_from_pose_vector(pose)[:2], place + LEAST_VARIANCE * np.eye(2))
+
+
+def joint_planar_prior(poses: Array, covariance: Array) -> Array:
+    """(3 n, 3 n) in the tangent spaces at n poses, of which :func:`planar_prior` is each one's own."""
+    turns = np.zeros((len(poses), 3, 3))
+    sine, cosine = sine_cosine(planar_from_pose_vector(poses)[:, 2])
+    turns[:, 0, 0] = turns[:, 1, 1] = cosine
+    turns[:, 0, 1], turns[:, 1, 0], turns[:, 2, 2] = sine, -sine, 1.0
+    blocks = covariance.reshape(len(poses), 3, len(poses), 3)
+    turned = np.einsum("iab,ibjc,jdc->iajd", turns, blocks, turns).reshape(covariance.shape)
+    return np.asarray(turned + LEAST_VARIANCE * np.eye(len(turned)))
+
+
+def joint_point_prior(poses: Array, covariance: Array) -> Array:
+    """(2 n, 2 n) of n places, whatever the headings."""
+    rows = np.arange(3 * len(poses)).reshape(-1, 3)[:, :2].ravel()
+    return np.asarray(covariance[np.ix_(rows, rows)] + LEAST_VARIANCE * np.eye(len(rows)))
 
 
 def _visibility(configuration: Configuration) -> PlanarVisibility:

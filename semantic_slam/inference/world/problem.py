@@ -28,7 +28,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.detection_rates import DetectionRates
-from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.gaussian import GaussianPrior, JointPrior
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
@@ -60,6 +60,7 @@ class Problem:
     seed: int
     association: type[Any]  # an AssociationStrategy as inference/association/strategy.py describes it
     distinct: bool
+    joint: JointPrior | None = None  # of objects of the map; None: their priors are independent
     semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
     embeddings: EmbeddingModel | None = None  # of vectors of appearance, where these are evidence
@@ -119,7 +120,7 @@ class Problem:
         """The component before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
         existence = {entry.object_id: entry.existence for entry in self.objects}
-        return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence)
+        return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence, self.joint)
 
     def _single_steps(self, smoother: Smoother) -> Smoother:
         """One that is updated once per keyframe."""

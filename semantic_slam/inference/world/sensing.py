@@ -15,6 +15,8 @@ from semantic_slam.viewpoint.outliers import OutlierScores
 
 PriorReader = Callable[[Array, Array], GaussianPrior]
 """From a (7,) pose in map and its (6, 6) covariance along the axes of map to a prior of the estimated state."""
+JointReader = Callable[[Array, Array], Array]
+"""From (n, 7) poses in map and the (3 n, 3 n) joint covariance of x, y, yaw along its axes to that of their states."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,7 @@ class Sensing:
     reader: KeyframeReader
     robot_prior: PriorReader
     object_prior: PriorReader
+    joint_prior: JointReader
 
 
 class SensingBuilder(Protocol):

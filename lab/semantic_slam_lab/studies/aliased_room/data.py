@@ -3,6 +3,7 @@
 A room is rendered and measured once; what is missed and what is false is drawn anew for every run, by its own key.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +27,7 @@ from semantic_slam.geometry.transform import between
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
 from semantic_slam.perception.measurement import OF_THE_FRAME, SemanticMeasurements
 from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, start
+from semantic_slam_lab.simulation.mujoco_scene import PlacedObject
 
 IMAGE_WIDTH = 720
 """Pixels; that of the shipped bag."""
@@ -64,8 +66,10 @@ class Recording:
         return float(np.mean([len(own) for own in self.labels]))
 
 
-def record_scene(number: int, max_keyframes: int | None = None) -> Recording:
-    """Render the room of that number, drive through it and measure what the camera sees."""
+def record_scene(
+    number: int, max_keyframes: int | None = None, objects: Sequence[PlacedObject] | None = None
+) -> Recording:
+    """Render the room of that number, or with other ``objects``, drive through it and measure what the camera sees."""
     from semantic_slam.datasets.avd_drive import ImportSettings
     from semantic_slam.datasets.avd_import import import_avd
     from semantic_slam.evaluation.belief_bag import read_record
@@ -75,7 +79,7 @@ def record_scene(number: int, max_keyframes: int | None = None) -> Recording:
 
     measuring = Configuration(association="given", semantic_model=SemanticModelConfiguration(kind="none"))
     with TemporaryDirectory() as folder:
-        scene = make_scene(Path(folder), number, SceneSettings(tour_only=True))
+        scene = make_scene(Path(folder), number, SceneSettings(tour_only=True), objects)
         bag = Path(folder) / "bag"
         import_avd(scene, bag, None, max_keyframes, number, ImportSettings(image_width=IMAGE_WIDTH))
         summary = run_bag(bag, Path(folder) / "measured", measuring, map_prior=MapPrior())

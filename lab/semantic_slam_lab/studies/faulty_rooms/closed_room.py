@@ -37,17 +37,23 @@ class ClosedRoom:
     objects: np.ndarray  # (O, 3)
 
 
-def make_room(seed: int, num_keyframes: int = 40) -> ClosedRoom:
-    """One drive around the furniture; everything is drawn from the models that the engine has."""
+def make_room(
+    seed: int, num_keyframes: int = 40, objects: np.ndarray | None = None, classes: Sequence[int] = CLASSES
+) -> ClosedRoom:
+    """One drive around the furniture; everything is drawn from the models that the engine has.
+
+    ``objects`` (O, 3) of ``classes`` stand in the room in place of those that the seed draws.
+    """
     random = np.random.default_rng([17, seed])
-    objects = _furniture(random)
+    drawn = _furniture(random)
+    objects = drawn if objects is None else objects
     truth, controls = _drive(random, num_keyframes)
     model = load_model(SemanticModelConfiguration())
     assert model is not None
     keyframes, associations = [], []
     for k, (pose, control) in enumerate(zip(truth, controls, strict=True)):
         seen = _visible(pose, objects)
-        keyframes.append(_keyframe(k, control, _measured(random, model, k, pose, objects, seen)))
+        keyframes.append(_keyframe(k, control, _measured(random, model, k, pose, objects, seen, classes)))
         associations.append(tuple(seen.tolist()))
     start = truth[0] + random.normal(size=3) * [LOST_M, LOST_M, HEADING_RAD]
     return ClosedRoom(_map(random, objects), start, tuple(keyframes), truth, tuple(associations), objects)
@@ -164,12 +170,13 @@ def _measured(
     pose: np.ndarray,
     objects: np.ndarray,
     seen: np.ndarray,
+    classes: Sequence[int],
 ) -> SemanticMeasurements:
     count, size = len(seen), model.num_features
     robot = np.broadcast_to(pose, (count, 3))
     relative, camera = se2.between(robot, objects[seen]), se2.between(objects[seen], robot)
     views = Viewpoints(np.arctan2(camera[:, 1], camera[:, 0]), np.zeros(count), np.hypot(camera[:, 0], camera[:, 1]))
-    expected = model.predict(np.array(CLASSES)[seen], views)
+    expected = model.predict(np.array(classes)[seen], views)
     errors = [random.multivariate_normal(np.zeros(size), own) for own in expected.covariance]
     noise = random.normal(size=(count, 2)) * [SIGMA_RANGE_M, SIGMA_BEARING_RAD]
     return SemanticMeasurements(

@@ -1,0 +1,1 @@
+"""A robot that comes back to a room in which something has changed."""

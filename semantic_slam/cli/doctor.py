@@ -1,0 +1,136 @@
+"""``semantic_slam doctor [BAG]``: what would keep a bag, or the running system, from giving a right map."""
+
+import json
+import sys
+from argparse import Namespace
+from contextlib import redirect_stdout
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.needs import need_ros
+from semantic_slam.errors import InputError
+from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
+
+if TYPE_CHECKING:
+    from semantic_slam.doctor.finding import Finding
+
+ROS_ARGUMENTS = "--ros-args"
+ON_ROS = "semantic_slam.ros.examination"
+"""By name, as nodes are: what is on ROS imports this folder."""
+
+
+def parse(words: list[str] | None = None) -> Namespace:
+    """Arguments of the command line; raises InputError."""
+    parser = CommandParser(
+        description="Look for what would keep a bag from giving a right map, or, without BAG, the running system: one"
+        " line for each thing that is wrong, with numbers and a remedy. Exit code 0: nothing, or warnings alone; 2: an"
+        " error, with which a run would not start or its result would not be right.",
+        epilog="Without BAG, remappings of inputs follow --ros-args, as for the nodes: -r odom:=/my/odom.",
+    )
+    parser.add_argument("bag", type=Path, nargs="?", metavar="BAG", help="rosbag2 folder, .mcap or .db3")
+    parser.add_argument(
+        "--config",
+        type=configuration_file,
+        metavar="YAML",
+        help="file, or the name of a shipped configuration (default: what semantic_slam report takes; of a running"
+        " system the parameters of its nodes)",
+    )
+    parser.add_argument(
+        "--map-prior", type=Path, metavar="objects.json", help="objects known before (default: objects.json beside BAG)"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=5.0, metavar="N", help="how long a running system is listened to (default: 5)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
+    words = sys.argv[1:] if words is None else words
+    own = words[: words.index(ROS_ARGUMENTS)] if ROS_ARGUMENTS in words else words
+    arguments = parser.parse_args(own)
+    if not 0.5 <= arguments.seconds <= 600.0:
+        raise InputError(f"--seconds {arguments.seconds:g}: must be from 0.5 to 600; correct the number")
+    arguments.ros = words[len(own) :]
+    if arguments.ros and arguments.bag:
+        raise InputError(f"{ROS_ARGUMENTS}: are for a running system; leave out {arguments.bag}, or them")
+    return arguments
+
+
+def command() -> None:
+    """Parse, examine, print; raises InputError where anything is an error."""
+    arguments = parse()
+    with redirect_stdout(sys.stderr):
+        findings = of_bag(arguments) if arguments.bag else of_running_system(arguments)
+    subject = str(arguments.bag or "running system")
+    print(
+        as_json(subject, findings) if arguments.json else "\n".join(each.line for each in findings) or "nothing wrong"
+    )
+    errors = sum(each.severity.name == "ERROR" for each in findings)
+    if errors:
+        raise InputError(
+            f"{subject}: {errors} error{'s' * (errors > 1)} and {len(findings) - errors} warnings; see the remedies"
+        )
+
+
+def of_bag(arguments: Namespace) -> "list[Finding]":
+    """What is wrong with a bag. Raises InputError where it is none."""
+    from semantic_slam.bag.reader import REMEDY
+    from semantic_slam.configuration import load_configuration
+    from semantic_slam.doctor.bag_summary import summarise_bag
+    from semantic_slam.doctor.examination import examine
+    from semantic_slam.doctor.finding import of_fault
+    from semantic_slam.inference.world.map_prior import read_map_prior
+    from semantic_slam.pipeline.preamble import map_prior_path
+
+    if not arguments.bag.exists():
+        raise InputError(f"{arguments.bag}: no such bag; {REMEDY}")
+    path = arguments.map_prior or map_prior_path(arguments.bag)
+    try:
+        configuration = load_configuration(arguments.config or _usual(arguments.bag, has_map=path is not None))
+    except InputError as fault:
+        return [of_fault("configuration", fault)]
+    try:
+        prior = read_map_prior(path) if path else None
+    except InputError as fault:
+        return [of_fault("map prior", fault)]
+    summary, faults = summarise_bag(arguments.bag, configuration, prior)
+    return [*faults, *examine(summary)]
+
+
+def _usual(bag: Path, *, has_map: bool) -> Path:
+    """The configuration that a report takes."""
+    from semantic_slam.pipeline.default_configuration import configuration_for
+
+    try:
+        return configuration_for(bag, has_map=has_map)
+    except InputError:
+        return DEFAULT_CONFIGURATION  # what is wrong with the bag, the examination tells
+
+
+def of_running_system(arguments: Namespace) -> "list[Finding]":
+    """What is wrong with the nodes and topics that are there. Raises InputError without ROS."""
+    need_ros()
+    examine = import_module(ON_ROS).examine_running_system
+    found: list[Finding] = examine(arguments.config, arguments.map_prior, arguments.seconds, arguments.ros)
+    return found
+
+
+def as_text(findings: "list[Finding]") -> str:
+    """A line a finding."""
+    return "\n".join(finding.line for finding in findings) or "nothing wrong"
+
+
+def as_json(subject: str, findings: "list[Finding]") -> str:
+    """An object with what was examined and a list of findings."""
+    rows = [
+        {"severity": each.severity.name.lower(), "check": each.check, "what": each.what, "remedy": each.remedy}
+        for each in findings
+    ]
+    return json.dumps({"schema_version": 1, "examined": subject, "findings": rows}, indent=1)
+
+
+def main() -> None:
+    run_main(command)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""Boxes in shares of the picture, outside of it, or of a picture of another size."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from semantic_slam.doctor.finding import Finding, Severity, error, warning
+from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.perception.crops import is_in_shares
+
+NAME = "boxes"
+SOME, MOST = 0.05, 0.5
+"""Share of boxes that is worth a word, and that is most of them."""
+BEYOND = 0.1
+"""Share of the picture by which boxes of things at its edge may reach beyond it."""
+CORNER, LEAST_BOXES = 0.6, 100
+"""So many boxes that all lie within that share of width and height are of a smaller picture."""
+
+
+def check(summary: InputSummary) -> Iterator[Finding]:
+    boxes = summary.detections.boxes
+    boxes = boxes[np.isfinite(boxes).all(axis=1)]
+    if not len(boxes):
+        return
+    shares = np.array([is_in_shares(box) for box in boxes])
+    if shares.mean() > SOME:
+        yield error(
+            NAME,
+            f"{_count(shares)} boxes lie within the first pixel: they are in shares of the picture",
+            "give boxes in pixels: multiply x by the picture's width and y by its height",
+        )
+        return
+    flat = np.asarray((boxes[:, 2:] <= boxes[:, :2]).any(axis=1))
+    if flat.mean() > SOME:
+        yield error(
+            NAME,
+            f"{_count(flat)} boxes have no area",
+            "give x_min y_min x_max y_max, not the centre or a corner with width and height",
+        )
+        return
+    if summary.camera is not None:
+        yield from _in_picture(boxes, summary.camera.width, summary.camera.height)
+
+
+def _in_picture(boxes: Array, width: int, height: int) -> Iterator[Finding]:
+    size = np.array([width, height], dtype=np.float64)
+    beyond = np.asarray(((boxes[:, 2:] > (1.0 + BEYOND) * size) | (boxes[:, :2] < -BEYOND * size)).any(axis=1))
+    reach = boxes[:, 2:].max(axis=0)
+    what = f"the picture has {width} x {height} pixels, and boxes reach to {reach[0]:.0f} x {reach[1]:.0f}"
+    remedy = "scale the boxes to the picture that camera_info describes; the detector saw another size"
+    if beyond.mean() > SOME:
+        severity = Severity.ERROR if beyond.mean() > MOST else Severity.WARNING
+        yield Finding(severity, NAME, f"{_count(beyond)} boxes reach outside: {what}", remedy)
+    elif len(boxes) >= LEAST_BOXES and (reach < CORNER * size).all():
+        yield warning(NAME, f"all {len(boxes)} boxes lie in the upper left corner: {what} at most", remedy)
+
+
+def _count(rows: Flags) -> str:
+    return f"{int(rows.sum())} of {len(rows)}"

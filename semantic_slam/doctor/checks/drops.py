@@ -1,0 +1,57 @@
+"""What the pipeline does not use of the first frames, as far as no other check has said why."""
+
+from collections.abc import Iterator
+
+from semantic_slam.doctor.finding import Finding, Severity, error, of_fault, warning
+from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.errors import InputError
+from semantic_slam.perception.places import BAD_COVARIANCE, BAD_RANGE, NO_PLACE
+
+NAME = "dropped"
+SOME, MOST = 0.1, 0.9
+"""Per detection message."""
+SAID_ELSEWHERE = (
+    "time goes backwards", "leaps ahead", "set back", "stamp repeats", "of their stamp", "at their stamp",
+    "none of the detections' stamp", "half of it lies", "size ", "frame id", "of frame", "unknown label", "box ",
+    "no static transforms", "/tf from", "same outline",
+)  # fmt: skip
+REMEDIES = {
+    "no camera_info": "publish camera_info, or name it: semantic_slam import bag --camera-info",
+    "arrays of different lengths": "fill all arrays of DetectionArray with one row a detection",
+    "does not decode": "record it with the definitions that its publisher has",
+    "not finite": "correct its publisher",
+    NO_PLACE: "give boxes with a camera_info and its transform, or positions, or ranges and bearings",
+    BAD_RANGE: "give ranges in metres, above zero, and NaN for none",
+    BAD_COVARIANCE: "give variances above zero, or NaN where they are not known",
+}
+
+
+def check(summary: InputSummary) -> Iterator[Finding]:
+    for text in summary.faults:
+        if not any(words in text for words in SAID_ELSEWHERE):
+            yield of_fault(NAME, InputError(text))
+    for reason, count in sorted(summary.dropped.items()):
+        share = count / max(summary.num_frames, 1)
+        if share > SOME and not any(words in reason for words in SAID_ELSEWHERE):
+            yield Finding(
+                Severity.ERROR if share > MOST else Severity.WARNING,
+                NAME,
+                f"{reason} ({count} in the first {summary.num_frames} detection messages)".replace(";", ","),
+                next((remedy for words, remedy in REMEDIES.items() if words in reason), "see docs/troubleshooting.md"),
+            )
+
+
+def check_last(summary: InputSummary, found: list[Finding]) -> Iterator[Finding]:
+    """That no keyframe was made, where nothing found so far explains it."""
+    if summary.keyframes or any(each.severity == Severity.ERROR for each in found):
+        return
+    if not len(summary.detections.scores) and not summary.dropped:
+        what = f"no detection in {summary.num_frames} messages of {summary.measured or 'detections'}"
+        yield warning(NAME, what, "have something in view that the detector knows")
+        return
+    reasons = ", ".join(f"{reason} ({count})" for reason, count in sorted(summary.dropped.items()))
+    yield error(
+        NAME,
+        f"not one keyframe could be made of {summary.num_frames} detection messages ({reasons})",
+        "see docs/troubleshooting.md",
+    )

@@ -1,0 +1,55 @@
+"""Detections that no picture, and no depth, is of."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from semantic_slam.doctor.checks.rates import usual_step_s
+from semantic_slam.doctor.finding import Finding, Severity
+from semantic_slam.doctor.input_summary import InputSummary, Stamps
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.standard import NANOSECONDS
+
+NAME = "matching"
+SOME, MOST = 0.05, 0.5
+
+
+def check(summary: InputSummary) -> Iterator[Finding]:
+    found = summary.found
+    seen = summary.stamps_of(found.detections)
+    if not found.image or not len(seen):
+        return
+    for topic in (found.image, found.depth):
+        pictures = summary.stamps_of(topic)
+        if topic and len(pictures) > 1:
+            faults = list(_apart(summary, topic, distances_s(seen, pictures), usual_step_s(pictures)))
+            yield from faults
+            if faults:  # of depth they would be the same
+                return
+
+
+def _apart(summary: InputSummary, topic: str, apart_s: Array, step_s: float) -> Iterator[Finding]:
+    tolerance_s = summary.configuration.perception.sync_tolerance_s
+    lost = apart_s > tolerance_s
+    if lost.mean() <= SOME:
+        return
+    is_needed = topic == summary.found.image
+    usual_s = float(np.median(apart_s[lost]))
+    remedy = "have the detector copy the image's stamp"
+    if usual_s < 0.5 * step_s:
+        remedy += f", or set perception.sync_tolerance_s: {1.2 * usual_s:.2g}"
+    yield Finding(
+        Severity.ERROR if is_needed and lost.mean() > MOST else Severity.WARNING,
+        NAME,
+        f"{int(lost.sum())} of {len(lost)} messages of {summary.found.detections} have no {topic} within"
+        f" {tolerance_s:g} s (perception.sync_tolerance_s); the nearest is {usual_s:.3g} s away",
+        remedy if is_needed else "record depth with every picture; those detections are bearings alone",
+    )
+
+
+def distances_s(seen: Stamps, pictures: Stamps) -> Array:
+    """(N,) from each stamp to the nearest one of the pictures."""
+    times = np.sort(pictures.header_ns)
+    at = np.clip(np.searchsorted(times, seen.header_ns), 1, len(times) - 1)
+    apart = np.minimum(np.abs(seen.header_ns - times[at - 1]), np.abs(seen.header_ns - times[at]))
+    return np.asarray(apart / NANOSECONDS)

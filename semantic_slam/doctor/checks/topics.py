@@ -1,0 +1,69 @@
+"""Topics that are missing, silent, of another type, or under another name."""
+
+from collections.abc import Iterator
+
+from semantic_slam.bag.names import absolute
+from semantic_slam.doctor.finding import Finding, error, warning
+from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.messages import topics
+from semantic_slam.messages.topics import TYPES
+from semantic_slam.pipeline.input_topics import lacking, mistyped
+
+NAME = "topics"
+NAMED_SO = (topics.IMAGE_COMPRESSED, topics.IMAGE, topics.DETECTIONS)
+"""Topics of which one under another name is worth a word; of types that little else has."""
+
+
+def check(summary: InputSummary) -> Iterator[Finding]:
+    wrong = mistyped(summary.types)
+    for topic, kind in wrong.items():
+        ours = next(TYPES[name] for name in TYPES if absolute(name) == topic)
+        yield error(NAME, f"{topic} is {kind}, not {ours}", _retyped(summary, topic))
+    for topic in lacking(summary.found):
+        if absolute(topic) not in wrong:
+            yield error(NAME, f"no topic {topic} ({TYPES[topic]}){_alike(summary, topic)}", _renamed(summary, topic))
+    yield from _silent(summary)
+    if not summary.found.image:
+        yield from _pictures_elsewhere(summary)
+
+
+def _silent(summary: InputSummary) -> Iterator[Finding]:
+    found = summary.found
+    for topic in (found.odometry, summary.measured, found.camera_info, found.image, found.depth):
+        if topic and not summary.counts.get(topic, 0):
+            yield error(
+                NAME,
+                f"{topic} is there and has no message",
+                "start what publishes it" if summary.is_live else "record it again with its publisher running",
+            )
+
+
+def _pictures_elsewhere(summary: InputSummary) -> Iterator[Finding]:
+    alike = [topic for name in NAMED_SO[:2] for topic in _of_type(summary, TYPES[name])]
+    alike = [topic for topic in alike if "depth" not in topic]
+    if alike and not summary.found.measurements:
+        what = f"{', '.join(alike[:3])}: pictures that nobody reads; detections are used without"
+        yield warning(NAME, what, _renamed(summary, topics.IMAGE))
+
+
+def _alike(summary: InputSummary, topic: str) -> str:
+    others = _of_type(summary, TYPES[topic])
+    return f", but {', '.join(others[:3])} of that type" if others else ""
+
+
+def _of_type(summary: InputSummary, kind: str) -> list[str]:
+    """Topics of a type that no name of ours stands for."""
+    ours = {absolute(topic) for topic in TYPES}
+    return sorted(topic for topic, found in summary.types.items() if found == kind and topic not in ours)
+
+
+def _renamed(summary: InputSummary, topic: str) -> str:
+    if summary.is_live:
+        return f"start its publisher, or remap it: -r {topic}:=/your/topic"
+    return "record it, or have semantic_slam import bag take it under the name that it has"
+
+
+def _retyped(summary: InputSummary, topic: str) -> str:
+    if summary.is_live:
+        return f"publish the type that is read, or remap another topic to it: -r {topic[1:]}:=/your/topic"
+    return "semantic_slam import bag converts other types"

@@ -1,0 +1,51 @@
+"""All checks of an input, in the order in which a person would put things right."""
+
+from collections.abc import Callable, Iterable
+
+from semantic_slam.doctor.checks import (
+    boxes,
+    clocks,
+    depth,
+    drops,
+    extrinsics,
+    frames,
+    intrinsics,
+    labels,
+    map_prior,
+    matching,
+    noise,
+    rates,
+    region,
+    scores,
+    settings,
+    stamps,
+    topics,
+)
+from semantic_slam.doctor.finding import Finding
+from semantic_slam.doctor.input_summary import InputSummary
+
+CHECKS: tuple[Callable[[InputSummary], Iterable[Finding]], ...] = (
+    topics.check,
+    settings.check,
+    map_prior.check,
+    frames.check,
+    stamps.check,
+    clocks.check,
+    rates.check,
+    matching.check,
+    intrinsics.check,
+    extrinsics.check,
+    depth.check,
+    boxes.check,
+    labels.check,
+    scores.check,
+    region.check,
+    noise.check,
+    drops.check,
+)
+
+
+def examine(summary: InputSummary) -> list[Finding]:
+    """Whatever is wrong with an input; nothing where it is as it should be."""
+    found = [finding for check in CHECKS for finding in check(summary)]
+    return [*found, *drops.check_last(summary, found)]

@@ -1,0 +1,95 @@
+"""What is known of an input, a bag or a few seconds of a running system: small, and all that the checks look at."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.doctor.evidence import Evidence
+from semantic_slam.doctor.innovations import Innovations
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.perception.frame import CameraModel
+from semantic_slam.pipeline.input_topics import InputTopics
+from semantic_slam.pipeline.preamble import Preamble
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """When the messages of one topic were made, and when they came, in the order in which they came."""
+
+    header_ns: NDArray[np.int64]  # (N,)
+    arrival_ns: NDArray[np.int64]  # (N,)
+
+    def __len__(self) -> int:
+        return len(self.header_ns)
+
+
+NO_STAMPS = Stamps(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+
+@dataclass(kw_only=True)
+class DetectionRecord:
+    """What the detections are like; N detections of ``num_messages`` messages."""
+
+    num_messages: int = 0
+    boxes: Array = field(default_factory=lambda: np.zeros((0, 4)))  # (N, 4) pixels, NaN: no box
+    scores: Array = field(default_factory=lambda: np.zeros(0))  # (N,)
+    labels: Counter[str] = field(default_factory=Counter)  # of detections
+    told_labels: frozenset[str] = frozenset()  # those and the names of class scores
+    frame_ids: Counter[str] = field(default_factory=Counter)  # of messages
+    has_track_ids: bool = False
+    has_embeddings: bool = False
+
+
+@dataclass(kw_only=True)
+class PictureRecord:
+    """What the pictures of a topic are like."""
+
+    sizes: Counter[tuple[int, int]] = field(default_factory=Counter)  # (width, height)
+    encodings: Counter[str] = field(default_factory=Counter)
+    medians_m: list[float] = field(default_factory=list)  # of depth as its encoding says it
+
+
+@dataclass(kw_only=True)
+class InputSummary:
+    """An input as the checks see it. Topics have absolute names."""
+
+    configuration: Configuration
+    prior: MapPrior | None
+    types: Mapping[str, str]
+    counts: Mapping[str, int]
+    found: InputTopics
+    preamble: Preamble
+    is_live: bool = False
+    stamps: dict[str, Stamps] = field(default_factory=dict)
+    odometry_frames: Counter[tuple[str, str]] = field(default_factory=Counter)  # frame, child frame
+    detections: DetectionRecord = field(default_factory=DetectionRecord)
+    images: PictureRecord = field(default_factory=PictureRecord)
+    depths: PictureRecord = field(default_factory=PictureRecord)
+    camera: CameraModel | None = None
+    camera_poses: list[Array] = field(default_factory=list)  # (7,) T_base_camera of frames
+    num_frames: int = 0  # detection messages that the first part of the pipeline was shown
+    keyframes: list[Keyframe] = field(default_factory=list)  # what it made of them
+    odometry: Array = field(default_factory=lambda: np.zeros((0, 4)))  # (N, 4) time [s], x, y, yaw until then
+    dropped: Counter[str] = field(default_factory=Counter)  # and what it did not use, by reason
+    faults: list[str] = field(default_factory=list)  # what it stumbled over
+
+    def stamps_of(self, topic: str) -> Stamps:
+        """Stamps of a topic that may not be there."""
+        return self.stamps.get(topic, NO_STAMPS)
+
+    @property
+    def measured(self) -> str:
+        """The topic whose messages become keyframes."""
+        return self.found.measurements or self.found.detections
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What detections and odometry say of each other."""
+        return Evidence.of(Innovations.of(self.keyframes, self.odometry, self.configuration))

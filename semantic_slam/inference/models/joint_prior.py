@@ -1,0 +1,80 @@
+"""The prior of objects that have errors in common: one factor of a few objects, a tree of factors of many.
+
+One factor over all objects has them eliminated together in every update, at the cube of their number. The tree keeps
+every object's own Gaussian and, along its edges, what two objects know of each other: of all trees the nearest to the
+joint Gaussian (Chow and Liu, 1968). What two objects that are far apart in it have in common, it understates.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gtsam
+import numpy as np
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.linear_factors import unit_noise
+
+MOST_TOGETHER = 40
+"""Objects in one factor: a keyframe then takes some 20 ms for each hypothesis, at twice as many ten times that."""
+UNRELATED = 1e-9
+"""Nats added to what two objects know of each other, so that a tree reaches all of them."""
+
+_jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its type does not say
+
+
+def joint_prior_factors(keys: Sequence[int], covariance: Array, means: gtsam.Values) -> list[Any]:
+    """Priors of n variables of one size at ``means``, in the tangent spaces there. Raises InputError."""
+    try:
+        whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "map prior: its joint covariance is not positive definite; save the map anew, or give its objects.json"
+        ) from None
+    factors = [_together(keys, whiten)] if len(keys) <= MOST_TOGETHER else _tree(keys, covariance)
+    return [gtsam.LinearContainerFactor(factor, means) for factor in factors]
+
+
+def _together(keys: Sequence[int], whiten: Array) -> Any:
+    """One factor of all, for which GTSAM takes an upper triangle."""
+    root = np.linalg.qr(whiten, mode="r")
+    root = root * np.sign(np.diag(root))[:, None]
+    terms = list(zip(keys, np.split(root, len(keys), axis=1), strict=True))
+    zero = np.zeros(len(root))
+    return gtsam.JacobianFactor(gtsam.GaussianConditional(terms, len(keys), zero, unit_noise(len(zero))))
+
+
+def _tree(keys: Sequence[int], covariance: Array) -> list[Any]:
+    """One factor for each object, given its parent."""
+    count = len(keys)
+    size = len(covariance) // count
+    blocks = covariance.reshape(count, size, count, size).swapaxes(1, 2)  # (n, n, l, l)
+    order, parents = breadth_first_order(_spanning_tree(blocks), 0, directed=False)
+    zero, noise = np.zeros(size), unit_noise(size)
+    factors = []
+    for row in order.tolist():
+        parent = int(parents[row])
+        if parent < 0:
+            factors.append(_jacobian_factor(keys[row], _whitening(blocks[row, row]), zero, noise))
+            continue
+        gain = np.linalg.solve(blocks[parent, parent], blocks[parent, row]).T
+        whiten = _whitening(blocks[row, row] - gain @ blocks[parent, row])
+        factors.append(_jacobian_factor(keys[row], whiten, keys[parent], -whiten @ gain, zero, noise))
+    return factors
+
+
+def _spanning_tree(blocks: Array) -> Any:
+    """The tree along which objects know most of each other, by their mutual information in nats."""
+    own = np.einsum("iiab->iab", blocks)
+    whiten = np.linalg.inv(np.linalg.cholesky(own))
+    relative = np.einsum("iab,ijbc,jdc->ijad", whiten, blocks, whiten)
+    left = np.eye(own.shape[1]) - relative @ np.swapaxes(relative, -1, -2)
+    rows = np.arange(len(own))
+    left[rows, rows] = np.eye(own.shape[1])
+    nats = np.maximum(-0.5 * np.linalg.slogdet(left)[1], 0.0)
+    return minimum_spanning_tree(-(nats + UNRELATED))
+
+
+def _whitening(covariance: Array) -> Array:
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(0.5 * (covariance + covariance.T))))

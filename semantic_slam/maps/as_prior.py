@@ -1,0 +1,120 @@
+"""A saved map as what a run starts from, and the previous version of maps, ``objects.json``, as a saved map."""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.moments import transport
+from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
+
+
+def map_prior_of(saved: SavedMap) -> MapPrior:
+    """The objects' marginals, and what they have in common where the map tells."""
+    objects = saved.objects
+    items = tuple(
+        ObjectPrior(
+            object_id=int(number),
+            name=objects.names[row],
+            pose=objects.poses[row],
+            covariance=objects.covariances[row],
+            class_probabilities=dict(zip(saved.class_names, objects.class_probabilities[row].tolist(), strict=True)),
+            existence=float(objects.existence[row]),
+            **_descriptor(objects, row),
+        )
+        for row, number in enumerate(objects.ids)
+    )
+    joint = joint_covariance(saved) if saved.has_cross_covariances and len(objects) > 1 else None
+    return MapPrior(items, saved.descriptor_space, joint, saved.map_id)
+
+
+def joint_covariance(saved: SavedMap) -> Array:
+    """(3 O, 3 O) of x, y, yaw over all hypotheses, along the axes of map: the marginals' own blocks are theirs.
+
+    A hypothesis that lacks an object has it at its marginal, independent of all others.
+    """
+    hypotheses, weights = saved.hypotheses, np.exp(saved.hypotheses.log_weights)
+    means, own = planar_from_pose_vector(saved.objects.poses), planar_from_covariance(saved.objects.covariances)
+    size = 3 * len(means)
+    total, shift = np.zeros((size, size)), np.zeros((len(weights), size))
+    for row, weight in enumerate(weights):
+        filled, present = _block_diagonal(own), np.repeat(hypotheses.present[row], 3)
+        filled[np.ix_(present, present)] = hypotheses.covariances[row][np.ix_(present, present)]
+        off = np.where(hypotheses.present[row][:, None], hypotheses.states[row] - means, 0.0)
+        off[:, 2] = wrap_angle(off[:, 2])
+        shift[row] = off.ravel()
+        total += weight * filled
+    centred = shift - weights @ shift
+    return _with_own_blocks(total + np.einsum("h,hi,hj->ij", weights, centred, centred), own)
+
+
+def _with_own_blocks(joint: Array, own: Array) -> Array:
+    """A covariance with the blocks ``own`` (O, 3, 3) on its diagonal, and the correlations of ``joint``."""
+    changed = joint.copy()
+    for row, block in enumerate(own):
+        at = slice(3 * row, 3 * row + 3)
+        change = transport(joint[at, at], block)
+        changed[at] = change @ changed[at]
+        changed[:, at] = changed[:, at] @ change.T
+        changed[at, at] = block
+    return np.asarray(0.5 * (changed + changed.T))
+
+
+def saved_map_of_prior(prior: MapPrior) -> SavedMap:
+    """One hypothesis of objects that are independent: what an ``objects.json`` says, and no more."""
+    names = tuple(sorted({name for item in prior.objects for name in item.class_probabilities}))
+    count, length = len(prior.objects), max((len(item.descriptor) for item in prior.objects), default=0)
+    descriptors, variances = np.full((2, count, length), np.nan)
+    for row, item in enumerate(prior.objects):
+        if len(item.descriptor) == length:
+            descriptors[row], variances[row] = item.descriptor, item.descriptor_variance
+    unknown = np.full(count, np.nan)
+    objects = MapObjects(
+        ids=np.array([item.object_id for item in prior.objects], dtype=np.int64),
+        names=tuple(item.name for item in prior.objects),
+        poses=np.array([item.pose for item in prior.objects]).reshape(-1, 7),
+        covariances=np.array([item.covariance for item in prior.objects]).reshape(-1, 6, 6),
+        existence=np.array([item.existence for item in prior.objects]),
+        class_probabilities=np.array([_classes(item, names) for item in prior.objects]).reshape(count, len(names)),
+        descriptors=descriptors,
+        descriptor_variances=variances,
+        missing=unknown,
+        moved=unknown,
+        sightings=unknown,
+    )
+    return SavedMap(
+        class_names=names,
+        objects=objects,
+        hypotheses=independent(objects),
+        has_cross_covariances=False,
+        descriptor_space=prior.descriptor_space,
+    )
+
+
+def independent(objects: MapObjects) -> MapHypotheses:
+    """One hypothesis of the objects' marginals."""
+    joint = _block_diagonal(planar_from_covariance(objects.covariances))
+    return MapHypotheses(
+        log_weights=np.zeros(1),
+        existence=objects.existence[None],
+        class_probabilities=objects.class_probabilities[None],
+        states=planar_from_pose_vector(objects.poses)[None],
+        covariances=joint[None],
+    )
+
+
+def _block_diagonal(blocks: Array) -> Array:
+    joint = np.zeros((3 * len(blocks), 3 * len(blocks)))
+    rows = np.arange(len(joint)).reshape(-1, 3)
+    joint[rows[:, :, None], rows[:, None, :]] = blocks
+    return joint
+
+
+def _classes(item: ObjectPrior, names: tuple[str, ...]) -> Array:
+    given = np.array([item.class_probabilities.get(name, 0.0) for name in names])
+    return np.asarray(given / given.sum()) if given.sum() > 0.0 else np.full(len(names), 1.0 / max(len(names), 1))
+
+
+def _descriptor(objects: MapObjects, row: int) -> dict[str, Array]:
+    mean, variance = objects.descriptors[row], objects.descriptor_variances[row]
+    return {"descriptor": mean, "descriptor_variance": variance} if np.isfinite([mean, variance]).all() else {}

@@ -1,0 +1,126 @@
+"""Two maps laid over each other: which object of one is which of the other, over all alignments that are left."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.maps.alignments import aligned, in_place
+from semantic_slam.maps.correspondence import Correspondence
+from semantic_slam.maps.landmarks import Landmarks, compared_rows
+from semantic_slam.maps.likelihood import DISPLACED_SHARE, GONE_SHARE
+from semantic_slam.maps.saved_map import SavedMap
+
+SEEN_IN_A_LOOK = 0.3
+"""Probability that an object in the sensor's region is detected, whatever may hide it, where a map does not tell."""
+PLACED_M = 1.0
+"""How far off the frame of a run on a map may be for the run to have known what of the map it looked at."""
+LEAST_UNSEEN = 1e-3
+"""That an object is never detected however often one looks: it may be hidden for good."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """n objects of the old map with m of the new one."""
+
+    old: SavedMap
+    new: SavedMap
+    ours: Landmarks  # n
+    theirs: Landmarks  # m
+    alignments: tuple[tuple[float, Correspondence], ...]  # with their probabilities, the likeliest first
+    same_frame: bool  # else aligned by which objects are the same
+
+    @classmethod
+    def of(cls, old: SavedMap, new: SavedMap, same_frame: bool | None = None) -> "Comparison":
+        """``same_frame`` None: where one map came from the other, or both from one. Raises InputError."""
+        same_frame = are_of_one_frame(old, new) if same_frame is None else same_frame
+        names = [name for name in old.class_names if name in new.class_names]
+        rows = compared_rows(new)
+        if new.provenance.started_from == old.map_id:
+            rows = rows[~_only_told(old, new, rows)]
+        ours, theirs = Landmarks.of(old, names, compared_rows(old)), Landmarks.of(new, names, rows)
+        if not len(ours) or not len(theirs):
+            raise InputError("one of the maps has no object that is known to exist; compare maps with objects")
+        # Until the alignment is known: whether its place was looked at hardly changes what an object may be.
+        log_absent = np.log(1.0 - ours.existence + ours.existence * (GONE_SHARE + LEAST_UNSEEN))
+        if same_frame:
+            is_continued = new.provenance.started_from == old.map_id
+            found = in_place(ours, theirs, log_absent, is_continued=is_continued)
+        else:
+            found = aligned(ours, theirs, log_absent)
+        if not found:
+            raise InputError("the maps cannot be aligned: no object of one may be one of the other; name other maps")
+        return cls(old=old, new=new, ours=ours, theirs=theirs, alignments=tuple(found), same_frame=same_frame)
+
+    @property
+    def best(self) -> Correspondence:
+        """Under the likeliest alignment."""
+        return self.alignments[0][1]
+
+    @cached_property
+    def same(self) -> Array:
+        """(n, m) probabilities that objects are one, where it stood."""
+        return np.asarray(np.sum([weight * own.same for weight, own in self.alignments], axis=0))
+
+    @cached_property
+    def displaced(self) -> Array:
+        """(n, m) probabilities that objects are one, elsewhere."""
+        return np.asarray(np.sum([weight * own.displaced for weight, own in self.alignments], axis=0))
+
+    @cached_property
+    def unseen(self) -> Array:
+        """(n,) that an object of the old map without a counterpart is there, but was not seen, rather than gone."""
+        states = planar_from_pose_vector(self.old.objects.poses[self.ours.rows])
+        back = se2.inverse(self.best.alignment.T_old_new)
+        places = se2.compose(np.broadcast_to(back, states.shape), states)[:, :2]
+        missed = np.maximum((1.0 - _seen_in_a_look(self.new)) ** self.new.looks.counts(places), LEAST_UNSEEN)
+        stays = (1.0 - GONE_SHARE - DISPLACED_SHARE) * missed
+        found = np.asarray(stays / (stays + GONE_SHARE))
+        off = self.best.alignment.T_old_new
+        if self.new.provenance.started_from == self.old.map_id and np.hypot(off[0], off[1]) < PLACED_M:
+            self._as_the_run_says(found)
+        return found
+
+    def _as_the_run_says(self, unseen: Array) -> None:
+        """Put in what the run says of objects that it had from the old map, and of which it says whether they left."""
+        objects = self.new.objects
+        if np.isnan(objects.missing).all():
+            return
+        for row, number in enumerate(self.old.objects.ids[self.ours.rows].tolist()):
+            (at,) = np.nonzero(objects.ids == number)
+            if len(at) and objects.sightings[at[0]] > 0.0:
+                continue  # it was seen, or something else in its place
+            there = float(objects.existence[at[0]]) if len(at) else 0.0  # else given up
+            missing = float(np.nan_to_num(objects.missing[at[0]])) if len(at) else 1.0
+            unseen[row] = np.clip(there / max(there + missing, 1e-12), LEAST_UNSEEN, 1.0 - LEAST_UNSEEN)
+
+    @cached_property
+    def new_positions(self) -> Array:
+        """(m, 2) in the old map's frame."""
+        T = np.broadcast_to(self.best.alignment.T_old_new, self.theirs.states.shape)
+        return np.asarray(se2.compose(T, self.theirs.states)[:, :2])
+
+
+def are_of_one_frame(old: SavedMap, new: SavedMap) -> bool:
+    """Whether provenance says that the frame of both is one."""
+    one, other = old.provenance.started_from, new.provenance.started_from
+    return other == old.map_id or one == new.map_id or bool(one and one == other)
+
+
+def _only_told(old: SavedMap, new: SavedMap, rows: Index) -> Flags:
+    """Which objects of a map that came from the old one are there for the old one's word alone."""
+    return np.asarray(np.isin(new.objects.ids[rows], old.objects.ids) & (new.objects.sightings[rows] == 0.0))
+
+
+def _seen_in_a_look(known: SavedMap) -> float:
+    """How often objects of a map were detected when they were in the sensor's region, whatever hid them."""
+    exist = np.flatnonzero((known.objects.existence > 0.5) & np.isfinite(known.objects.sightings))
+    if not len(known.looks.path) or not len(exist):
+        return SEEN_IN_A_LOOK
+    looks = known.looks.counts(planar_from_pose_vector(known.objects.poses[exist])[:, :2]).sum()
+    share = (known.objects.sightings[exist].sum() + SEEN_IN_A_LOOK) / (looks + 1.0)
+    return float(np.clip(share, 0.01, 0.99))

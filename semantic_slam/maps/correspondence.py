@@ -1,0 +1,108 @@
+"""Which object of a new map is which of an old one: sums over the likeliest assignments (Murty), and the alignment."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.murty import k_best
+from semantic_slam.maps.landmarks import Landmarks, frame_slopes
+from semantic_slam.maps.likelihood import Alignment, Pairs, pairs
+
+MOST_ASSIGNMENTS, REFINEMENTS = 200, 8
+NEVER = 80.0
+"""Nats below the best pair at which one is not looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correspondence:
+    """Under one alignment; n old and m new objects."""
+
+    alignment: Alignment
+    pairs: Pairs
+    same: Array  # (n, m) probabilities
+    displaced: Array  # (n, m)
+    log_evidence: float
+
+    @property
+    def vacated(self) -> Array:
+        """(n,) probabilities that old objects are not where they were."""
+        return np.asarray(np.clip(1.0 - self.same.sum(axis=1), 0.0, 1.0))
+
+
+def corresponding(
+    old: Landmarks, new: Landmarks, log_absent: Array, start: Alignment, prior: Array, *, is_continued: bool = False
+) -> Correspondence:
+    """From an alignment on, refined by what is the same in it; ``log_absent`` (n,): of old ones with no new one.
+
+    ``prior`` (3, 3): information on how far the alignment is from the start; 0 where nothing is known.
+    """
+    found = _assigned(old, new, log_absent, start, np.ones(len(old)), is_continued)
+    for _ in range(REFINEMENTS):
+        refined = _refined(old, new, found, start, prior) or found.alignment
+        found = _assigned(old, new, log_absent, refined, found.vacated, is_continued)
+    return found
+
+
+def _assigned(
+    old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment, vacated: Array, is_continued: bool
+) -> Correspondence:
+    told = pairs(old, new, alignment, vacated, is_continued=is_continued)
+    both = np.logaddexp(told.log_same, told.log_displaced)
+    count = len(old)
+    cost = np.full((count, len(new) + count), np.inf)
+    cost[:, : len(new)] = np.where(both > log_absent[:, None] - NEVER, -both, np.inf)
+    cost[np.arange(count), len(new) + np.arange(count)] = -log_absent
+    best = k_best(cost, MOST_ASSIGNMENTS)
+    log_sum = float(np.logaddexp.reduce(-best.costs))
+    weights = np.exp(-best.costs - log_sum)
+    matched = np.zeros((count, len(new) + count))
+    for columns, weight in zip(best.columns, weights, strict=True):
+        matched[np.arange(count), columns] += weight
+    matched = matched[:, : len(new)]
+    return Correspondence(
+        alignment=alignment,
+        pairs=told,
+        same=matched * np.exp(told.log_same - both),
+        displaced=matched * np.exp(told.log_displaced - both),
+        log_evidence=log_sum,
+    )
+
+
+def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Alignment, prior: Array) -> Alignment | None:
+    """The alignment by what is the same, weighted by how probable that is; None where too little is."""
+    rows, columns = np.nonzero(found.same > 0.05)
+    now = found.alignment
+    states = se2.compose(np.broadcast_to(now.T_old_new, new.states.shape), new.states)
+    slopes = frame_slopes(states, now.centre)
+    information, right = prior.copy(), prior @ _correction(start, now)
+    for row, column in zip(rows, columns, strict=True):
+        own, slope = found.pairs.covariance[row, column], slopes[column]
+        own = own - slope @ now.covariance @ slope.T
+        weight = found.same[row, column] * np.linalg.inv(own)
+        if own[2, 2] > 1.0:  # of something without a heading
+            weight[2], weight[:, 2] = 0.0, 0.0
+        information = information + slope.T @ weight @ slope
+        right = right - slope.T @ weight @ found.pairs.offset[row, column]
+    values = np.linalg.eigvalsh(information)
+    if values[0] <= 1e-6:
+        return None
+    step = np.linalg.solve(information, right)
+    moved = _about(now.centre, np.asarray(step))
+    T = se2.compose(moved, now.T_old_new)
+    return replace(now, T_old_new=T, covariance=np.asarray(np.linalg.inv(information)))
+
+
+def _correction(start: Alignment, now: Alignment) -> Array:
+    """(3,) shift and turn about the centre that lead back to the start."""
+    back = se2.compose(start.T_old_new, se2.inverse(now.T_old_new))
+    cos, sin = np.cos(back[2]), np.sin(back[2])
+    at = np.array([[cos, -sin], [sin, cos]]) @ now.centre + back[:2]
+    return np.append(at - now.centre, back[2])
+
+
+def _about(centre: Array, step: Array) -> Array:
+    """The motion (3,) of a shift, and a turn about ``centre``."""
+    cos, sin = np.cos(step[2]), np.sin(step[2])
+    return np.append(centre + step[:2] - np.array([[cos, -sin], [sin, cos]]) @ centre, step[2])

@@ -1,0 +1,114 @@
+"""What changed between two maps: each object the same, displaced, gone or new, with its probability."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.maps.comparison import Comparison
+from semantic_slam.maps.likelihood import GONE_SHARE
+
+KINDS = ("same", "displaced", "gone", "unseen", "none")
+"""What may have become of an object of the old map; none: there never was one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OldObject:
+    """What became of an object of the old map."""
+
+    object_id: int
+    name: str
+    probabilities: dict[str, float]  # of KINDS
+    new_id: int | None  # under which the new map has it, if it has
+    distance_m: float  # from where it was; NaN without a counterpart
+    sigma_m: float  # standard deviation of that
+
+    @property
+    def kind(self) -> str:
+        """The likeliest of KINDS."""
+        return max(KINDS, key=lambda kind: self.probabilities[kind])
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewObject:
+    """An object of the new map, and how probably it exists and the old one has it nowhere."""
+
+    object_id: int
+    name: str
+    probability: float
+    position: Array  # (2,) in the old map's frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapDifference:
+    """What became of all objects that exist with some probability."""
+
+    old: tuple[OldObject, ...]
+    new: tuple[NewObject, ...]
+    T_old_new: Array  # (3,) x, y, yaw of the new map's frame in the old one's
+    same_frame: bool  # else aligned by which objects are the same
+    alignment_probability: float
+
+
+def difference(told: Comparison) -> MapDifference:
+    """Object by object."""
+    return MapDifference(
+        old=tuple(_old_object(told, row) for row in range(len(told.ours))),
+        new=tuple(_new_object(told, column) for column in range(len(told.theirs))),
+        T_old_new=told.best.alignment.T_old_new,
+        same_frame=told.same_frame,
+        alignment_probability=told.alignments[0][0],
+    )
+
+
+def gone(told: Comparison, row: int) -> tuple[float, float]:
+    """That an object of the old map is gone, and that it is there, but was not seen."""
+    left, _ = _left_and_none(told, row)
+    unseen = float(told.unseen[row])
+    return left * (1.0 - unseen), left * unseen
+
+
+def _left_and_none(told: Comparison, row: int) -> tuple[float, float]:
+    """That an object exists and has no counterpart, and that there never was one."""
+    apart = max(1.0 - float(told.same[row].sum() + told.displaced[row].sum()), 0.0)
+    exists = float(told.ours.existence[row])
+    there = exists * GONE_SHARE / (1.0 - float(told.unseen[row]))
+    none = apart * (1.0 - exists) / (1.0 - exists + there)
+    return apart - none, none
+
+
+def _old_object(told: Comparison, row: int) -> OldObject:
+    same, displaced = float(told.same[row].sum()), float(told.displaced[row].sum())
+    left, unseen = gone(told, row)
+    _, none = _left_and_none(told, row)
+    column = int(np.argmax(told.same[row] + told.displaced[row]))
+    has_one = bool(told.same[row, column] + told.displaced[row, column] > 1.0 - same - displaced)
+    distance, sigma = _distance(told, row, column) if has_one else (float("nan"), float("nan"))
+    number = int(told.ours.rows[row])
+    return OldObject(
+        object_id=int(told.old.objects.ids[number]),
+        name=told.old.objects.names[number],
+        probabilities={"same": same, "displaced": displaced, "gone": left, "unseen": unseen, "none": none},
+        new_id=int(told.new.objects.ids[told.theirs.rows[column]]) if has_one else None,
+        distance_m=distance,
+        sigma_m=sigma,
+    )
+
+
+def _distance(told: Comparison, row: int, column: int) -> tuple[float, float]:
+    """How far one object stands from the other, and the standard deviation along that way."""
+    offset, spread = told.best.pairs.offset[row, column, :2], told.best.pairs.covariance[row, column, :2, :2]
+    distance = float(np.hypot(*offset))
+    along = offset / max(distance, 1e-9)
+    return distance, float(np.sqrt(along @ spread @ along))
+
+
+def _new_object(told: Comparison, column: int) -> NewObject:
+    row = int(told.theirs.rows[column])
+    apart = max(1.0 - float(told.same[:, column].sum() + told.displaced[:, column].sum()), 0.0)
+    return NewObject(
+        object_id=int(told.new.objects.ids[row]),
+        name=told.new.objects.names[row],
+        probability=apart * float(told.theirs.existence[column]),
+        position=told.new_positions[column],
+    )

@@ -1,0 +1,167 @@
+"""The map of a recorded run: its inference is done again, for what objects have in common is not in its beliefs."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from semantic_slam.configuration import from_dict
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.evaluation.record import Record, json_object
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.component_marginals import existence_of, held_as
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.keys import robot_key
+from semantic_slam.inference.world.objects import ReportedObjects
+from semantic_slam.maps.checks import MOST_OBJECTS
+from semantic_slam.maps.from_belief import mapped_rows, saved_map_of_belief
+from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
+from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
+
+KEPT_MASS, MOST_HYPOTHESES, MOST_NUMBERS = 0.999, 50, 1 << 23
+"""The heaviest hypotheses of the last belief are kept, up to this mass and number, and to so many covariances."""
+
+
+def saved_map_of_bag(bag: Path, *, marginals_alone: bool = False) -> SavedMap:
+    """The map at the end of the run in a belief bag. Raises InputError.
+
+    ``marginals_alone``: as the last belief has it, without inferring the run again.
+    """
+    record = read_record(bag)
+    if marginals_alone:
+        return saved_map_of_belief(record.beliefs[-1], record.run)
+    configuration = from_dict(json_object(record.run.configuration), str(bag))
+    return saved_map_of_run(record, recorded_keyframes(bag, configuration, len(record.beliefs)))
+
+
+def saved_map_of_run(record: Record, keyframes: Iterable[Keyframe]) -> SavedMap:
+    """The map at the end of a run that is inferred again. Raises InputError where it does not end as recorded."""
+    pool = InProcessPool(1)
+    engine, again = Engine.of_run(record.run, pool), None
+    for keyframe in keyframes:
+        again = engine.process(keyframe)
+    last = record.beliefs[-1]
+    if again is None or not np.array_equal(again.hypothesis_ids, last.hypothesis_ids):
+        raise InputError(
+            f"keyframe {last.keyframe}: inferred again, the hypotheses are not those recorded; save with the version"
+            f" that recorded the bag (revision {record.run.revision or 'not recorded'}), or with --marginals"
+        )
+    return saved_map_of_engine(engine, pool, last)
+
+
+def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelief) -> SavedMap:
+    """The map that an engine with its backends in this process has, by its newest belief. Raises InputError."""
+    rows = mapped_rows(belief)
+    if len(rows) > MOST_OBJECTS:
+        raise InputError(
+            f"{len(rows)} objects were mapped, a map file has {MOST_OBJECTS} at most; use the objects.json"
+        )
+    known, chosen = saved_map_of_belief(belief, engine.run), _chosen(engine, belief, len(rows))
+    reported = engine.association.reported(engine.registry, set(belief.object_ids.tolist()))
+    parts = []
+    for number in belief.hypothesis_ids[chosen].tolist():
+        try:
+            parts.append(_hypothesis(pool.component(number), known.objects.ids, reported))
+        except LostComponentError as fault:
+            raise InputError(f"hypothesis {number}: {fault}; save the map with --marginals") from None
+    weights = np.exp(belief.log_weights[chosen])
+    existence, states, covariances = (np.array(column) for column in zip(*parts, strict=True))
+    hypotheses = MapHypotheses(
+        log_weights=np.log(weights / weights.sum()),
+        existence=existence,
+        class_probabilities=belief.hypothesis_class_probabilities[np.ix_(chosen, rows)],
+        states=states,
+        covariances=covariances,
+    )
+    objects = replace(
+        known.objects, sightings=_sightings(engine, int(belief.hypothesis_ids[chosen[0]]), known.objects.ids)
+    )
+    looks = _looks(engine, pool.component(int(belief.hypothesis_ids[chosen[0]])))
+    left_out = 1.0 - (1.0 - known.discarded_mass) * min(float(weights.sum()), 1.0)
+    return replace(
+        known,
+        objects=objects,
+        hypotheses=hypotheses,
+        has_cross_covariances=True,
+        looks=looks,
+        discarded_mass=left_out,
+    )
+
+
+def _chosen(engine: Engine, belief: HybridBelief, num_objects: int) -> Index:
+    """Rows of the hypotheses that are kept, the heaviest first; those that do not place the robot say nothing of map.
+
+    Raises InputError where none does.
+    """
+    is_placed = engine.problem.is_placed
+    order = [
+        row
+        for row in np.argsort(-belief.log_weights, kind="stable").tolist()
+        if is_placed(engine.live[int(belief.hypothesis_ids[row])].lineage)
+    ]
+    if not order:
+        raise InputError("the robot did not find out where on its map it is, so nothing new is on it; use the old map")
+    weights = np.exp(belief.log_weights[order])
+    enough = 1 + int(np.searchsorted(np.cumsum(weights), KEPT_MASS * weights.sum()))
+    most = max(MOST_NUMBERS // max(3 * num_objects, 1) ** 2, 1)
+    return np.array(order[: min(enough, most, MOST_HYPOTHESES)], dtype=int)
+
+
+def _sightings(engine: Engine, number: int, ids: Index) -> Array:
+    """(O,) detections of each object in a hypothesis, wherever it has the object."""
+    on_map = engine.problem.displaced.on_map
+    seen = Counter(on_map.get(own, own) for step in engine.live[number].lineage for own in step.association)
+    return np.array([float(seen[own]) for own in ids.tolist()])
+
+
+def _looks(engine: Engine, component: Component) -> Looks:
+    """From where a component has looked; nothing where the region is learned on the way."""
+    world = engine.problem.open_world
+    if world.learn_region:
+        return Looks()
+    path = component.states([robot_key(k) for k in range(component.keyframe + 1)])[:, :3]
+    return Looks(
+        path=path, region=np.array([world.direction_rad, world.field_of_view_rad, world.min_range_m, world.max_range_m])
+    )
+
+
+def _hypothesis(component: Component, ids: Index, reported: ReportedObjects) -> tuple[Array, Array, Array]:
+    """(O,) existence, (O, 3) states and (3 O, 3 O) covariances along the axes of map, of objects that it has."""
+    count = len(ids)
+    existence, states = np.zeros(count), np.full((count, 3), np.nan)
+    covariances = np.full((3 * count, 3 * count), np.nan)
+    rows = [row for row, number in enumerate(ids.tolist()) if number in component.object_ids]
+    if not rows:
+        return existence, states, covariances
+    held = [held_as(component, int(ids[row]), reported) for row in rows]
+    for row, number in zip(rows, held, strict=True):
+        other = reported.displaced.partner.get(number)
+        existence[row] = existence_of(component, number) + (0.0 if other is None else existence_of(component, other))
+    own, joint = component.joint_of_objects(held)
+    states[rows], square = _in_map(component, own, joint)
+    places = (3 * np.array(rows)[:, None] + np.arange(3)).ravel()
+    covariances[np.ix_(places, places)] = square
+    return np.minimum(existence, 1.0), states, covariances
+
+
+def _in_map(component: Component, states: Array, joint: Array) -> tuple[Array, Array]:
+    """(n, 3) x, y, yaw and (3 n, 3 n) along the axes of map, from states and their tangent spaces."""
+    space, count = component.spaces.landmark, len(states)
+    size = space.tangent_size
+    blocks = space.position_slopes(states)  # (n, 2, l)
+    slopes = np.zeros((count, 3, size))
+    slopes[:, :2] = blocks
+    if space.heading is not None:
+        slopes[:, 2, space.heading] = 1.0
+    pairs = joint.reshape(count, size, count, size)
+    turned = np.einsum("iab,ibjc,jdc->iajd", slopes, pairs, slopes).reshape(3 * count, 3 * count)
+    return planar_from_pose_vector(space.poses(states)), 0.5 * (turned + turned.T)

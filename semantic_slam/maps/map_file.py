@@ -1,0 +1,169 @@
+"""``FILE.map``: a saved map in one file, arrays and a JSON description; nothing in it is executed.
+
+Its id is the digest of its content, so that a file that was changed since is told. The version before it is
+``objects.json``, which every reader takes, too.
+"""
+
+import hashlib
+import json
+import os
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.world import map_prior
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
+from semantic_slam.maps.checks import MOST_OBJECTS, check_map
+from semantic_slam.maps.saved_map import Looks, MapHypotheses, MapObjects, Provenance, SavedMap
+from semantic_slam.model_files import Arrays, ModelFormat
+
+REMEDY = "save it anew with semantic_slam map save"
+FORMAT = ModelFormat(kind="map", schema_version=1, remedy=REMEDY)
+LARGEST = 1 << 27
+"""Bytes of a file that is read at all."""
+LONGEST_NAME = 1000
+
+
+def write_map(path: Path, saved: SavedMap) -> SavedMap:
+    """Write a map, whole or not at all; returns it with its id. Who calls it claims the place. Raises InputError."""
+    try:
+        check_map(saved)
+    except ValueError as fault:
+        raise InputError(
+            f"{path}: not written ({fault}); map fewer objects, or report the run that gave this map"
+        ) from None
+    known = with_id(saved)
+    beside = path.with_name(f".{path.name}.unfinished")
+    try:
+        FORMAT.write(beside, *packed(known))
+        os.replace(beside, path)
+    except SafetensorError as fault:
+        raise InputError(f"{path}: cannot be written ({' '.join(str(fault).split())}); name another place") from None
+    finally:
+        beside.unlink(missing_ok=True)
+    return known
+
+
+def packed(saved: SavedMap) -> tuple[Arrays, dict[str, Any]]:
+    """What stands in a file of the map, under its id."""
+    return _arrays(saved), _description(saved) | {"map_id": saved.map_id}
+
+
+def with_id(saved: SavedMap) -> SavedMap:
+    """The map under the digest of its content."""
+    state = hashlib.blake2b(json.dumps(_description(saved), sort_keys=True).encode(), digest_size=8)
+    for name, values in sorted(_arrays(saved).items()):
+        state.update(f"{name}{values.dtype.str}{values.shape}".encode())
+        state.update(values.tobytes())
+    return replace(saved, map_id=state.hexdigest())
+
+
+def read_map(path: Path) -> SavedMap:
+    """A map from a ``FILE.map``, or from an ``objects.json``. Raises InputError."""
+    if not is_map_file(path):
+        known = map_prior.read_map_prior(path)
+        if len(known.objects) > MOST_OBJECTS:
+            raise InputError(f"{path}: {len(known.objects)} objects, a map has {MOST_OBJECTS} at most; leave some out")
+        return with_id(saved_map_of_prior(known))
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path}: larger than {LARGEST >> 20} MiB; {REMEDY}")
+    try:
+        arrays, description = FORMAT.read(path)
+        found = _saved(arrays, description)
+        check_map(found)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as fault:
+        reason = " ".join(str(fault).split())[:200]
+        raise InputError(f"{path}: no whole map ({reason}); {REMEDY}") from None
+    if with_id(found).map_id != description.get("map_id"):
+        raise InputError(f"{path}: its content is not what its id says, it was damaged or changed; {REMEDY}")
+    return with_id(found)
+
+
+def read_map_prior(path: Path) -> MapPrior:
+    """What a run starts from, of a ``FILE.map`` or an ``objects.json``. Raises InputError."""
+    return map_prior_of(read_map(path)) if is_map_file(path) else map_prior.read_map_prior(path)
+
+
+def is_map_file(path: Path) -> bool:
+    """Whether a file is a ``FILE.map`` rather than a text. Raises InputError where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return b"\0" in file.read(16)
+    except OSError as fault:
+        raise InputError(f"{path}: {fault.strerror}; name an existing FILE.map or objects.json") from None
+
+
+def _arrays(saved: SavedMap) -> Arrays:
+    parts: dict[str, Any] = {"objects": saved.objects, "hypotheses": saved.hypotheses, "looks": saved.looks}
+    named = {f"{part}.{own.name}": getattr(value, own.name) for part, value in parts.items() for own in fields(value)}
+    kinds = {"objects.ids": np.int64}
+    return {
+        name: np.array(values, dtype=kinds.get(name, np.float64), order="C")
+        for name, values in named.items()
+        if name != "objects.names"
+    }
+
+
+def _description(saved: SavedMap) -> dict[str, Any]:
+    return {
+        "frame": "map",
+        "state_space": "planar",
+        "names": list(saved.objects.names),
+        "class_names": list(saved.class_names),
+        "has_cross_covariances": saved.has_cross_covariances,
+        "discarded_mass": saved.discarded_mass,
+        "descriptor_space": saved.descriptor_space,
+        "provenance": asdict(saved.provenance),
+    }
+
+
+def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
+    """Raises KeyError, TypeError or ValueError."""
+    if told["frame"] != "map" or told["state_space"] != "planar":
+        raise ValueError(f"frame {told['frame']!r}, state space {told['state_space']!r}")
+    parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": Looks}
+    expected = {f"{part}.{own.name}" for part, kind in parts.items() for own in fields(kind)} - {"objects.names"}
+    if set(arrays) != expected:
+        raise ValueError(f"arrays are lacking or strange: {sorted(set(arrays) ^ expected)[0]}")
+    for name, values in arrays.items():
+        if values.dtype != (np.int64 if name == "objects.ids" else np.float64):
+            raise ValueError(f"{name} holds {values.dtype}")
+    told_of = {part: _of(part, arrays) for part in parts}
+    return SavedMap(
+        class_names=_texts(told["class_names"]),
+        objects=MapObjects(names=_texts(told["names"]), **told_of["objects"]),
+        hypotheses=MapHypotheses(**told_of["hypotheses"]),
+        looks=Looks(**told_of["looks"]),
+        has_cross_covariances=_flag(told["has_cross_covariances"]),
+        discarded_mass=float(told["discarded_mass"]),
+        descriptor_space=str(told["descriptor_space"]),
+        provenance=_provenance(told["provenance"]),
+    )
+
+
+def _of(part: str, arrays: Arrays) -> dict[str, Any]:
+    return {name.partition(".")[2]: values for name, values in arrays.items() if name.startswith(f"{part}.")}
+
+
+def _provenance(told: dict[str, Any]) -> Provenance:
+    kinds = {own.name: type(own.default) for own in fields(Provenance)}
+    if set(told) != set(kinds) or any(type(told[name]) is not kind for name, kind in kinds.items()):
+        raise ValueError("its provenance is not whole")
+    return Provenance(**told)
+
+
+def _texts(values: Any) -> tuple[str, ...]:
+    if not isinstance(values, list) or not all(isinstance(own, str) and len(own) <= LONGEST_NAME for own in values):
+        raise ValueError(f"names are texts of at most {LONGEST_NAME} characters")
+    return tuple(values)
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError("has_cross_covariances is true or false")
+    return value

@@ -1,0 +1,91 @@
+"""The objects of a merged map: numbers, names, classes, existence and descriptors of both maps in one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.maps.saved_map import MapObjects, SavedMap
+
+LEAST_CLASS = 1e-6
+"""Probability of a class that neither map rules out for the other."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergedRows:
+    """Pairs of rows that are one object, and which of the stacked states of both maps the merged one keeps."""
+
+    same: tuple[tuple[int, int], ...]
+    displaced: tuple[tuple[int, int], ...]
+    kept: Index  # (N,) the first map's objects, where they are now, and then what the second one alone has
+
+
+def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Array, covariances: Array) -> MapObjects:
+    """N objects at ``states`` (N, 3) with their own ``covariances`` (N, 3, 3)."""
+    count, first = len(one.objects), len(one.objects)
+    partner = dict((*rows.same, *rows.displaced))
+    later = [int(row) - first for row in rows.kept[count:].tolist()]
+    sources = [(row, partner.get(row, -1)) for row in range(count)] + [(-1, row) for row in later]
+    means, variances = zip(*(_descriptor(one.objects, other.objects, i, j) for i, j in sources), strict=True)
+    ids, names = _numbers(one.objects, other.objects, later)
+    unknown = np.full(len(sources), np.nan)
+    return MapObjects(
+        ids=ids,
+        names=names,
+        poses=pose_vector_from_planar(states),
+        covariances=covariance_from_planar(covariances),
+        existence=np.array([_existence(one.objects, other.objects, i, j) for i, j in sources]),
+        class_probabilities=np.array([_classes(one, other, i, j) for i, j in sources]),
+        descriptors=np.array(means),
+        descriptor_variances=np.array(variances),
+        missing=unknown,
+        moved=unknown,
+        sightings=np.array([_sightings(one.objects, other.objects, i, j) for i, j in sources]),
+    )
+
+
+def _numbers(one: MapObjects, other: MapObjects, later: list[int]) -> tuple[Index, tuple[str, ...]]:
+    """What the second map alone has keeps its number and name where these are free."""
+    ids, names = one.ids.tolist(), list(one.names)
+    following = 1 + max([*ids, *other.ids.tolist()], default=-1)
+    for row in later:
+        number, name = int(other.ids[row]), other.names[row]
+        if number in ids:
+            number, following = following, following + 1
+        ids.append(number)
+        names.append(str(number) if name in names else name)
+    return np.array(ids, dtype=np.int64), tuple(names)
+
+
+def _existence(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
+    told = [objects.existence[row] for objects, row in ((one, i), (other, j)) if row >= 0]
+    return float(1.0 - np.prod(1.0 - np.array(told)))
+
+
+def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
+    return float(sum(objects.sightings[row] for objects, row in ((one, i), (other, j)) if row >= 0))
+
+
+def _classes(one: SavedMap, other: SavedMap, i: int, j: int) -> Array:
+    """(C,) of independent evidence over an even prior."""
+    size = len(one.class_names or other.class_names)
+    told = np.zeros(size)
+    for known, row in ((one, i), (other, j)):
+        if row >= 0 and known.class_names:
+            told = told + np.log(known.objects.class_probabilities[row] + LEAST_CLASS)
+    shares = np.exp(told - told.max(initial=0.0)) if size else told
+    return np.asarray(shares / shares.sum()) if size else shares
+
+
+def _descriptor(one: MapObjects, other: MapObjects, i: int, j: int) -> tuple[Array, Array]:
+    """(L,) mean and variance of both, weighted by information; NaN where neither is known."""
+    size = max(one.descriptors.shape[1], other.descriptors.shape[1])
+    information, summed = np.zeros(size), np.zeros(size)
+    for objects, row in ((one, i), (other, j)):
+        if row >= 0 and objects.descriptors.shape[1] == size and np.isfinite(objects.descriptors[row]).all():
+            weight = 1.0 / objects.descriptor_variances[row]
+            information, summed = information + weight, summed + weight * objects.descriptors[row]
+    known = information > 0.0
+    variance = np.where(known, 1.0 / np.where(known, information, 1.0), np.nan)
+    return summed * variance, variance

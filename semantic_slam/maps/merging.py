@@ -1,0 +1,155 @@
+"""Two maps in one: the objects of both, those that are one taken together as the joint Gaussians of both say.
+
+Gaussians of maps that came from one map hold what that map knew twice: they are taken with twice the covariance each
+(covariance intersection by halves, Julier and Uhlmann, 1997), which no common knowledge makes too sure.
+"""
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
+from semantic_slam.maps.as_prior import independent, joint_covariance
+from semantic_slam.maps.comparison import Comparison
+from semantic_slam.maps.differences import gone
+from semantic_slam.maps.landmarks import frame_slopes
+from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
+from semantic_slam.maps.merged_objects import MergedRows, merged_objects
+from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap
+
+SURE = 0.9
+"""Probability from which on an alignment is taken for the one."""
+HALF = 0.5
+"""Probability from which on two objects are taken for one."""
+ANYWHERE_M, ANYWHERE_RAD = 30.0, 1.0
+"""Standard deviations of an unknown alignment about the one that was found."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Together:
+    """n + m states in the first map's frame and their joint covariance."""
+
+    states: Array  # (n + m, 3)
+    covariance: Array  # (3 (n + m), 3 (n + m))
+
+
+def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | None = None) -> SavedMap:
+    """The map of both, in the frame of ``one``; what was displaced is where ``other`` has it. Raises InputError."""
+    _check(one, other)
+    told = Comparison.of(one, other, same_frame)
+    probability, best = told.alignments[0]
+    if probability < SURE:
+        raise InputError(
+            f"maps {one.map_id} and {other.map_id} cannot be aligned for sure, the likeliest way has probability"
+            f" {probability:.2f}; merge maps that have more objects in common, or --same-frame if they are of one frame"
+        )
+    rows = _rows(told)
+    together = _fused(_stacked(told), rows, len(one.objects))
+    own = _blocks(together.covariance)[rows.kept]
+    objects = merged_objects(_without_gone(told), other, rows, together.states[rows.kept], own)
+    kept = (3 * rows.kept[:, None] + np.arange(3)).ravel()
+    joint = together.covariance[np.ix_(kept, kept)]
+    return SavedMap(
+        class_names=one.class_names or other.class_names,
+        objects=objects,
+        hypotheses=replace(independent(objects), covariances=joint[None]),
+        has_cross_covariances=True,
+        looks=_looks(one.looks, other.looks, best.alignment.T_old_new),
+        discarded_mass=1.0 - (1.0 - one.discarded_mass) * (1.0 - other.discarded_mass),
+        descriptor_space=one.descriptor_space or other.descriptor_space,
+        provenance=Provenance(source=json.dumps({"merged": [one.map_id, other.map_id]}), revision=revision),
+    )
+
+
+def _check(one: SavedMap, other: SavedMap) -> None:
+    """Raises InputError for maps that one cannot be made of."""
+    if one.map_id == other.map_id:
+        raise InputError(f"both maps are {one.map_id}; name two maps")
+    for first, second in ((one, other), (other, one)):
+        if second.provenance.started_from == first.map_id:
+            raise InputError(
+                f"map {second.map_id} started from map {first.map_id} and holds what that one knows; use it alone"
+            )
+    if one.class_names and other.class_names and one.class_names != other.class_names:
+        raise InputError("the maps know different classes; merge maps of runs with the same class models")
+    spaces = {known.descriptor_space for known in (one, other) if known.objects.descriptors.shape[1]}
+    if len(spaces) > 1:
+        raise InputError(f"the maps' descriptors are of different spaces ({', '.join(sorted(spaces))}); use one model")
+
+
+def _without_gone(told: Comparison) -> SavedMap:
+    """The first map, whose objects exist less where the second one says that they are gone."""
+    existence = told.old.objects.existence.copy()
+    for row, number in enumerate(told.ours.rows.tolist()):
+        existence[number] *= 1.0 - gone(told, row)[0]
+    return replace(told.old, objects=replace(told.old.objects, existence=np.clip(existence, 0.0, 1.0)))
+
+
+def _rows(told: Comparison) -> MergedRows:
+    """Which pairs are one, and which rows of the stacked states are kept."""
+    count, ours, theirs = len(told.old.objects), told.ours.rows, told.theirs.rows
+    same = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(told.best.same > HALF), strict=True)]
+    moved = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(told.best.displaced > HALF), strict=True)]
+    taken = {j for _, j in (*same, *moved)}
+    places = {i: count + j for i, j in moved}
+    first = [places.get(i, i) for i in range(count)]
+    last = [count + j for j in theirs.tolist() if j not in taken]
+    return MergedRows(same=tuple(same), displaced=tuple(moved), kept=np.array([*first, *last], dtype=int))
+
+
+def _stacked(told: Comparison) -> _Together:
+    """The states of both maps in the first one's frame, before any of them is taken for another."""
+    one, other, alignment = told.old, told.new, told.best.alignment
+    common = one.provenance.started_from and one.provenance.started_from == other.provenance.started_from
+    own, theirs = planar_from_pose_vector(one.objects.poses), planar_from_pose_vector(other.objects.poses)
+    T = np.zeros(3) if told.same_frame else alignment.T_old_new
+    moved = se2.compose(np.broadcast_to(T, theirs.shape), theirs)
+    turn = np.eye(3)
+    turn[:2, :2] = [[np.cos(T[2]), -np.sin(T[2])], [np.sin(T[2]), np.cos(T[2])]]
+    turns = np.kron(np.eye(len(theirs)), turn)
+    square = turns @ joint_covariance(other) @ turns.T
+    if not told.same_frame:
+        slopes = frame_slopes(moved, alignment.centre).reshape(-1, 3)
+        square = square + slopes @ np.diag([ANYWHERE_M, ANYWHERE_M, ANYWHERE_RAD]) ** 2 @ slopes.T
+    size, whole = 3 * len(own), np.zeros((3 * (len(own) + len(theirs)),) * 2)
+    whole[:size, :size], whole[size:, size:] = joint_covariance(one), square
+    return _Together(states=np.concatenate([own, moved]), covariance=2.0 * whole if common else whole)
+
+
+def _fused(known: _Together, rows: MergedRows, count: int) -> _Together:
+    """With the pairs that are one at one place, but for what maps do not say of themselves."""
+    if not rows.same:
+        return known
+    pairs = np.array(rows.same)
+    slopes = np.zeros((3 * len(pairs), len(known.covariance)))
+    for number, (i, j) in enumerate(pairs.tolist()):
+        at = slice(3 * number, 3 * number + 3)
+        slopes[at, 3 * i : 3 * i + 3] = np.eye(3)
+        slopes[at, 3 * (count + j) : 3 * (count + j) + 3] = -np.eye(3)
+    off = known.states[pairs[:, 0]] - known.states[count + pairs[:, 1]]
+    off[:, 2] = wrap_angle(off[:, 2])
+    noise = np.tile(np.array([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2, len(pairs))
+    cross = slopes @ known.covariance
+    gain = np.linalg.solve(cross @ slopes.T + np.diag(noise), cross).T
+    states = known.states - (gain @ off.ravel()).reshape(-1, 3)
+    states[:, 2] = wrap_angle(states[:, 2])
+    square = known.covariance - gain @ cross
+    return replace(known, states=states, covariance=0.5 * (square + square.T))
+
+
+def _blocks(joint: Array) -> Array:
+    """(n, 3, 3) own covariances."""
+    count = len(joint) // 3
+    return np.array(np.einsum("iaib->iab", joint.reshape(count, 3, count, 3)))
+
+
+def _looks(one: Looks, other: Looks, T: Array) -> Looks:
+    """From where either robot looked; nothing where one of them does not say, or they see differently far."""
+    if not (len(one.path) and len(other.path) and np.allclose(one.region, other.region)):
+        return Looks()
+    moved = se2.compose(np.broadcast_to(T, other.path.shape), other.path)
+    return Looks(path=np.concatenate([one.path, moved]), region=one.region)

@@ -1,0 +1,91 @@
+"""A map as it is saved: what is known of its objects, one by one and, hypothesis by hypothesis, together."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.pose import wrap_angle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Where a map comes from; "" for what is not known."""
+
+    source: str = ""  # JSON: path and sha256 of the bag, or "merged" maps
+    revision: str = ""  # of the software
+    configuration_sha256: str = ""
+    run_id: str = ""
+    started_from: str = ""  # id of the map that the run started from
+    keyframe: int = -1  # of the belief
+    stamp_ns: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapObjects:
+    """Marginals of O objects over all hypotheses; C classes, L descriptor dimensions."""
+
+    ids: Index  # (O,) 0 <= id < 2^32, each once
+    names: tuple[str, ...]  # (O,)
+    poses: Array  # (O, 7) x y z qx qy qz qw
+    covariances: Array  # (O, 6, 6) x y z rx ry rz along the axes of map
+    existence: Array  # (O,)
+    class_probabilities: Array  # (O, C)
+    descriptors: Array  # (O, L) NaN where not known
+    descriptor_variances: Array  # (O, L)
+    missing: Array  # (O,) probability that it is gone; NaN where the run did not ask
+    moved: Array  # (O,) that it stands elsewhere than the map that the run started from has it; NaN likewise
+    sightings: Array  # (O,) detections of it in the heaviest hypothesis; NaN where not known
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapHypotheses:
+    """H hypotheses, heaviest first, each a joint Gaussian over those of the O objects that it has."""
+
+    log_weights: Array  # (H,) normalised natural logs
+    existence: Array  # (H, O) 0 for what a hypothesis does not have
+    class_probabilities: Array  # (H, O, C)
+    states: Array  # (H, O, 3) x, y, yaw in map; NaN where absent
+    covariances: Array  # (H, 3 O, 3 O) along the axes of map; NaN where absent
+
+    def __len__(self) -> int:
+        return len(self.log_weights)
+
+    @property
+    def present(self) -> Flags:
+        """(H, O) which objects a hypothesis has."""
+        return np.asarray(np.isfinite(self.states).all(axis=-1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Looks:
+    """From where the robot looked, and how far: what is in no look may be there unseen."""
+
+    path: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (K, 3) x, y, yaw in map; none: not known
+    region: Array = field(default_factory=lambda: np.zeros(4))  # direction, full angle [rad], least, largest range [m]
+
+    def counts(self, points: Array) -> Array:
+        """(n,) looks that have each of (n, 2) points in the sensor's region."""
+        direction, angle, least, largest = self.region
+        off = points[:, None] - self.path[None, :, :2]
+        distance = np.linalg.norm(off, axis=-1)
+        bearing = wrap_angle(np.arctan2(off[..., 1], off[..., 0]) - self.path[:, 2] - direction)
+        return np.asarray(((distance > least) & (distance < largest) & (np.abs(bearing) < 0.5 * angle)).sum(axis=1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedMap:
+    """Objects in the frame ``map``, the gauge of everything here."""
+
+    class_names: tuple[str, ...]  # (C,)
+    objects: MapObjects
+    hypotheses: MapHypotheses
+    has_cross_covariances: bool  # else the objects of a hypothesis are taken as independent
+    looks: Looks = field(default_factory=Looks)
+    discarded_mass: float = 0.0  # of hypotheses that were left out, 0..1
+    descriptor_space: str = ""
+    provenance: Provenance = Provenance()
+    map_id: str = ""  # digest of all of this; "" before it was written

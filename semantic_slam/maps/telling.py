@@ -1,0 +1,85 @@
+"""A map as a table, and as plain values."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.maps.saved_map import SavedMap
+
+SCHEMA_VERSION = 1
+
+
+def lines_of(known: SavedMap) -> list[str]:
+    """Provenance, and a line for each object."""
+    objects, told = known.objects, known.provenance
+    together = "what they have in common" if known.has_cross_covariances else "each object by itself"
+    lines = [
+        f"map {known.map_id}: {len(objects)} objects, {len(known.hypotheses)} hypotheses, {together}",
+        f"run {told.run_id or 'not known'}, keyframe {told.keyframe}, of {_source(told.source)}"
+        + (f", started from map {told.started_from}" if told.started_from else ""),
+        f"{'object':>10}  {'exists':>6}  {'x [m]':>8}  {'y [m]':>8}  {'sigma [m]':>9}  {'seen':>5}  class, name",
+    ]
+    planar = planar_from_pose_vector(objects.poses)
+    for row, number in enumerate(objects.ids.tolist()):
+        sigma = float(np.sqrt(0.5 * (objects.covariances[row, 0, 0] + objects.covariances[row, 1, 1])))
+        seen = "-" if np.isnan(objects.sightings[row]) else f"{objects.sightings[row]:.0f}"
+        lines.append(
+            f"{number:10d}  {objects.existence[row]:6.3f}  {planar[row, 0]:8.2f}  {planar[row, 1]:8.2f}  {sigma:9.3f}"
+            f"  {seen:>5}  {_class_text(known, row)}{objects.names[row]}"
+        )
+    return lines
+
+
+def as_json(known: SavedMap) -> dict[str, Any]:
+    """Everything but the covariances between objects; NaN as None."""
+    objects = known.objects
+    rows = [
+        {
+            "id": number,
+            "name": objects.names[row],
+            "pose": objects.poses[row].tolist(),
+            "covariance": objects.covariances[row].tolist(),
+            "existence": float(objects.existence[row]),
+            "class_probabilities": dict(zip(known.class_names, objects.class_probabilities[row].tolist(), strict=True)),
+            "descriptor": _or_none(objects.descriptors[row]),
+            "descriptor_variance": _or_none(objects.descriptor_variances[row]),
+            "missing": _or_none(objects.missing[row]),
+            "moved": _or_none(objects.moved[row]),
+            "sightings": _or_none(objects.sightings[row]),
+        }
+        for row, number in enumerate(objects.ids.tolist())
+    ]
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "map_id": known.map_id,
+        "frame": "map",
+        "provenance": asdict(known.provenance),
+        "has_cross_covariances": known.has_cross_covariances,
+        "weights": np.exp(known.hypotheses.log_weights).tolist(),
+        "discarded_mass": known.discarded_mass,
+        "objects": rows,
+    }
+
+
+def _class_text(known: SavedMap, row: int) -> str:
+    if not known.class_names:
+        return ""
+    best = int(np.argmax(known.objects.class_probabilities[row]))
+    return f"{known.class_names[best]} {known.objects.class_probabilities[row, best]:.3f}, "
+
+
+def _source(text: str) -> str:
+    try:
+        told = json.loads(text or "{}")
+    except ValueError:
+        return "an unknown bag"
+    return str(told.get("path") or "an unknown bag") if isinstance(told, dict) else "an unknown bag"
+
+
+def _or_none(values: Array) -> Any:
+    """Numbers, or None where they are not all known."""
+    return np.asarray(values).tolist() if np.isfinite(values).all() else None

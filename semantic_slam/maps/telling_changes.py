@@ -1,0 +1,61 @@
+"""What changed between two maps, as a table and as plain values."""
+
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.maps.differences import MapDifference, NewObject, OldObject
+
+SCHEMA_VERSION = 1
+STATED = 0.5
+"""Probability from which on an object is said to be new."""
+
+
+def change_lines(told: MapDifference) -> list[str]:
+    """How the maps were laid over each other, and a line for each object."""
+    x, y, yaw = told.T_old_new
+    how = "one frame" if told.same_frame else f"aligned by association (P = {told.alignment_probability:.3f})"
+    lines = [f"{how}; the new map's origin at x {x:.2f} m, y {y:.2f} m, {np.rad2deg(yaw):.1f} deg of the old one"]
+    lines.append(f"{'':9}  {'P':>6}  {'object':>10}  {'now':>10}  name")
+    for own in told.old:
+        now = "-" if own.new_id is None else str(own.new_id)
+        away = f", by {own.distance_m:.2f} +- {own.sigma_m:.2f} m" if own.kind == "displaced" else ""
+        lines.append(
+            f"{own.kind:9}  {own.probabilities[own.kind]:6.3f}  {own.object_id:10d}  {now:>10}  {own.name}{away}"
+        )
+    for new in told.new:
+        if new.probability >= STATED:
+            x, y = new.position
+            lines.append(
+                f"{'new':9}  {new.probability:6.3f}  {'-':>10}  {new.object_id:10d}  {new.name}, at {x:.2f}, {y:.2f} m"
+            )
+    return lines
+
+
+def changes_as_json(told: MapDifference) -> dict[str, Any]:
+    """With every digit; NaN as None."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "same_frame": told.same_frame,
+        "alignment_probability": told.alignment_probability,
+        "T_old_new": told.T_old_new.tolist(),
+        "old": [_old(own) for own in told.old],
+        "new": [_new(own) for own in told.new],
+    }
+
+
+def _old(own: OldObject) -> dict[str, Any]:
+    known = own.new_id is not None
+    return {
+        "id": own.object_id,
+        "name": own.name,
+        "kind": own.kind,
+        "probabilities": own.probabilities,
+        "new_id": own.new_id,
+        "distance_m": own.distance_m if known else None,
+        "sigma_m": own.sigma_m if known else None,
+    }
+
+
+def _new(own: NewObject) -> dict[str, Any]:
+    return {"id": own.object_id, "name": own.name, "probability": own.probability, "position": own.position.tolist()}

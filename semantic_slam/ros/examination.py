@@ -1,0 +1,147 @@
+"""The doctor's look at a running system: the checks of a bag on messages as they come, and those of the graph."""
+
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
+
+from semantic_slam.bag.names import absolute
+from semantic_slam.configuration import load_configuration
+from semantic_slam.datasets.detection_formats import READERS
+from semantic_slam.doctor.checks import graph as graph_checks
+from semantic_slam.doctor.checks.graph import CLASSIFIER, MANAGER
+from semantic_slam.doctor.examination import examine
+from semantic_slam.doctor.finding import Finding, error, of_fault
+from semantic_slam.doctor.graph import Endpoint, Graph
+from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.doctor.summarise import Summariser
+from semantic_slam.errors import InputError
+from semantic_slam.inference.world.map_prior import read_map_prior
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.topics import LATCHED, TYPES
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.pipeline.input_topics import offered
+from semantic_slam.pipeline.preamble import Preamble, checked_initial_pose
+from semantic_slam.ros.observation import READ_HERE, Observer, observer
+from semantic_slam.ros.parameters import configuration_of, leaves
+from semantic_slam.ros.transport import is_installed
+
+ANSWER_S = 2.0
+NODES_TO_COME = Endpoint("any node of ours", "", is_reliable=True, is_latched=True)
+"""Who will read the latched inputs."""
+RELATIVE = {absolute(topic): topic for topic in READ_HERE}
+
+
+def examine_running_system(
+    configuration: Path | None, map_prior: Path | None, seconds: float, ros_arguments: Sequence[str] = ()
+) -> list[Finding]:
+    """All that is wrong with what runs here, looked at for so long. Raises InputError for wrong arguments.
+
+    Without a ``configuration`` that of the running nodes counts, and the default where there are none.
+    """
+    with observer(ros_arguments) as look:
+        graph = look.observe(seconds, wanted)
+        parameters = {} if configuration else _parameters(look)
+    kinds = published(graph)
+    types = {topic: TYPES[RELATIVE[topic]] if _is_foreign(topic, kind) else kind for topic, kind in kinds.items()}
+    path = map_prior or Path(parameters.get("map_prior") or "")
+    summary = InputSummary(
+        configuration=load_configuration(configuration) if configuration else configuration_of(parameters, MANAGER),
+        prior=read_map_prior(path) if path.is_file() else None,
+        types=types,
+        counts=look.heard,
+        found=offered(types),
+        preamble=Preamble(),
+        is_live=True,
+    )
+    faults = [*_unheard(look, kinds), *_read_preamble(look, summary.preamble)]
+    Summariser(summary, deserialize).take(look.messages)
+    return [*graph_checks.check(with_nodes_to_come(graph)), *faults, *examine(summary)]
+
+
+def wanted(graph: Graph) -> dict[str, str]:
+    """Inputs that are published and can be received here, by relative names, with their types."""
+    kinds = published(graph)
+    found = offered(kinds)
+    unread = {found.image and absolute(topics.IMAGE), found.depth and absolute(topics.DEPTH)} - {
+        found.image,
+        found.depth,
+    }
+    return {RELATIVE[topic]: kind for topic, kind in kinds.items() if topic not in unread and is_installed(kind)}
+
+
+def _unheard(look: Observer, kinds: Mapping[str, str]) -> Iterator[Finding]:
+    """Inputs of packages that are not installed here."""
+    for topic, kind in kinds.items():
+        if not is_installed(kind):
+            look.heard[topic] += 1  # or it would be said to be silent
+            package = kind.partition("/")[0]
+            what = f"{topic} is {kind}, and its package is not installed here"
+            yield error("topics", what, f"install ros-jazzy-{package.replace('_', '-')}, or give perception.extrinsics")
+
+
+def published(graph: Graph) -> dict[str, str]:
+    """Type of every input that has a publisher; measurements of a classifier count where nothing is detected."""
+    kinds = {topic: found[0].type_name for topic, found in graph.publishers.items() if found}
+    if absolute(topics.DETECTIONS) in kinds:
+        kinds.pop(topics.MEASUREMENTS, None)
+    return kinds
+
+
+def with_nodes_to_come(graph: Graph) -> Graph:
+    """Latched inputs are read by nodes that are not there yet, too."""
+    readers = {
+        absolute(topic): [replace(NODES_TO_COME, type_name=TYPES[topic])]
+        for topic in LATCHED & set(READ_HERE)
+        if not graph.readers.get(absolute(topic))
+    }
+    return replace(graph, readers={**graph.readers, **readers})
+
+
+def _is_foreign(topic: str, kind: str) -> bool:
+    """Whether the classifier reads detections of another package."""
+    return topic == absolute(topics.DETECTIONS) and kind in READERS
+
+
+def _read_preamble(look: Observer, preamble: Preamble) -> list[Finding]:
+    """Fill in what came of static transforms and of the initial pose; what is wrong with them."""
+    faults = []
+    for message in look.messages:
+        try:
+            if message.topic == topics.TF_STATIC:
+                preamble.transforms.add(deserialize(message.cdr, message.type_name))
+            elif message.topic == absolute(topics.INITIAL_POSE):
+                content = deserialize(message.cdr, message.type_name)
+                preamble.initial_pose = checked_initial_pose(from_message(content))
+        except InputError as fault:
+            faults.append(of_fault("initial pose", fault))
+    return faults
+
+
+def _parameters(look: Observer) -> dict[str, Any]:
+    """Dotted names and values of the configuration of the running nodes; what concerns sensing, the classifier's."""
+    names = [name for name, _, _ in leaves()]
+    sensing = [name for name in names if name.startswith("perception.")]
+    return {**_asked(look, MANAGER, [*names, "map_prior"]), **_asked(look, CLASSIFIER, sensing)}
+
+
+def _asked(look: Observer, node: str, names: Sequence[str]) -> dict[str, Any]:
+    """Parameters of a node; none where it is not there, or does not answer."""
+    client = look.node.create_client(GetParameters, f"{node}/get_parameters")
+    try:
+        if not client.service_is_ready():
+            return {}
+        answer = client.call_async(GetParameters.Request(names=list(names)))
+        look.spin(ANSWER_S, until=answer.done)
+        values = answer.result().values if answer.done() else []
+        told = zip(names, map(parameter_value_to_python, values), strict=False)
+        return {
+            name: value.tolist() if isinstance(value, array) else value for name, value in told if value is not None
+        }
+    finally:
+        look.node.destroy_client(client)

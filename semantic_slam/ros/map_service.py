@@ -1,0 +1,44 @@
+"""Service ``~/save_map`` of the hypothesis manager."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from semantic_slam_msgs.srv import SaveMap
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.outputs import claimed
+from semantic_slam.ros.answering import answering, newest
+
+LEAVE = "overwrite: true"
+
+
+class MapService:
+    """Writes the map of the newest belief that it was told of, while keyframes go on.
+
+    Each object by itself: what objects have in common is with the backends, and ``semantic_slam map save`` finds it in
+    a recorded belief bag.
+    """
+
+    def __init__(self, node: Node, run: Callable[[], RunConfiguration]) -> None:
+        self.belief: HybridBelief | None = None
+        self._run = run  # of the beliefs
+        self._service = node.create_service(SaveMap, "~/save_map", answering(self._save))
+
+    def _save(self, request: Any, response: Any) -> None:
+        from semantic_slam.maps.from_belief import saved_map_of_belief
+        from semantic_slam.maps.map_file import write_map
+
+        belief = newest(self.belief)
+        if not request.path:
+            raise InputError("path is empty; name a FILE.map on the manager's machine")
+        place, saved = Path(request.path), saved_map_of_belief(belief, self._run())
+        try:
+            with claimed(place, (), request.overwrite, LEAVE) as out:
+                known = write_map(out, saved)
+        except OSError as fault:
+            raise InputError(f"{place}: {fault.strerror}; name a place that can be written to") from None
+        response.keyframe, response.map_id, response.objects = belief.keyframe, known.map_id, len(known.objects)

@@ -1,0 +1,154 @@
+"""A node that looks on for a while: the graph, the messages of all inputs, and what our nodes say of themselves."""
+
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+from semantic_slam.bag.mcap_stream import RawMessage
+from semantic_slam.bag.names import absolute
+from semantic_slam.doctor.graph import Endpoint, Graph, Said
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.transport import receive, relative_name
+
+NAME = "doctor"
+LEAST_S, EMPTY_S = 4.0, 8.0
+"""So long we look at least, and where nothing is published. Others are found in 0.1 s as a rule, in 3 s at times."""
+LOOK_S = 0.25
+"""From one look at the graph to the next."""
+MOST_BYTES = 200_000_000
+"""So much of all messages is kept at most."""
+READ_HERE = (
+    topics.DETECTIONS, topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.CAMERA_INFO,
+    topics.ODOMETRY, topics.INITIAL_POSE, topics.TF, topics.TF_STATIC, topics.MEASUREMENTS,
+)  # fmt: skip
+ALIVE = re.compile(r"/backend_\d+/alive$")
+OURS = "semantic_slam"
+"""The hardware id of our nodes' diagnostics."""
+
+
+class Observer:
+    """Looks at a running system without taking part in it."""
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        self.node = node
+        self.messages: list[RawMessage] = []  # of the topics that :meth:`listen` names, under these names
+        self.heard: Counter[str] = Counter()
+        self._executor, self._num_bytes, self._is_simulated = executor, 0, False
+        self._said: dict[str, Said] = {}
+        receive(node, topics.DIAGNOSTICS, self._note, qos.everything())
+
+    def spin(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        """Let messages come, for a while, or until something is so, or until there are too many to be kept."""
+        give_up = time.monotonic() + seconds
+        while time.monotonic() < give_up and not until() and self._num_bytes < MOST_BYTES:
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def observe(self, seconds: float, wanted: Callable[[Graph], Mapping[str, str]]) -> Graph:
+        """Listen to topics (relative names and types) as they are found, for so long after the last one was."""
+        begin = time.monotonic()
+        end, known = begin + EMPTY_S, set[str]()
+        while True:
+            self.spin(LOOK_S)
+            self._follow_clock()
+            graph = self.graph()
+            new = {topic: kind for topic, kind in wanted(graph).items() if topic not in known}
+            for topic, kind in new.items():
+                self._listen(topic, kind)
+            known |= new.keys()
+            if new:
+                end = max(time.monotonic() + seconds, begin + LEAST_S)
+            if time.monotonic() > end or self._num_bytes > MOST_BYTES:
+                return graph
+
+    def _follow_clock(self) -> None:
+        """Take the time of /clock where somebody publishes it."""
+        if not self._is_simulated and self.node.count_publishers(topics.CLOCK):
+            self._is_simulated = True
+            self.node.set_parameters([Parameter("use_sim_time", value=True)])
+            self.messages.clear()  # the times of their arrival were those of another clock
+
+    def _listen(self, topic: str, type_name: str) -> None:
+        take = partial(self._take, absolute(topic), type_name)
+        receive(self.node, topic, take, qos.sensor_input(topic, lossless=False), type_name)
+
+    def graph(self) -> Graph:
+        """What is there by now."""
+        publishers, readers = {}, {}
+        for topic in READ_HERE:
+            name = self.resolved(topic)
+            publishers[absolute(topic)] = self._endpoints(self.node.get_publishers_info_by_topic(name))
+            readers[absolute(topic)] = self._endpoints(self.node.get_subscriptions_info_by_topic(name))
+        alive = [name for name, _ in self.node.get_topic_names_and_types() if ALIVE.search(name)]
+        names = self.node.get_node_names_and_namespaces()
+        return Graph(
+            publishers=publishers,
+            readers=readers,
+            nodes=frozenset(name for name, space in names if space == self.node.get_namespace()),
+            num_backends=sum(self.node.count_publishers(name) > 0 for name in alive),
+            said=tuple(self._said.values()),
+        )
+
+    def resolved(self, topic: str) -> str:
+        """What a topic of ours is called here."""
+        is_global = topic.startswith("/tf")
+        return str(self.node.resolve_topic_name(topic if is_global else relative_name(topic)))
+
+    def _endpoints(self, found: Sequence[Any]) -> list[Endpoint]:
+        return [
+            Endpoint(
+                node=item.node_name,
+                type_name=item.topic_type,
+                is_reliable=item.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
+                is_latched=item.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+            )
+            for item in found
+            if item.node_name != NAME
+        ]
+
+    def _take(self, topic: str, type_name: str, data: bytes) -> None:
+        self.heard[topic] += 1
+        if type_name in topics.TYPES.values():  # of others it is enough to know that they come
+            self._num_bytes += len(data)
+            self.messages.append(RawMessage(topic, type_name, self.node.get_clock().now().nanoseconds, bytes(data)))
+
+    def _note(self, data: bytes) -> None:
+        try:
+            statuses = deserialize(data, topics.TYPES[topics.DIAGNOSTICS]).status
+        except InputError:
+            return
+        for status in statuses:
+            if status.hardware_id == OURS:
+                self._said[status.name] = Said(int(status.level), status.name, status.message)
+
+
+@contextmanager
+def observer(ros_arguments: Sequence[str]) -> Iterator[Observer]:
+    """An :class:`Observer` in a context of its own; raises InputError for wrong ROS arguments."""
+    context = Context()
+    try:
+        rclpy.init(args=list(ros_arguments), context=context)
+        node = rclpy.create_node(NAME, context=context)
+    except RuntimeError as fault:
+        raise InputError(f"{' '.join(str(fault).split())[:300]}; see docs/ros.md") from None
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        yield Observer(node, executor)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)

@@ -1,0 +1,175 @@
+"""Two maps are told apart object by object, in one frame or aligned by which objects are the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se2
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.maps.as_prior import saved_map_of_prior
+from semantic_slam.maps.comparison import Comparison
+from semantic_slam.maps.differences import MapDifference, difference
+from semantic_slam.maps.map_file import with_id
+from semantic_slam.maps.merging import merged
+from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap
+from semantic_slam.maps.telling_changes import change_lines, changes_as_json
+
+NAMES = ("chair", "desk", "lamp", "plant")
+ROOM = np.array(
+    [
+        [0.0, 0.0, 0.1],
+        [2.0, 0.2, 1.5],
+        [4.1, 0.0, -2.0],
+        [0.1, 2.2, 3.0],
+        [2.2, 2.0, -0.7],
+        [4.0, 2.3, 0.4],
+        [6.0, 1.0, 2.0],
+    ]
+)
+CLASSES = (0, 0, 1, 1, 2, 2, 3)
+EVERYWHERE = Looks(
+    path=np.array([[3.0, 1.0, turn] for turn in np.linspace(-3.0, 3.0, 120)]), region=np.array([0.0, 1.4, 0.3, 6.0])
+)
+
+
+def room(
+    poses: np.ndarray = ROOM,
+    classes: tuple[int, ...] = CLASSES,
+    *,
+    frame_m: float = 0.2,
+    sigma_rad: float = 0.05,
+    first: int = 0,
+    looks: Looks = EVERYWHERE,
+) -> SavedMap:
+    """Objects known to 3 cm relative to each other, in a frame that is known to ``frame_m``."""
+    shares = {n: {name: (0.9997 if k == n else 0.0001) for k, name in enumerate(NAMES)} for n in range(len(NAMES))}
+    prior = MapPrior(
+        tuple(
+            ObjectPrior.planar(
+                first + row,
+                *pose,
+                sigma_m=float(np.hypot(frame_m, 0.03)),
+                sigma_rad=sigma_rad,
+                class_probabilities=shares[cls],
+            )
+            for row, (pose, cls) in enumerate(zip(poses.tolist(), classes, strict=True))
+        )
+    )
+    alone = saved_map_of_prior(prior)
+    shift = np.kron(np.ones((len(poses), 1)), np.diag([1.0, 1.0, 0.0]))
+    own = np.tile([0.03**2, 0.03**2, sigma_rad**2], len(poses))
+    joint = frame_m**2 * shift @ shift.T + np.diag(own)
+    hypotheses = replace(alone.hypotheses, covariances=joint[None])
+    return with_id(replace(alone, hypotheses=hypotheses, has_cross_covariances=True, looks=looks))
+
+
+def second(T: np.ndarray | None = None, **options: object) -> SavedMap:
+    """The room in which object 1 is gone, 4 stands 0.8 m further, and a plant is new; in the frame at ``T``."""
+    poses, classes = ROOM.copy(), list(CLASSES)
+    poses[4] += [0.7, -0.4, 0.5]
+    poses = np.delete(np.vstack([poses, [1.0, 1.1, 0.0]]), 1, axis=0)
+    classes = [*classes[:1], *classes[2:], 3]
+    if T is not None:
+        poses = se2.between(np.broadcast_to(T, poses.shape), poses)
+    return room(poses, tuple(classes), first=20, **options)  # type: ignore[arg-type]
+
+
+def told_of(old: SavedMap, new: SavedMap, same_frame: bool | None = None) -> MapDifference:
+    return difference(Comparison.of(old, new, same_frame))
+
+
+def check(told: MapDifference) -> None:
+    kinds = {own.object_id: own.kind for own in told.old}
+    assert kinds == {0: "same", 1: "gone", 2: "same", 3: "same", 4: "displaced", 5: "same", 6: "same"}
+    assert all(own.probabilities[own.kind] > 0.9 for own in told.old)
+    assert told.old[4].new_id == 23 and abs(told.old[4].distance_m - np.hypot(0.7, 0.4)) < 0.05
+    (new,) = [own for own in told.new if own.probability > 0.5]
+    assert (new.object_id, new.probability > 0.9) == (26, True)
+    np.testing.assert_allclose(new.position, [1.0, 1.1], atol=0.05)
+
+
+def test_what_changed_is_named_in_one_frame() -> None:
+    check(told_of(room(), second(), same_frame=True))
+
+
+@pytest.mark.parametrize("sigma_rad", [0.05, 3.0])
+def test_what_changed_is_named_wherever_the_second_robot_began(sigma_rad: float) -> None:
+    """With headings one object of both tells how the maps lie, without them two do."""
+    T = np.array([5.0, -2.0, 2.3])
+    told = told_of(room(sigma_rad=sigma_rad), second(T, sigma_rad=sigma_rad))
+    assert not told.same_frame and told.alignment_probability > 0.99
+    check(told)
+    np.testing.assert_allclose(told.T_old_new, T, atol=0.05)
+
+
+def test_what_objects_have_in_common_tells_a_nudge_from_a_frame_that_is_off() -> None:
+    """One of seven objects 0.3 m aside, of maps whose frames are known to 0.2 m."""
+    poses = ROOM.copy()
+    poses[3, 0] += 0.3
+    whole, other = room(), room(poses, first=20)
+    (nudged,) = [own for own in told_of(whole, other, True).old if own.kind != "same"]
+    assert nudged.object_id == 3 and nudged.kind == "displaced"
+    off = room(ROOM + np.array([0.3, 0.0, 0.0]), first=20)
+    assert all(own.kind == "same" for own in told_of(whole, off, True).old)
+
+
+def test_what_was_never_looked_at_is_not_said_to_be_gone() -> None:
+    aside = Looks(path=np.tile([20.0, 0.0, 0.0], (40, 1)), region=EVERYWHERE.region)
+    old = told_of(room(), second(looks=aside), True).old[1]
+    assert old.kind == "unseen" and old.probabilities["gone"] < 0.1
+
+
+def test_a_room_like_itself_turned_around_leaves_both_alignments() -> None:
+    poses = np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, np.pi], [2.0, -1.0, 1.0], [-2.0, 1.0, 1.0 - np.pi]])
+    told = told_of(room(poses, (0, 0, 1, 1)), room(poses, (0, 0, 1, 1), first=20), same_frame=False)
+    assert told.alignment_probability == pytest.approx(0.5, abs=0.05)
+    assert all(own.probabilities["same"] > 0.9 for own in told.old)
+    with pytest.raises(InputError, match="cannot be aligned for sure"):
+        merged(room(poses, (0, 0, 1, 1)), room(poses, (0, 0, 1, 1), first=20), "test", same_frame=False)
+
+
+def test_changes_are_told_in_lines_and_numbers() -> None:
+    told = told_of(room(), second(), True)
+    text = "\n".join(change_lines(told))
+    assert "gone" in text and "displaced" in text and "by 0.8" in text and "new  " in text
+    assert {own["kind"] for own in changes_as_json(told)["old"]} == {"same", "gone", "displaced"}
+
+
+def test_merged_gaussians_are_the_product_of_both() -> None:
+    """All objects the same: informations add up, but for the floor between the two maps."""
+    one, other = room(), room(ROOM + np.array([0.05, -0.02, 0.01]), first=20)
+    both = merged(one, other, "test", same_frame=True)
+    floor = np.diag(np.tile([0.03, 0.03, 0.03], len(ROOM))) ** 2
+    first, second_ = (own.hypotheses.covariances[0] for own in (one, other))
+    expected = np.linalg.inv(np.linalg.inv(first) + np.linalg.inv(second_ + floor))
+    np.testing.assert_allclose(both.hypotheses.covariances[0], expected, atol=1e-9)
+    off = (other.hypotheses.states[0] - one.hypotheses.states[0]).ravel()
+    mean = one.hypotheses.states[0].ravel() + first @ np.linalg.solve(first + second_ + floor, off)
+    np.testing.assert_allclose(both.hypotheses.states[0].ravel(), mean, atol=1e-9)
+    assert both.objects.ids.tolist() == one.objects.ids.tolist()
+
+
+def test_a_merged_map_has_what_was_displaced_where_it_is_now() -> None:
+    both = merged(room(), second(np.array([5.0, -2.0, 2.3])), "test")
+    assert both.objects.ids.tolist() == [0, 1, 2, 3, 4, 5, 6, 26]
+    np.testing.assert_allclose(both.objects.poses[4, :2], ROOM[4, :2] + [0.7, -0.4], atol=0.05)
+    assert both.objects.existence[1] < 0.1 < 0.9 < both.objects.existence[7]
+    assert both.has_cross_covariances
+
+
+def test_a_map_is_not_merged_with_one_that_holds_it() -> None:
+    one = room()
+    later = with_id(replace(second(), provenance=Provenance(started_from=one.map_id)))
+    with pytest.raises(InputError, match="holds what that one knows"):
+        merged(one, later, "test")
+    with pytest.raises(InputError, match="name two maps"):
+        merged(one, one, "test")
+
+
+def test_maps_that_came_from_one_map_do_not_count_it_twice() -> None:
+    source = Provenance(started_from="0123456789abcdef")
+    one, other = (with_id(replace(own, provenance=source)) for own in (room(), room(first=20)))
+    both = merged(one, other, "test")
+    assert np.linalg.eigvalsh(both.hypotheses.covariances[0] - 0.999 * one.hypotheses.covariances[0]).min() > 0.0

@@ -1,0 +1,150 @@
+"""A map holds what its objects have in common, survives its file, and is what the next run starts from."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import gtsam
+import numpy as np
+import pytest
+from safetensors.numpy import load_file, save_file
+from worlds.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
+
+from semantic_slam.errors import InputError
+from semantic_slam.inference.build import make_run_configuration, problem_of
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.initial_pose import start_of_run
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.states.keys import object_key
+from semantic_slam.inference.world.map_prior import parse_map_prior
+from semantic_slam.maps.as_prior import map_prior_of
+from semantic_slam.maps.from_belief import saved_map_of_belief
+from semantic_slam.maps.from_run import saved_map_of_engine
+from semantic_slam.maps.map_file import read_map, read_map_prior, write_map
+from semantic_slam.maps.saved_map import SavedMap
+
+
+@pytest.fixture(scope="module")
+def known() -> SavedMap:
+    return small_map()
+
+
+def same_arrays(one: SavedMap, other: SavedMap) -> None:
+    for part in ("objects", "hypotheses", "looks"):
+        for name, values in vars(getattr(one, part)).items():
+            np.testing.assert_array_equal(getattr(getattr(other, part), name), values)
+
+
+def test_joint_covariance_is_the_marginal_of_the_whole_graph() -> None:
+    engine, belief = run_to_its_end()
+    assert isinstance(engine.pool, InProcessPool)
+    saved = saved_map_of_engine(engine, engine.pool, belief)
+    isam = engine.pool.component(int(belief.hypothesis_ids[0])).smoother.isam
+    whole = gtsam.Marginals(isam.getFactorsUnsafe(), isam.calculateEstimate())
+    keys = [object_key(n) for n in range(len(PLACES))]
+    joint = np.block([[whole.jointMarginalCovariance([a, b]).at(a, b) for b in keys] for a in keys])
+    turns = [gtsam.Pose2(*state).rotation().matrix() for state in saved.hypotheses.states[0]]
+    slopes = np.zeros((12, 12))
+    for row, turn in enumerate(turns):
+        slopes[3 * row : 3 * row + 2, 3 * row : 3 * row + 2], slopes[3 * row + 2, 3 * row + 2] = turn, 1.0
+    np.testing.assert_allclose(saved.hypotheses.covariances[0], slopes @ joint @ slopes.T, atol=1e-6)
+    assert np.abs(joint[:2, 3:5]).max() > 0.5 * joint[0, 0], "places are known by one start"
+
+
+def test_a_file_gives_the_map_back_to_the_last_bit(known: SavedMap, tmp_path: Path) -> None:
+    written = write_map(tmp_path / "room.map", known)
+    again = read_map(tmp_path / "room.map")
+    same_arrays(written, again)
+    assert again.map_id == known.map_id == written.map_id
+    assert (again.provenance, again.class_names) == (known.provenance, known.class_names)
+
+
+def test_the_next_run_starts_from_what_objects_have_in_common(known: SavedMap, tmp_path: Path) -> None:
+    write_map(tmp_path / "room.map", known)
+    prior = read_map_prior(tmp_path / "room.map")
+    again = parse_map_prior(prior.to_json(), "as it travels")
+    np.testing.assert_array_equal(again.joint_covariance, prior.joint_covariance)
+    problem = problem_of(make_run_configuration(GIVEN, prior, *start_of_run(GIVEN, None, None), stamp_ns=0))
+    assert problem.joint is not None
+    _, covariance = problem.root().joint_of_objects(problem.joint.object_ids)
+    np.testing.assert_allclose(covariance, problem.joint.covariance, atol=1e-9)
+    for entry in problem.objects:
+        rows = slice(3 * entry.object_id, 3 * entry.object_id + 3)
+        np.testing.assert_allclose(problem.joint.covariance[rows, rows], entry.prior.covariance, atol=1e-12)
+
+
+def test_seeing_one_object_tells_where_the_others_are(known: SavedMap) -> None:
+    """The second robot knows its place, and sees one object alone; the rest follows by the joint Gaussian."""
+    (first, *_) = keyframes()
+    alone = replace(first, measurements=first.measurements.take(np.array([0])))
+    spreads = []
+    for prior in (map_prior_of(known), replace(map_prior_of(known), joint_covariance=None)):
+        belief = Engine(GIVEN, prior, initial_covariance=np.diag([0.01, 0.01, 0.003]) ** 2).process(alone)
+        spreads.append(belief.object_covariances[1:, 0, 0])
+    together, apart = spreads
+    assert (together < 0.5 * apart).all()
+
+
+def test_a_map_knows_which_map_it_came_from(known: SavedMap) -> None:
+    later = small_map(map_prior_of(known))
+    assert later.provenance.started_from == known.map_id
+    assert known.provenance.started_from != ""  # an objects.json has an id by its content
+
+
+def test_the_previous_version_is_read_as_a_map_of_independent_objects(tmp_path: Path) -> None:
+    (tmp_path / "objects.json").write_text(LOOSE.to_json(), encoding="utf-8")
+    migrated = read_map(tmp_path / "objects.json")
+    assert not migrated.has_cross_covariances
+    write_map(tmp_path / "new.map", migrated)
+    prior = read_map_prior(tmp_path / "new.map")
+    assert replace(prior, map_id="").to_json() == LOOSE.to_json()
+    assert read_map_prior(tmp_path / "objects.json").to_json() == LOOSE.to_json()
+
+
+def test_a_belief_alone_gives_its_marginals_and_says_so() -> None:
+    engine, belief = run_to_its_end()
+    saved = saved_map_of_belief(belief, engine.run)
+    assert not saved.has_cross_covariances
+    assert map_prior_of(saved).joint_covariance is None
+    np.testing.assert_array_equal(saved.objects.poses, belief.object_poses)
+
+
+@pytest.mark.parametrize("at", [0.1, 0.4, 0.7, 0.99])
+def test_a_changed_byte_is_told(known: SavedMap, tmp_path: Path, at: float) -> None:
+    write_map(tmp_path / "room.map", known)
+    content = bytearray((tmp_path / "room.map").read_bytes())
+    content[int(at * len(content))] ^= 1
+    (tmp_path / "room.map").write_bytes(bytes(content))
+    with pytest.raises(InputError, match=r"room\.map: .*semantic_slam map save"):
+        read_map(tmp_path / "room.map")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "text"),
+    [
+        ("objects.existence", lambda values: values + 0.1, "existence is no probability"),
+        ("objects.ids", lambda values: values * 0, "ids are not different numbers"),
+        ("objects.poses", lambda values: values * math.nan, "poses are not finite"),
+        ("hypotheses.log_weights", lambda values: values - 1.0, "do not add up to one"),
+        ("hypotheses.covariances", lambda values: -values, "not symmetric and positive semi-definite"),
+        ("hypotheses.covariances", lambda values: values[:, :3, :3].copy(), "has the shape"),
+        ("hypotheses.states", lambda values: values.astype(np.float32), "holds float32"),
+    ],
+)
+def test_impossible_content_is_refused(known: SavedMap, tmp_path: Path, name: str, change: object, text: str) -> None:
+    write_map(tmp_path / "room.map", known)
+    arrays = load_file(tmp_path / "room.map")
+    header = json.loads((tmp_path / "room.map").read_bytes()[8:].split(b"}}", 1)[0].decode() + "}}")
+    arrays[name] = change(arrays[name])  # type: ignore[operator]
+    save_file(arrays, tmp_path / "room.map", metadata=header["__metadata__"])
+    with pytest.raises(InputError, match=r"room\.map: no whole map") as caught:
+        read_map(tmp_path / "room.map")
+    assert text in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"\0" * 40, b"\xff" * 8 + b"\0" * 20])
+def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "other.map").write_bytes(content)
+    with pytest.raises(InputError, match=r"other\.map"):
+        read_map(tmp_path / "other.map")

@@ -1,0 +1,138 @@
+"""The doctor looks at a running system: at what is published, how, and at who should answer."""
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from worlds.bag_factory import T_BASE_CAMERA, Entry, input_entries, of_topic
+from worlds.node_runs import processes
+
+from semantic_slam.doctor.checks import graph as graph_checks
+from semantic_slam.doctor.finding import Finding
+from semantic_slam.doctor.graph import Endpoint, Graph, Said
+from semantic_slam.messages import topics
+from semantic_slam.messages.standard import NANOSECONDS, time_message
+from semantic_slam.messages.typestore import serialize
+from semantic_slam.ros import examination
+from semantic_slam.ros.node_set import NodeSpec
+from semantic_slam.ros.transport import ros_type
+
+SENT = (topics.ODOMETRY, topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)
+PERIOD_S = 0.1
+START_S = 60.0
+TURN = 12
+
+
+@contextmanager
+def drivers(late_s: float = 0.0, left_out: tuple[str, ...] = ()) -> Iterator[Any]:
+    """A camera, a detector and odometry, ten times a second; stamps of odometry lie back by so much."""
+    rclpy.init()
+    node = rclpy.create_node("drivers")
+    profile = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    entries = input_entries(num_frames=TURN, with_depth=False)
+    sent = [topic for topic in SENT if topic not in left_out]
+    publishers = {topic: node.create_publisher(ros_type(topics.TYPES[topic]), topic, profile) for topic in sent}
+    streams = {topic: of_topic(entries, topic) for topic in sent}
+    ended = threading.Event()
+
+    def drive() -> None:
+        k = 0
+        while not ended.wait(PERIOD_S):
+            now_ns = node.get_clock().now().nanoseconds
+            for topic in sent:
+                send(
+                    publishers[topic],
+                    streams[topic][there_and_back(k)],
+                    now_ns,
+                    late_s if topic == topics.ODOMETRY else 0.0,
+                )
+            k += 1
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    try:
+        yield node
+    finally:
+        ended.set()
+        thread.join()
+        rclpy.try_shutdown()
+
+
+def there_and_back(k: int) -> int:
+    return min(k % (2 * TURN - 2), -k % (2 * TURN - 2))
+
+
+def send(publisher: Any, entry: Entry, now_ns: int, late_s: float) -> None:
+    entry.message.header.stamp = time_message(now_ns - round(late_s * NANOSECONDS))
+    publisher.publish(serialize(entry.message))
+
+
+def configuration(folder: Path) -> Path:
+    path = folder / "mine.yaml"
+    values = {"association": "open", "semantic_model": {"kind": "none"}}
+    path.write_text(json.dumps({**values, "perception": {"extrinsics": T_BASE_CAMERA.tolist()}}))
+    return path
+
+
+def lines(found: list[Finding]) -> list[str]:
+    return [finding.line for finding in found]
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_drivers_that_fit_together_are_healthy_before_the_start(tmp_path: Path) -> None:
+    with drivers():
+        assert lines(examination.examine_running_system(configuration(tmp_path), None, 2.0)) == []
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_manager_alone_with_drivers_that_do_not_fit_is_told_what_it_lacks(tmp_path: Path) -> None:
+    """A lossless manager without a map or a backend; odometry is best effort and half a minute old."""
+    with processes(tmp_path) as nodes, drivers(late_s=30.0, left_out=(topics.DETECTIONS,)) as node:
+        nodes.start(NodeSpec("hypothesis_manager_node", "hypothesis_manager", {"lossless": True}))
+        give_up = time.monotonic() + START_S
+        while "hypothesis_manager" not in node.get_node_names() and time.monotonic() < give_up:
+            nodes.check()
+            time.sleep(0.05)
+        found = lines(examination.examine_running_system(None, None, 2.0))
+    print(found)
+    for check, *words in (
+        ("quality of service", "/odom: drivers publishes best effort", "publish it RELIABLE"),
+        ("nodes", "hypothesis_manager runs and no backend answers", "backend_node"),
+        ("nodes", "nobody publishes /classifier/measurements", "classifier_node"),
+        ("topics", "no topic detections", "start its publisher, or remap it"),
+        ("clocks", "/odom: stamped 30.0 s early", "use_sim_time"),
+    ):
+        assert any(line.startswith(f"error: {check}: ") and all(word in line for word in words) for line in found)
+
+
+def test_quality_of_service_that_cannot_match_is_found_from_both_ends() -> None:
+    detections, static = "semantic_slam_msgs/msg/DetectionArray", "tf2_msgs/msg/TFMessage"
+    graph = Graph(
+        publishers={
+            "/detections": [Endpoint("detector", detections, is_reliable=False)],
+            "/tf_static": [Endpoint("mount", static)],
+        },
+        readers={
+            "/detections": [Endpoint("classifier", detections), Endpoint("view", detections, is_reliable=False)],
+            "/tf_static": [Endpoint("classifier", static, is_latched=True)],
+        },
+        nodes=frozenset(),
+        said=[
+            Said(2, "classifier: input /odom", "/odom is silent: no message so far; remap the topic"),
+            Said(0, "a", "b"),
+        ],
+    )
+    found = lines(list(graph_checks.check(graph)))
+    assert [line.split(": ")[1] for line in found] == ["quality of service"] * 2 + ["classifier"]
+    assert "detector publishes best effort and classifier wants it reliable" in found[0]
+    assert "publish /tf_static TRANSIENT_LOCAL" in found[1]
+    assert found[2].endswith("; remap the topic")
