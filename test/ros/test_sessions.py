@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import rclpy
 from rclpy.node import Node
-from semantic_slam_msgs.srv import LoadMap
+from semantic_slam_msgs.srv import LoadMap, SaveMap
 from std_srvs.srv import SetBool, Trigger
-from worlds.bag_factory import PERIOD, Entry, map_prior, write_bag, write_configuration
+from worlds.bag_factory import PERIOD, Entry, write_bag, write_configuration
 from worlds.node_runs import assert_same, beliefs, processes
 from worlds.places import place_entries
 
@@ -166,9 +166,10 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
 
     missing = robot.ask(LoadMap, "load_map", LoadMap.Request(path=str(robot.folder / "none.json")))
     assert "none.json" in missing.fault and robot.heard == []
-    path = robot.folder / "objects.json"
-    path.write_text(map_prior().to_json())
-    assert robot.ask(LoadMap, "load_map", LoadMap.Request(path=str(path))).objects == 2
+    path = str(robot.folder / "room.map")
+    saved = robot.ask(SaveMap, "save_map", SaveMap.Request(path=path))
+    loaded = robot.ask(LoadMap, "load_map", LoadMap.Request(path=path))
+    assert (saved.fault, loaded.fault, loaded.objects, loaded.map_id) == ("", "", 2, saved.map_id)
     robot.send(later(entries, 2 * NUM_FRAMES))
     robot.wait_for(whole)
 
@@ -184,9 +185,9 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
         assert_same(beliefs(bag), reference)
     records = [read_record(bag) for bag in bags]
     assert [len(record.beliefs) for record in records[:3]] == [NUM_FRAMES, NUM_FRAMES, NUM_FRAMES // 2 + 1]
-    ids = [record.run.run_id for record in records]
-    base = ids[0].removesuffix(".1")
-    assert [own.removeprefix(base) for own in ids] == [".1", ".2", ".3", ".4"]
+    ids = [record.run.run_id.partition(".") for record in records]
+    assert [number for _, _, number in ids] == ["1", "2", "3", "4"]
+    assert ids[0][0] == ids[1][0] == ids[2][0] != ids[3][0]  # the same but on another map
 
 
 def test_a_second_replay_into_running_nodes_is_another_session_with_the_same_beliefs(tmp_path: Path) -> None:
