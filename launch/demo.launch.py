@@ -64,9 +64,9 @@ class Nodes:
 
 def start_nodes(context):
     """Actions of all nodes, once the arguments' values are known."""
-    bag, config, backends, rate, record, overwrite, journal, resume = (
-        LaunchConfiguration(name).perform(context)
-        for name in ("bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume")
+    names = ("bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart")
+    bag, config, backends, rate, record, overwrite, journal, resume, autostart = (
+        LaunchConfiguration(name).perform(context) for name in names
     )
     specs = node_set(
         Path(bag),
@@ -78,6 +78,7 @@ def start_nodes(context):
         overwrite=overwrite.lower() == "true",
         journal=journal or (f"{record}.journal" if record else ""),
         resume=resume.lower() == "true",
+        autostart=autostart.lower() == "true",
     )
     # The last of the chain to be done ends the launch.
     nodes = Nodes(specs, "bag_recorder" if record else "bag_player")
@@ -101,6 +102,9 @@ def generate_launch_description():
                 "journal", default_value="", description="folder of the manager's journal; empty: RECORD.journal"
             ),
             DeclareLaunchArgument("resume", default_value="false", description="true: go on with a run broken off"),
+            DeclareLaunchArgument(
+                "autostart", default_value="true", description="false: nodes wait to be configured and activated"
+            ),
             OpaqueFunction(function=start_nodes),
         ]
     )

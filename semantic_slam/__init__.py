@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
     from semantic_slam.answers.find_objects import find_objects
+    from semantic_slam.answers.query_place import query_place
     from semantic_slam.answers.question import Question
     from semantic_slam.configuration import Configuration, load_configuration
     from semantic_slam.errors import InputError, SemanticSlamError
@@ -42,6 +43,7 @@ __all__ = [
     "__version__",
     "find_objects",
     "load_configuration",
+    "query_place",
     "read_map",
     "read_map_prior",
     "read_record",
@@ -62,6 +64,7 @@ _ORIGIN = {
     "__version__": "version",
     "find_objects": "answers.find_objects",
     "load_configuration": "configuration",
+    "query_place": "answers.query_place",
     "read_map": "maps.map_file",
     "read_map_prior": "maps.map_file",
     "read_record": "evaluation.belief_bag",

@@ -12,13 +12,16 @@ Region = tuple[float, float, float, float]
 
 def inside(belief: HybridBelief, region: Region | None) -> Array:
     """(O,) probabilities that the objects of a belief lie in the region; None: all of the map."""
-    count = len(belief.object_ids)
+    return within(belief.object_poses, belief.object_covariances, region)
+
+
+def within(poses: Array, covariances: Array, region: Region | None) -> Array:
+    """(O,) probabilities that things lie in the region, from their (O, 7) poses and (O, 6, 6) covariances."""
     if region is None:
-        return np.ones(count)
+        return np.ones(len(poses))
     lower, upper = np.array(region[:2]), np.array(region[2:])
-    found = np.zeros(count)
-    for row in range(count):
-        place, spread = belief.object_poses[row, :2], belief.object_covariances[row, :2, :2]
+    found = np.zeros(len(poses))
+    for row, (place, spread) in enumerate(zip(poses[:, :2], covariances[:, :2, :2], strict=True)):
         if np.isfinite(place).all() and np.isfinite(spread).all():
             normal = multivariate_normal(place, spread, allow_singular=True)
             found[row] = np.clip(normal.cdf(upper, lower_limit=lower), 0.0, 1.0)

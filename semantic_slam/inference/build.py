@@ -57,9 +57,11 @@ def make_run_configuration(
     stamp_ns: int,
     source: str = "",
     revision: str = "",
+    session: int = 0,
 ) -> RunConfiguration:
     """The announcement of a run; ``initial_pose`` (7,) and ``initial_covariance`` (6, 6) in map.
 
+    ``session`` counts the runs of one manager, so that each has an id of its own.
     Raises InputError when detections have to be associated with a map that has no objects.
     """
     association = strategy_of(configuration)
@@ -87,7 +89,7 @@ def make_run_configuration(
     model = load_model(settled) or latent or load_label_model(settled)
     names = model.class_names if model is not None else ()
     return RunConfiguration(
-        run_id=run_id_of(settings, prior, np.array(pose), covariance, names),
+        run_id=run_id_of(settings, prior, np.array(pose), covariance, names) + (f".{session}" if session else ""),
         stamp_ns=stamp_ns,
         configuration=settings,
         map_prior=prior,
@@ -102,6 +104,12 @@ def make_run_configuration(
 def run_id_of(settings: str, prior: str, pose: Array, covariance: Array, class_names: Sequence[str]) -> str:
     """Digest of all that determines a run besides its keyframes."""
     return digest(settings, prior, json.dumps(pose.tolist()), json.dumps(covariance.tolist()), *class_names)
+
+
+def is_id_of_its_contents(run: RunConfiguration) -> bool:
+    """Whether the id that a run is announced by, its session apart, is that of what it says."""
+    told = (run.configuration, run.map_prior, run.initial_pose, run.initial_covariance, run.class_names)
+    return run.run_id.partition(".")[0] == run_id_of(*told)
 
 
 def _check_odometry(configuration: Configuration, association: type[AssociationStrategy]) -> None:

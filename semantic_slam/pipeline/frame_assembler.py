@@ -41,6 +41,7 @@ class FrameAssembler:
         """
         self.dropped: Counter[str] = Counter()
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
+        self._camera_is_of_another = False
         self._has_depth = has_depth
         self._base_frame = configuration.perception.base_frame
         self._moving: MovingCamera | None = None
@@ -53,8 +54,8 @@ class FrameAssembler:
 
     def add_camera_info(self, message: Any) -> None:
         """sensor_msgs/CameraInfo; raises InputError when the camera is not calibrated."""
-        if self.camera is None:
-            self.camera = camera_model(message, topics.CAMERA_INFO)
+        if self.camera is None or self._camera_is_of_another:
+            self.camera, self._camera_is_of_another = camera_model(message, topics.CAMERA_INFO), False
 
     def add_image(self, message: Any) -> None:
         """sensor_msgs/Image or CompressedImage in colour."""
@@ -86,6 +87,27 @@ class FrameAssembler:
         """
         holds = self._moving is not None and self._moving.is_holding
         return 0 if holds or self._images.is_holding or self._depths.is_holding else len(self._detections)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether detections and pictures go on from an earlier time, and so are of another session."""
+        return self._detections.is_set_back and self._images.is_set_back
+
+    def keep_camera_of(self, former: "FrameAssembler") -> None:
+        """Until another one is told of, the camera is that of the session before."""
+        self.camera, self._camera_is_of_another = former.camera, former.camera is not None
+
+    def go_on_from(self, former: "FrameAssembler") -> None:
+        """Take what another one, whose session is over, has refused because it is of this session."""
+        self.keep_camera_of(former)
+        for ours, theirs in (
+            (self._detections, former._detections),
+            (self._images, former._images),
+            (self._depths, former._depths),
+        ):
+            ours.go_on_from(theirs)
+        if self._moving is not None and former._moving is not None:
+            self._moving.go_on_from(former._moving)
 
     def take(self) -> list[Frame]:
         """Frames that are complete by now, in the order of their stamps."""

@@ -33,6 +33,7 @@ class FrameCount:
         if stamp_ns <= self._again_until_ns:
             self._dropped_before = self._dropped.get(stamp_ns, self._dropped_before) - measurements.dropped
             return None
+        self._again_until_ns = 0  # what lies before that from now on is of another session
         told = replace(measurements, dropped=measurements.dropped + self._dropped_before)
         self._num_measured += 1
         self.stamp_ns = stamp_ns

@@ -79,6 +79,8 @@ class KeyframeAssembler:
         self._offsets_ns = _offsets_ns(configuration.odometry)
         self._instants_ns = [0, -self._expected_ns, *self._offsets_ns]  # at which odometry is asked for, about a stamp
         self._next_index = 0
+        self.is_paused = False  # no keyframe is made; the motion meanwhile is in the odometry of the next one
+        self.first_pose: Array | None = None  # (7,) T_odom_body where the motion of the first keyframe starts
 
     def add_odometry(self, message: Any) -> None:
         """nav_msgs/Odometry; one that is not finite is dropped, its neighbours are interpolated."""
@@ -101,6 +103,7 @@ class KeyframeAssembler:
         if self._newest is None:
             biases = self._configuration.odometry.estimate_bias
             self._newest = self._last_keyframe = start(sample, with_slopes=biases)
+            self.first_pose = sample.pose
         else:
             last, new = self._newest, self._newest.advance(sample)
             steps = (new.stamp_ns - last.stamp_ns, new.travelled_m - last.travelled_m, new.turned_rad - last.turned_rad)
@@ -126,6 +129,17 @@ class KeyframeAssembler:
         A lossless replay that waited for them would keep back the very message that judges the held one.
         """
         return 0 if self._odometry.is_holding or self._identities.is_holding else len(self._measurements)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether odometry and measurements both go on from an earlier time: what they say is of another session."""
+        return self._odometry.begins_again and self._measurements.begins_again
+
+    def go_on_from(self, former: "KeyframeAssembler") -> None:
+        """Take what another one, whose session is over, has refused because it is of this session."""
+        self._odometry.go_on_from(former._odometry)
+        self._measurements.go_on_from(former._measurements)
+        self._identities.go_on_from(former._identities)
 
     def take(self) -> list[Keyframe]:
         """Keyframes that are complete by now, in the order of their stamps. Raises InputError when ids are missing."""
@@ -172,6 +186,9 @@ class KeyframeAssembler:
         point = self._point(measurements.stamp_ns)
         if point is None:
             self.dropped[f"{topics.MEASUREMENTS}: no {topics.ODOMETRY} at their stamp"] += 1
+            return None
+        if self.is_paused:
+            self.dropped[f"{topics.MEASUREMENTS}: came while the robot was paused"] += 1
             return None
         assert self._last_keyframe is not None
         measurements = self._inside(measurements)

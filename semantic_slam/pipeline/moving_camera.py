@@ -33,9 +33,17 @@ class MovingCamera:
             if not is_pose(pose):
                 self._dropped[f"{topics.TF}: transform that is not finite"] += 1
                 continue
-            new: StampedBuffer[Array] = StampedBuffer(topics.TF, self._dropped, MAX_WAITING)
-            moves = self._moves.setdefault(plain_frame(item.child_frame_id), new)
+            moves = self._buffer(plain_frame(item.child_frame_id))
             moves.add(stamp_ns(item.header.stamp), compose(T_base_parent, pose))
+
+    def go_on_from(self, former: "MovingCamera") -> None:
+        """Take what another one has refused because it is of this session."""
+        for child, moves in former._moves.items():
+            self._buffer(child).go_on_from(moves)
+
+    def _buffer(self, child: str) -> StampedBuffer[Array]:
+        new: StampedBuffer[Array] = StampedBuffer(topics.TF, self._dropped, MAX_WAITING)
+        return self._moves.setdefault(child, new)
 
     @property
     def is_holding(self) -> bool:

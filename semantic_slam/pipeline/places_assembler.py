@@ -30,6 +30,7 @@ class PlacesAssembler:
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
         self._reader = PlaceReader(configuration.perception)
         self._camera_pose = camera_pose
+        self._camera_is_of_another = False
         self._num_measured = 0
         self._lost: Counter[str] = Counter()
         self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self._lost)
@@ -45,8 +46,8 @@ class PlacesAssembler:
 
     def add_camera_info(self, message: Any) -> None:
         """sensor_msgs/CameraInfo; raises InputError when the camera is not calibrated."""
-        if self.camera is None:
-            self.camera = camera_model(message, topics.CAMERA_INFO)
+        if self.camera is None or self._camera_is_of_another:
+            self.camera, self._camera_is_of_another = camera_model(message, topics.CAMERA_INFO), False
 
     def add_detections(self, message: Any) -> None:
         """semantic_slam_msgs/DetectionArray."""
@@ -56,6 +57,21 @@ class PlacesAssembler:
             self._lost[f"{topics.DETECTIONS}: arrays of different lengths"] += 1
             return
         self._detections.add(detections.stamp_ns, detections)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether detections go on from an earlier time, and so are of another session."""
+        return self._detections.is_set_back
+
+    def keep_camera_of(self, former: "PlacesAssembler") -> None:
+        """Until another one is told of, the camera is that of the session before."""
+        self.camera, self._camera_is_of_another = former.camera, former.camera is not None
+
+    def go_on_from(self, former: "PlacesAssembler") -> None:
+        """Take what another one, whose session is over, has refused because it is of this session."""
+        self.keep_camera_of(former)
+        self._num_measured = former._num_measured  # measurements are numbered on
+        self._detections.go_on_from(former._detections)
 
     def take(self) -> list[SemanticMeasurements]:
         """Measurements that can be made by now, in the order of their stamps."""

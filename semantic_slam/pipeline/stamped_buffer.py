@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
-from semantic_slam.pipeline.topic_clock import TopicClock
+from semantic_slam.pipeline.topic_clock import MOST_EARLIER, TopicClock
 
 T = TypeVar("T")
 
@@ -26,7 +26,7 @@ class StampedBuffer(Generic[T]):
         """
         self.topic = topic
         self.last_stamp_ns: int | None = None
-        self._clock: TopicClock[Any] = TopicClock(topic, dropped)
+        self._clock: TopicClock[Any] = TopicClock(topic, dropped, capacity or MOST_EARLIER)
         self._dropped = dropped
         self._capacity = capacity
         self._made_of = made_of
@@ -43,6 +43,21 @@ class StampedBuffer(Generic[T]):
     def is_holding(self) -> bool:
         """Whether an item is held aside until the next ones tell whether its stamp is right."""
         return self._clock.is_holding
+
+    @property
+    def is_set_back(self) -> bool:
+        """Whether the topic's clock was set back."""
+        return self._clock.is_set_back
+
+    @property
+    def begins_again(self) -> bool:
+        """Whether the topic's clock was set back to its start, or before it: what it says is of another session."""
+        return self._clock.begins_again
+
+    def go_on_from(self, former: "StampedBuffer[T]") -> None:
+        """Add what another one has refused because it is of this session."""
+        for stamp_ns, item in former._clock.earlier:
+            self.add(stamp_ns, item)
 
     def add(self, stamp_ns: int, item: Any) -> None:
         """Append an item that is newer than all before it, once its stamp is believed."""

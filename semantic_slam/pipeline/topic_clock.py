@@ -18,6 +18,10 @@ FIRST_STEP_NS = NANOSECONDS
 BACKWARDS = "time goes backwards"
 AHEAD = "stamp leaps ahead of those around it"
 SET_BACK = "its clock was set back; what follows is another session, to be run by itself"
+ABOUT_THE_START_NS = 2 * NANOSECONDS
+"""A session that is played again begins no later after the start of this one: its first messages may be lost."""
+MOST_EARLIER = 5000
+"""So many of the newest messages of another session are kept until it begins."""
 
 
 class TopicClock(Generic[T]):
@@ -31,20 +35,42 @@ class TopicClock(Generic[T]):
     was set back. What is believed depends on the stamps alone, never on when they came.
     """
 
-    def __init__(self, topic: str, dropped: Counter[str]) -> None:
+    def __init__(self, topic: str, dropped: Counter[str], most_earlier: int = MOST_EARLIER) -> None:
         self.topic = topic
         self._dropped = dropped
         self._first_ns: list[int] | None = []  # what is believed without witnesses; None: there are enough by now
         self._last_ns: int | None = None  # the newest stamp that is believed
+        self._earlier_from_ns = 0  # the first stamp of all that agree, of which the newest are kept
+        self._began_ns: int | None = None  # the first stamp that is believed
         self._steps_ns: deque[int] = deque(maxlen=USUAL_STEPS)  # between the newest that are believed
         self._held: list[tuple[int, T]] = []  # ahead of the newest, growing
-        self._earlier: list[tuple[int, T]] = []  # the last ones, one after the other, that agree on an earlier time
+        self._earlier: deque[tuple[int, T]] = deque(maxlen=most_earlier)  # the last ones that agree on an earlier time
         self.withdrawn_from_ns: int | None = None  # the last call withdraws what was given out from this stamp on
 
     @property
     def is_holding(self) -> bool:
         """Whether an item waits for the next ones."""
         return bool(self._held)
+
+    @property
+    def is_set_back(self) -> bool:
+        """Whether several items, none newer after them, agree on an earlier time."""
+        return len(self._earlier) > WITNESSES
+
+    @property
+    def begins_again(self) -> bool:
+        """Whether it was set back to about the start of this session, or before it.
+
+        Its items are of another session. Those that are earlier, but of this session's time, are of a player that was
+        started again and goes over its last messages once more.
+        """
+        began_ns = self._began_ns
+        return self.is_set_back and began_ns is not None and self._earlier_from_ns <= began_ns + ABOUT_THE_START_NS
+
+    @property
+    def earlier(self) -> list[tuple[int, T]]:
+        """The newest items, one after the other, that agree on an earlier time; they were counted as dropped."""
+        return list(self._earlier)
 
     def take(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
         """What is believed now that this item has come: nothing, it, or what was held and it."""
@@ -73,6 +99,8 @@ class TopicClock(Generic[T]):
         """Count an item that is too early; what is believed when those before it were the wrong ones."""
         if self._earlier and stamp_ns <= self._earlier[-1][0]:
             self._earlier.clear()
+        if not self._earlier:
+            self._earlier_from_ns = stamp_ns
         self._earlier.append((stamp_ns, item))
         agreeing = len(self._earlier)
         if self._first_ns and agreeing > len(self._first_ns):
@@ -88,12 +116,13 @@ class TopicClock(Generic[T]):
 
     def _begin_anew(self, first_ns: list[int]) -> list[tuple[int, T]]:
         """What is believed instead of the first items, which had wrong stamps."""
-        taken, self._earlier = self._earlier, []
+        taken = self.earlier
+        self._earlier.clear()
         self.withdrawn_from_ns = taken[0][0]
         right = [stamp_ns for stamp_ns in first_ns if stamp_ns < taken[0][0]]
         self._count(BACKWARDS, 1 - len(taken))
         self._count(AHEAD, len(first_ns) - len(right) + len(self._held))
-        self._first_ns, self._last_ns, self._held = [], None, []
+        self._first_ns, self._last_ns, self._began_ns, self._held = [], None, None, []
         self._steps_ns.clear()
         for stamp_ns in [*right, *(stamp for stamp, _ in taken)]:
             self._advance(stamp_ns)
@@ -120,6 +149,7 @@ class TopicClock(Generic[T]):
         if self._last_ns is not None:
             self._steps_ns.append(stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
+        self._began_ns = stamp_ns if self._began_ns is None else self._began_ns
         if self._first_ns is not None:
             self._first_ns.append(stamp_ns)
             if len(self._first_ns) > WITNESSES:

@@ -1,13 +1,14 @@
 """Node ``bag_player``: any rosbag2 onto the topics, in real time, faster, or losslessly in lock-step.
 
 It begins where the hypothesis manager stands: at the bag's start, or in a run that goes on shortly before the newest
-frame done with.
+frame done with. Where an earlier replay has ended, this one is another session.
 
 Parameters:
   bag                   rosbag2 folder, .mcap or .db3
   rate                  0 (default): lossless lock-step; 1: real time; more: faster
   window                detection frames under way at most, in lock-step (default 4)
   remap                 list of FROM:=TO, e.g. ["/camera/image:=image"]
+  resume                after the end of a replay: it was this one, there is nothing left to do (default false)
   wait_for_listeners_s  how long to wait until every input has a listener (default 60)
 """
 
@@ -62,6 +63,7 @@ class BagPlayer(PipelineNode):
         self._wait_s = float(self.declare_parameter("wait_for_listeners_s", 60.0).value)
         remaps = parse_remaps(self.declare_parameter("remap", [""]).value)
         self._credit = Credit(int(self.declare_parameter("window", 4).value), STALL_S)
+        self._resumes = bool(self.declare_parameter("resume", False).value)
         refuse_undeclared(self)
         if not bag:
             raise InputError("bag_player: parameter bag is empty; name the bag to replay")
@@ -70,6 +72,7 @@ class BagPlayer(PipelineNode):
         self._stands = threading.Event()  # the manager has said where
         self._done_stamp_ns = 0  # of the newest frame done with
         self._sent = 0
+        self._has_ended = self._is_after_another = False  # what was sent; a replay before this one
         self._stamp_ns = 0
         self._had_manager = False
         self._gone_since_s: float | None = None
@@ -92,6 +95,10 @@ class BagPlayer(PipelineNode):
 
     def _manager_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, TYPES[MANAGER_PROGRESS])
+        if progress.finished and not self._has_ended:
+            self._is_after_another = True
+            self._stands.set()
+            return
         self._credit.done(progress.frames)
         self._done_stamp_ns = progress.stamp_ns
         self._stands.set()
@@ -101,6 +108,9 @@ class BagPlayer(PipelineNode):
     def _play(self, _: None) -> None:
         self._wait_for_listeners()
         self._wait_for_manager()
+        if self._is_after_another and self._resumes:
+            self.end()
+            return
         damage = None
         with BagReader(self._bag) as bag, self._progress_bar(bag) as bar:
             start = self._start(bag)
@@ -171,9 +181,17 @@ class BagPlayer(PipelineNode):
             if item.is_frame:
                 self._wait_for_credit(bar)
                 self._sent += 1
+            self._wait_while_paused(pace)
             pace.wait(message.stamp_ns)
             self._stamp_ns = message.stamp_ns
             self._send(message)
+
+    def _wait_while_paused(self, pace: "Pace") -> None:
+        since_s = time.monotonic()
+        while rclpy.ok() and not self.is_active:
+            time.sleep(0.05)
+            pace.shift(time.monotonic() - since_s)
+            since_s = time.monotonic()
 
     def _send(self, message: RawMessage) -> None:
         clock = message_class(TYPES[CLOCK])(clock=time_message(message.stamp_ns))
@@ -209,6 +227,7 @@ class BagPlayer(PipelineNode):
             outlet.wait_for_acknowledgement()
         if self._classifier_progress is not None:
             self._classifier_progress.send(encode(ReplayProgress(self._stamp_ns, frames=0, finished=True)))
+        self._has_ended = True
         self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=self._sent, finished=True)))
         while self._manager_goes_on() and not self._finished.wait(0.1):
             bar.update(self._credit.frames_done - bar.n)
@@ -225,6 +244,11 @@ class Pace:
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._start: tuple[int, float] | None = None
+
+    def shift(self, by_s: float) -> None:
+        """What is still to come is due so much later."""
+        if self._start is not None:
+            self._start = self._start[0], self._start[1] + by_s
 
     def wait(self, stamp_ns: int) -> None:
         """Sleep until the message of this log time is due."""

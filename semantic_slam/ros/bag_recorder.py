@@ -1,5 +1,7 @@
 """Node ``bag_recorder``: the belief and what explains it into a belief bag, as the offline pipeline writes it.
 
+Another session of the manager is another bag: BAG_2, BAG_3 and so on.
+
 Parameters:
   bag        folder of the belief bag
   overwrite  true: an old bag is replaced once the new one is whole (default false)
@@ -7,7 +9,9 @@ Parameters:
   lossless   true in a replay by bag_player at rate 0 (default false)
 """
 
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
@@ -25,6 +29,7 @@ from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
 from semantic_slam.ros import qos
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.recent_inputs import RecentInputs
 from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.transport import is_installed
 
@@ -48,20 +53,25 @@ class BagRecorder(PipelineNode):
         if not path:
             raise InputError("bag_recorder: parameter bag is empty; name the bag to write")
         self._repeats = Repeats()
+        self._inputs = RecentInputs()
+        self._path = Path(path)
         self._stamp_ns = 0  # the newest stamp so far, for messages without one
         self._num_beliefs, self._belief_stamp_ns = 0, -1
-        self._begin(Path(path), overwrite, unfinished_bag(Path(path)) if resume else None)
+        self._run_id = ""
+        self._next_run: Any = None  # the announcement of another session, whose first belief is still to come
+        self._ends_at_ns: int | None = None  # stamp of the replay's last belief
+        self._begin(*(unfinished_session(self._path) if resume else (self._path, None)), overwrite)
+        for topic in NEWEST:  # first: of messages that are there at once, another run comes before its beliefs
+            self._record(topic, qos.latched())
         for topic in RESULTS:
             self._record(topic, qos.result(self.lossless))
-        for topic in NEWEST:
-            self._record(topic, qos.latched())
         self._record(topics.DIAGNOSTICS, qos.everything(), ends=False)
         for topic in topics.KEPT_INPUTS:
             self._record(topic, qos.sensor_input(topic, self.lossless))
         self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched())
         self.create_timer(FLUSH_S, self._queue_flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _begin(self, path: Path, overwrite: bool, unfinished: Path | None) -> None:
+    def _begin(self, path: Path, unfinished: Path | None, overwrite: bool) -> None:
         """Open the bag, and take over what a recorder left that was killed."""
         self._is_resumed = unfinished is not None
         if unfinished is None:
@@ -82,6 +92,8 @@ class BagRecorder(PipelineNode):
     def _take_over(self, message: RawMessage, definition: str) -> None:
         if self._repeats.is_known(message.topic, _key(message.topic, message.cdr)):
             return
+        if message.topic == topics.RUN_CONFIGURATION:
+            self._run_id = str(deserialize(message.cdr, message.type_name).run_id)
         if message.topic == topics.BELIEF:
             belief = deserialize(message.cdr, message.type_name)
             self._num_beliefs, self._belief_stamp_ns = int(belief.keyframe) + 1, header_stamp_ns(belief)
@@ -90,6 +102,9 @@ class BagRecorder(PipelineNode):
 
     def close(self) -> None:
         """Write the bag's index; what was received is readable from then on, and takes an old bag's place if whole."""
+        self._finish_bag()
+
+    def _finish_bag(self) -> None:
         self._writer.__exit__(None, None, None)
         if not self._num_beliefs:  # an old bag is better than one without beliefs
             self._claim.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
@@ -106,11 +121,39 @@ class BagRecorder(PipelineNode):
     def _write(self, topic: str, data: bytes) -> None:
         message = deserialize(data, topics.TYPES[topic])
         stamp_ns = header_stamp_ns(message) if hasattr(message, "header") else 0
-        if self._is_repeated(topic, data) or (topic == topics.BELIEF and not self._is_due(message.keyframe, stamp_ns)):
+        if self._is_repeated(topic, data):
             return
+        self._inputs.note(topic, data, stamp_ns)
+        if topic == topics.RUN_CONFIGURATION and self._is_of_another_session(message):
+            return
+        if topic == topics.BELIEF and self._next_run is not None and message.keyframe == 0:
+            self._begin_session()
+        if topic == topics.BELIEF and not self._is_due(message.keyframe, stamp_ns):
+            return
+        self._write_raw(topic, data, stamp_ns)
+
+    def _write_raw(self, topic: str, data: bytes, stamp_ns: int) -> None:
         self._stamp_ns = max(self._stamp_ns, stamp_ns)
         if self._stamp_ns:  # before the first stamp there are but diagnostics of nodes that wait, which repeat
             self._writer.write_raw(topic, topics.TYPES[topic], data, stamp_ns or self._stamp_ns)
+
+    def _is_of_another_session(self, run: Any) -> bool:
+        """Whether a run is announced that is not recorded yet; beliefs of the one before may still come."""
+        self._run_id = self._run_id or str(run.run_id)
+        self._next_run = run if run.run_id != self._run_id else None
+        return self._next_run is not None
+
+    def _begin_session(self) -> None:
+        """Another bag; it begins with what has already come of its session."""
+        run, self._next_run = self._next_run, None
+        self._finish_bag()
+        self._run_id, self._stamp_ns, self._num_beliefs, self._belief_stamp_ns = str(run.run_id), 0, 0, -1
+        place = free_session(self._path)
+        self.get_logger().info(f"another session begins: {place}")
+        self._begin(place, None, overwrite=False)
+        first_stamp_ns = header_stamp_ns(run)
+        for item in self._inputs.of_session(first_stamp_ns):
+            self._write_raw(item.topic, item.data, item.stamp_ns or first_stamp_ns)
 
     def _is_repeated(self, topic: str, data: bytes) -> bool:
         """Whether a replay that goes on after a death brings what is recorded."""
@@ -130,15 +173,40 @@ class BagRecorder(PipelineNode):
 
     def _manager_progress(self, data: bytes) -> None:
         progress = decode(data, topics.TYPES[topics.MANAGER_PROGRESS])
+        self._ends_at_ns = progress.stamp_ns if progress.finished else None
         if progress.finished:
-            self.when_drained(self._end, progress.stamp_ns)
+            self.when_drained(self._end, None)
 
-    def _end(self, last_stamp_ns: int) -> None:
-        """End with the last belief, which may still be on its way to a recorder that was started again."""
-        if self._belief_stamp_ns >= last_stamp_ns:
+    def _end(self, _: None) -> None:
+        """End with the last belief, which may still be on its way, unless another session has begun meanwhile."""
+        if self._ends_at_ns is None:
+            return
+        if self._belief_stamp_ns >= self._ends_at_ns:
             self.end()
         else:
-            self.when_drained(self._end, last_stamp_ns)
+            self.when_drained(self._end, None)
+
+
+def session_place(path: Path, number: int) -> Path:
+    """Where the bag of a session lies; 1 is the first."""
+    return path if number == 1 else path.with_name(f"{path.name}_{number}")
+
+
+def free_session(path: Path) -> Path:
+    """Where the next session's bag may lie: nothing is replaced in the midst of a drive."""
+    places = (session_place(path, number) for number in count(2))
+    return next(place for place in places if not place.exists() and unfinished_bag(place) is None)
+
+
+def unfinished_session(path: Path) -> tuple[Path, Path | None]:
+    """The bag of the session whose recorder was killed, and where it was left; the first and None where none was."""
+    for number in count(1):
+        place = session_place(path, number)
+        if (left := unfinished_bag(place)) is not None:
+            return place, left
+        if not place.exists():
+            break
+    return path, None
 
 
 def _key(topic: str, data: bytes) -> bytes:

@@ -4,13 +4,11 @@ from typing import Any
 
 from rclpy.node import Node
 
-from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
-from semantic_slam.messages.sensor import odometry_sample
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.path_publisher import PathPublisher
@@ -32,16 +30,15 @@ class BeliefPublisher:
         self._markers_view = MarkersView()
         self._T_odom_body: Array | None = None
 
-    def note_odometry(self, message: Any) -> None:
-        """Odometry before the first keyframe: the first usable pose is where keyframe 0's motion starts."""
-        if self._T_odom_body is None:
-            try:
-                self._T_odom_body = odometry_sample(message, topics.ODOMETRY).pose
-            except InputError:
-                return  # counted where keyframes are assembled
+    def begin(self) -> None:
+        """Another run begins: nothing is left of the path of the one before."""
+        self._path.begin()
+        self._T_odom_body = None
 
-    def publish(self, belief: HybridBelief, T_previous_current: Array, *, is_repeated: bool = False) -> None:
-        """``T_previous_current`` is the odometry of the belief's keyframe.
+    def publish(
+        self, belief: HybridBelief, T_previous_current: Array, T_odom_start: Array | None, *, is_repeated: bool = False
+    ) -> None:
+        """``T_previous_current`` is the odometry of the keyframe; that of the first one begins at ``T_odom_start``.
 
         Of a belief that ``is_repeated`` only what shows the newest state is published.
         """
@@ -51,8 +48,9 @@ class BeliefPublisher:
             self._pose.send(encode(estimate))
         self._path.publish(estimate)
         self._markers.send(serialize(self._markers_view.of(belief)))
-        if self._T_odom_body is not None:
-            self._T_odom_body = compose(self._T_odom_body, T_previous_current)
+        before = T_odom_start if self._T_odom_body is None else self._T_odom_body
+        if before is not None:
+            self._T_odom_body = compose(before, T_previous_current)
             if self._tf is not None:
                 self._tf.send(serialize(map_to_odom_view(estimate, self._T_odom_body)))
 

@@ -49,20 +49,15 @@ class ClassifierNode(PipelineNode):
     def __init__(self) -> None:
         super().__init__("classifier")
         configuration = declare_configuration(self)
-        self._perception = configuration.perception
+        self._configuration, self._perception = configuration, configuration.perception
         has_images = bool(self.declare_parameter("has_images", True).value)
         has_depth = bool(self.declare_parameter("has_depth", True).value)
         self._classifier = build_classifier(configuration) if has_images else None
         self._transforms = TransformTree()
         moves = bool(self.declare_parameter("has_moving_camera", False).value) and is_installed(topics.TYPES[topics.TF])
-        self._frames = FrameAssembler(configuration, has_depth, self._transforms if moves else None)
-        self._places = PlacesAssembler(configuration, self._sensor_pose)
+        self._has_depth, self._moving = has_depth, self._transforms if moves else None
         self._dropped: Counter[str] = Counter()
-        self._repeats = Repeats()
-        self._received = 0  # detection messages
-        self._measured = 0
-        self._announced = 0
-        self._stamp_ns = 0
+        self._begin()
         self._measurements = self._outlet(topics.MEASUREMENTS, qos.result(self.lossless))
         self._progress = self._outlet(topics.CLASSIFIER_PROGRESS, qos.latched())
         self._listen(
@@ -74,6 +69,37 @@ class ClassifierNode(PipelineNode):
         self._status = dropped_status(self._dropped)  # replaced by the worker, published by the executor
         self.health.add_source(lambda: [self._status])
 
+    def _begin(self) -> None:
+        """Nothing was received so far of this session."""
+        self._frames = FrameAssembler(self._configuration, self._has_depth, self._moving)
+        self._places = PlacesAssembler(self._configuration, self._sensor_pose)
+        self._repeats = Repeats()
+        self._received = 0  # detection messages
+        self._measured = 0
+        self._announced = 0
+        self._stamp_ns = 0
+        self._is_finished = False
+
+    def _go_on_after_end(self) -> None:
+        """After the end of a replay another session begins; its camera is the same until another one is told of."""
+        if self._is_finished:
+            frames, places = self._frames, self._places
+            self._begin()
+            self._frames.keep_camera_of(frames)
+            self._places.keep_camera_of(places)
+            self.health.finished = False
+
+    def _go_on_after_set_back(self) -> None:
+        """Where detections and pictures go on from an earlier time, a bag is played again: another session begins."""
+        frames, places = self._frames, self._places
+        if self._assembler.is_over:
+            self._work(at_end=True)
+            self._frames = FrameAssembler(self._configuration, self._has_depth, self._moving)
+            self._places = PlacesAssembler(self._configuration, self._sensor_pose)
+            self._frames.go_on_from(frames)
+            self._places.go_on_from(places)
+            self._work()
+
     @property
     def _assembler(self) -> FrameAssembler | PlacesAssembler:
         """What takes the detections."""
@@ -84,12 +110,15 @@ class ClassifierNode(PipelineNode):
 
     def _listen(self, *, has_depth: bool, has_moving_camera: bool, detections_type: str) -> None:
         has_images = self._classifier is not None
-        camera_info = self._decoded(topics.CAMERA_INFO, self._assembler.add_camera_info)
+        camera_info = self._decoded(topics.CAMERA_INFO, lambda message: self._assembler.add_camera_info(message))
         profile = qos.sensor_input(topics.CAMERA_INFO, self.lossless)
         self.listen(topics.CAMERA_INFO, camera_info, profile, required=has_images)
-        self._look_for("compressed", (topics.IMAGE_COMPRESSED, topics.IMAGE), self._frames.add_image, has_images)
+        self._look_for(
+            "compressed", (topics.IMAGE_COMPRESSED, topics.IMAGE), lambda m: self._frames.add_image(m), has_images
+        )
         wants_depth = has_images and has_depth
-        self._look_for("depth_compressed", (topics.DEPTH_COMPRESSED, topics.DEPTH), self._frames.add_depth, wants_depth)
+        depths = topics.DEPTH_COMPRESSED, topics.DEPTH
+        self._look_for("depth_compressed", depths, lambda message: self._frames.add_depth(message), wants_depth)
         self.listen(
             topics.DETECTIONS,
             self._detections_handler(detections_type),
@@ -101,7 +130,7 @@ class ClassifierNode(PipelineNode):
             handle = self._decoded(topics.TF_STATIC, self._transforms.add)
             self.listen(topics.TF_STATIC, handle, qos.sensor_input(topics.TF_STATIC, self.lossless))
         if has_images and has_moving_camera:
-            handle = self._decoded(topics.TF, self._frames.add_transforms)
+            handle = self._decoded(topics.TF, lambda message: self._frames.add_transforms(message))
             self.listen(topics.TF, handle, qos.sensor_input(topics.TF, self.lossless), required=True)
         self.listen(topics.PLAYER_PROGRESS, self._player_progress, qos.latched())
 
@@ -122,6 +151,7 @@ class ClassifierNode(PipelineNode):
             if not self._is_repeated(topic, data):
                 add(deserialize(data, topics.TYPES[topic]))
                 self._work()
+                self._go_on_after_set_back()
 
         return handle
 
@@ -146,11 +176,13 @@ class ClassifierNode(PipelineNode):
                     return
             self._assembler.add_detections(message)
             self._work()
+            self._go_on_after_set_back()
 
         return add
 
     def _is_repeated(self, topic: str, data: bytes) -> bool:
-        """Whether a player that was started again sends what this node has had."""
+        """Whether a player that was started again sends what this node has had of the session."""
+        self._go_on_after_end()
         return self.lossless and self._repeats.is_known(topic, data)
 
     def _sensor_pose(self, frame_id: str) -> Array:
@@ -199,6 +231,7 @@ class ClassifierNode(PipelineNode):
 
     def _end_of_replay(self, _: None) -> None:
         self._work(at_end=True)
+        self._is_finished = True
         self._measurements.wait_for_acknowledgement()
         self.health.finished = True
         self.health.publish()  # the last counts, before whoever records stops listening

@@ -3,8 +3,12 @@
 Services (semantic_slam_msgs/srv):
   ~/find_objects     FindObjects: which mapped objects are of a class, and lie in a region
   ~/get_object       GetObject: all that is known of one
+  ~/query_place      QueryPlace: what is at a place, and what should be there and is not
   ~/get_path         GetPath: the robot's path from its start on
   ~/find_lookalike   FindLookalike: which mapped object looks like a crop
+  ~/reset            std_srvs/Trigger: the run ends, another one begins at keyframe 0
+  ~/load_map         LoadMap: likewise, on a saved map
+  ~/pause            std_srvs/SetBool: no keyframes are made; odometry is still listened to
   ~/save_map         SaveMap: write the map into a file, from which a later run may start
 
 Parameters, besides those of config/default.yaml:
@@ -18,38 +22,30 @@ Parameters, besides those of config/default.yaml:
   lossless           true in a replay by bag_player at rate 0 (default false)
 """
 
-import hashlib
-import json
-from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.configuration import to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration
-from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
-from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.pipeline.detector_labels import with_labels
-from semantic_slam.pipeline.first_word import FirstWord
 from semantic_slam.pipeline.frame_count import FrameCount
-from semantic_slam.pipeline.journal import Journal, NoJournal, Record
+from semantic_slam.pipeline.journal import Record
+from semantic_slam.pipeline.journal_of_run import open_journal
 from semantic_slam.pipeline.journaled_pool import JournaledPool
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.preamble import checked_initial_pose
-from semantic_slam.pipeline.provenance import revision, source_text
+from semantic_slam.pipeline.provenance import source_text
+from semantic_slam.pipeline.session import Session
 from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
 from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
@@ -60,11 +56,13 @@ from semantic_slam.ros.parameters import declare_configuration, refuse_undeclare
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.ros_pool import RosPool
+from semantic_slam.ros.session_services import SessionServices
 from semantic_slam.ros.transport import Outlet, private_name
-from semantic_slam.version import __version__
 
 END = "end"
-"""The journal's record of a replay's end: no more messages will come."""
+"""The journal's record of a replay's end: what comes after it is another session."""
+SESSION, PAUSE = "session", "pause"
+"""Records of a run that was ended by a service, with the map of the next one, and of a pause, with b"1" or b"0"."""
 
 
 class HypothesisManagerNode(PipelineNode):
@@ -84,24 +82,23 @@ class HypothesisManagerNode(PipelineNode):
         resume = bool(self.declare_parameter("resume", True).value)
         refuse_undeclared(self)
         self._source = _source(source_bag)
-        self._journal = self._open_journal(journal, resume)
-        self._first_word = FirstWord(self._configuration.semantic_model)
-        self._assembler = KeyframeAssembler(
-            self._configuration, has_identities=self._wants_identities, passes_over=self._first_word.passes_over
-        )
-        self._initial_pose: PoseEstimate | None = None
-        self._manager: Engine | None = None
+        self._journal = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
+        self._pool_of_run = JournaledPool(self._pool, self._journal)
+        self._session = Session(self._configuration, self._map_prior, self._source)
+        self._is_paused = False
         self._frames = FrameCount()
         self._repeats = Repeats()
         self._adders: dict[str, Callable[[Any], None]] = {}  # by topic
-        self._num_keyframes, self._announced, self._belief_stamp_ns = 0, -1, 0
+        self._announced, self._belief_stamp_ns = -1, 0
         self._is_recovering = self._is_finished = False
         self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
         self._explanation = explanation_status(None)  # likewise
         self._publisher = BeliefPublisher(self, self.lossless)
         self._belief: HybridBelief | None = None  # the newest
+        self._objects = ObjectServices(self)
         lookalikes = LookalikeService(self, self._configuration.semantic_model)
-        self._answers = lookalikes, ObjectServices(self), MapService(self, self._run)
+        self._answers = lookalikes, self._objects, MapService(self, self._run)
+        self._session_services = SessionServices(self, self, read_map_prior)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
         )
@@ -115,11 +112,11 @@ class HypothesisManagerNode(PipelineNode):
 
     def _listen(self) -> None:
         # In this order: of messages that are there at once, the executor takes those of the earlier subscription first.
-        self._input(topics.INITIAL_POSE, lambda message: self._set_initial_pose(from_message(message)), required=False)
-        self._input(topics.ODOMETRY, self._add_odometry)
+        self._input(topics.INITIAL_POSE, self._set_initial_pose, required=False)
+        self._input(topics.ODOMETRY, lambda message: self._session.assembler.add_odometry(message))
         if self._wants_identities:
             identities = topics.GROUND_TRUTH_ASSOCIATIONS
-            self._input(identities, lambda m: self._assembler.add_identities(from_message(m)), required=False)
+            self._input(identities, lambda m: self._session.assembler.add_identities(from_message(m)), required=False)
         handle = self._kept(topics.MEASUREMENTS, self._add_measurements)
         self.listen(topics.MEASUREMENTS, handle, qos.result(self.lossless), required=True)
         self.listen(topics.CLASSIFIER_PROGRESS, self._classifier_progress, qos.latched())
@@ -132,32 +129,72 @@ class HypothesisManagerNode(PipelineNode):
         self._adders[topic] = add
 
         def handle(data: bytes) -> None:
-            if not (self.lossless and self._repeats.is_known(topic, data)):
+            if not (self.lossless and not self._is_finished and self._repeats.is_known(topic, data)):
                 self._journal.append(topic, data)
                 self._use(topic, data)
 
         return handle
 
     def _use(self, topic: str, data: bytes) -> None:
+        self._go_on_after_end()
         self._adders[topic](deserialize(data, topics.TYPES[topic]))
-        self._infer(self._assembler.take())
+        self._infer()
+        former = self._session
+        if former.assembler.is_over:  # its topics go on from an earlier time: a bag that is played again
+            self._infer(at_end=True)
+            self._begin(former.map_prior)
+            self._session.assembler.go_on_from(former.assembler)
+            self._infer()
 
-    def _open_journal(self, folder: str, resume: bool) -> NoJournal:
-        """Raises InputError where the folder has the journal of another run, or of one that cannot be repeated."""
-        if not folder:
-            return NoJournal()
-        if self._configuration.open_world.time_budget_ms > 0.0:
-            raise InputError(
-                "parameter journal: with open_world.time_budget_ms a run cannot be repeated; set one or the other"
-            )
-        prior = "" if self._map_prior is None else self._map_prior.to_json()
-        run = {
-            "configuration": to_dict(self._configuration),
-            "map_prior": hashlib.sha256(prior.encode()).hexdigest(),
-            "source": self._source,
-            "version": __version__,
-        }
-        return Journal(Path(folder), json.dumps(run, sort_keys=True), resume=resume)
+    def _go_on_after_end(self) -> None:
+        """After the end of a replay another session begins, of which nothing was had so far."""
+        if self._is_finished:
+            self._is_finished = self.health.finished = False
+            self._frames, self._repeats = FrameCount(), Repeats()
+            self._begin(self._session.map_prior)
+
+    def _begin(self, map_prior: MapPrior | None) -> None:
+        """Another run, whose backends follow once it is announced."""
+        self.get_logger().info(f"the run has ended after {self._session.num_keyframes} keyframes; another one begins")
+        self._session = self._session.follower(map_prior)
+        self._session.assembler.is_paused = self._is_paused
+        self._publisher.begin()
+        self._belief, self._belief_stamp_ns, self._announced = None, 0, -1
+        for service in self._answers:
+            service.belief = None
+        self._explanation = explanation_status(None)
+
+    def resume(self) -> None:
+        """Work; after :meth:`pause_work`, make keyframes again."""
+        if self.is_active:
+            self.worker.submit(lambda _: self.pause(False), None)
+        super().resume()
+
+    def pause_work(self) -> None:
+        """A paused robot: no keyframes are made, but odometry is listened to, which tells how far it moves."""
+        self.worker.submit(lambda _: self.pause(True), None)
+
+    def reset(self) -> None:
+        """End the run; another one begins at keyframe 0, on the same map."""
+        self.load(self._session.map_prior)
+
+    def check(self, prior: MapPrior) -> None:
+        """Raises InputError where no run can be on this map; on any thread."""
+        self._session.check(prior)
+
+    def load(self, map_prior: MapPrior | None) -> None:
+        """End the run; another one begins on this map."""
+        self._journal.append(SESSION, b"" if map_prior is None else map_prior.to_json().encode())
+        self._begin(map_prior)
+        self._infer()
+
+    def pause(self, paused: bool) -> None:
+        """Make no keyframes, or make them again."""
+        self._journal.append(PAUSE, b"1" if paused else b"0")
+        self._set_paused(paused)
+
+    def _set_paused(self, paused: bool) -> None:
+        self._is_paused = self._session.assembler.is_paused = paused
 
     def _recover(self, _: None) -> None:
         """Go again through what the journal has, up to where the last process stood; then say where that is."""
@@ -167,8 +204,8 @@ class HypothesisManagerNode(PipelineNode):
             if self.lossless:
                 self._repeats.is_known(record.name, record.data)
             self.guarded(record.name, partial(self._happened, record))
-        if self._num_keyframes:
-            self.get_logger().info(f"{self._num_keyframes} keyframes of the journal are there again")
+        if self._session.num_keyframes:
+            self.get_logger().info(f"{self._session.num_keyframes} keyframes of the journal are there again")
         if self._belief is not None and not self.lossless:
             self._publisher.repeat(self._belief)  # nobody may have had the last one
         self._is_recovering = False
@@ -177,36 +214,32 @@ class HypothesisManagerNode(PipelineNode):
     def _happened(self, record: Record) -> None:
         if record.name == END:
             self._finish()
+        elif record.name == SESSION:
+            self._begin(parse_map_prior(record.data.decode(), "journal") if record.data else None)
+            self._infer()
+        elif record.name == PAUSE:
+            self._set_paused(record.data == b"1")
         elif record.name == topics.CLASSIFIER_PROGRESS:
-            self._frames.lost(decode(record.data, topics.TYPES[record.name]).frames)
+            self._count_lost(decode(record.data, topics.TYPES[record.name]))
         elif record.name in self._adders:
             self._use(record.name, record.data)
         else:
             raise InputError(f"parameter journal: it goes on with {record.name} where no answer is due; remove it")
 
-    def _set_initial_pose(self, estimate: PoseEstimate) -> None:
-        if self._initial_pose is None and self._manager is None:
-            self._initial_pose = checked_initial_pose(estimate)
-
-    def _add_odometry(self, message: Any) -> None:
-        self._publisher.note_odometry(message)
-        self._assembler.add_odometry(message)
+    def _set_initial_pose(self, message: Any) -> None:
+        self._session.set_initial_pose(checked_initial_pose(from_message(message)))
 
     def _add_measurements(self, message: Any) -> None:
         measurements = self._frames.measured(from_message(message))
         if measurements is not None:
-            self._assembler.add_measurements(measurements)
+            self._session.assembler.add_measurements(measurements)
 
-    def _infer(self, keyframes: list[Keyframe], *, at_end: bool = False) -> None:
+    def _infer(self, *, at_end: bool = False) -> None:
         try:
-            for keyframe in self._first_word.released(keyframes, at_end=at_end):
-                if self._manager is None:
-                    self._manager = self._start(keyframe)
-                belief = self._manager.process(keyframe)
+            for keyframe, belief in self._session.beliefs(self._pool_of_run, at_end=at_end):
                 self._state(belief, keyframe)
         finally:
-            lost = self._manager.lost if self._manager is not None else Counter[str]()
-            self._status = dropped_status(self._assembler.dropped + self.refused + self._pool.refused + lost)
+            self._status = dropped_status(self._session.dropped + self.refused + self._pool.refused)
         self._announce(finished=False)
 
     def _state(self, belief: HybridBelief, keyframe: Keyframe) -> None:
@@ -214,41 +247,30 @@ class HypothesisManagerNode(PipelineNode):
         if not self._is_recovering:
             self._journal.sync()
         # Of a replay whoever comes late is sent everything; those who hear live beliefs have heard them.
-        self._publisher.publish(belief, keyframe.odometry, is_repeated=self._is_recovering and not self.lossless)
-        self._belief = belief
+        start, is_repeated = self._session.assembler.first_pose, self._is_recovering and not self.lossless
+        self._publisher.publish(belief, keyframe.odometry, start, is_repeated=is_repeated)
+        self._belief, self._objects.map_prior = belief, self._session.map_prior
         for service in self._answers:
             service.belief = belief
         self._explanation = explanation_status(belief)
-        self._num_keyframes += 1
         self._belief_stamp_ns = belief.stamp_ns
 
     def _run(self) -> RunConfiguration:
-        """The run that beliefs are of; there is one once there is a belief."""
-        assert self._manager is not None
-        return self._manager.run
-
-    def _start(self, first: Keyframe) -> Engine:
-        pose, covariance = initial_pose_of(self._configuration)
-        if self._initial_pose is not None:
-            pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
-        run = make_run_configuration(
-            with_labels(self._configuration, first.measurements, self._map_prior, self._first_word.labels),
-            self._map_prior,
-            pose,
-            covariance,
-            stamp_ns=first.stamp_ns,
-            source=self._source,
-            revision=revision(),
-        )
-        return Engine.of_run(run, JournaledPool(self._pool, self._journal))
+        """The run that beliefs are of. Raises InputError before there is one."""
+        return self._session.run
 
     def _classifier_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])
         self._journal.append(topics.CLASSIFIER_PROGRESS, data)
-        self._frames.lost(progress.frames)
+        self._count_lost(progress)
         self._announce(finished=False)
         if progress.finished:
             self.when_drained(self._end_of_replay, None)
+
+    def _count_lost(self, progress: ReplayProgress) -> None:
+        if not progress.finished:
+            self._go_on_after_end()
+        self._frames.lost(progress.frames)
 
     def _end_of_replay(self, _: None) -> None:
         self._journal.append(END)
@@ -260,7 +282,7 @@ class HypothesisManagerNode(PipelineNode):
 
     def _finish(self) -> None:
         """All that is left."""
-        self._infer(self._assembler.flush(), at_end=True)
+        self._infer(at_end=True)
         self._is_finished = True
 
     def _announce(self, *, finished: bool) -> None:
@@ -268,7 +290,7 @@ class HypothesisManagerNode(PipelineNode):
 
         A player that is started again begins there, and a recorder waits for that belief.
         """
-        frames = self._frames.num_done(self._assembler.num_waiting)
+        frames = self._frames.num_done(self._session.assembler.num_waiting)
         if self._is_recovering or (frames == self._announced and not finished):
             return
         self._announced = frames
@@ -276,8 +298,9 @@ class HypothesisManagerNode(PipelineNode):
         self._progress.send(encode(ReplayProgress(stamp_ns, frames=frames, finished=finished)))
 
     def _statuses(self) -> list[Status]:
-        number, waiting = str(self._num_keyframes), self._first_word.num_waiting
+        number, waiting = str(self._session.num_keyframes), self._session.num_without_label
         text = f"{number} keyframes" + (f", {waiting} wait for the first detection with a label" if waiting else "")
+        text += ", paused" if self._is_paused else ""
         return [Status("keyframes", Level.OK, text, {"keyframes": number}), self._explanation]
 
 

@@ -49,13 +49,15 @@ def node_set(
     overwrite: bool = False,
     journal: str = "",
     resume: bool = False,
+    autostart: bool = True,
 ) -> list[NodeSpec]:
     """Nodes that replay ``bag``; those that listen come first. Raises InputError.
 
     ``record`` names the belief bag to write, "" for none; an old one is replaced with ``overwrite`` alone. ``journal``
     is the manager's, "" for none: then its death ends the run. With ``resume`` journal and belief bag of a run that was
-    broken off are gone on with. Without tf2_msgs (``has_tf2``) nobody can publish /tf_static here, and the classifier
-    is given the extrinsics that the bag's transforms say.
+    broken off are gone on with. Without ``autostart`` the nodes wait for the transitions of their lifecycle. Without
+    tf2_msgs (``has_tf2``) nobody can publish /tf_static here, and the classifier is given the extrinsics that the bag's
+    transforms say.
     """
     if backends < 1 or rate < LOSSLESS:
         raise InputError(f"backends {backends}, rate {rate:g}: give at least one backend and a rate of 0 or more")
@@ -67,7 +69,8 @@ def node_set(
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
         extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
-    common = {"lossless": rate == LOSSLESS, "use_sim_time": True}
+    waiting: dict[str, Any] = {} if autostart else {"autostart": False}
+    common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
     configured = common | changed_parameters(configuration)
     manager = configured | {
         "backends": backends,
@@ -87,7 +90,8 @@ def node_set(
     if record:
         recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
         nodes.append(NodeSpec("bag_recorder", "bag_recorder", recorder, again={"resume": True}))
-    return [*nodes, NodeSpec("bag_player", "bag_player", {"bag": str(bag), "rate": rate})]
+    player = {"bag": str(bag), "rate": rate, "resume": resume} | waiting
+    return [*nodes, NodeSpec("bag_player", "bag_player", player, again={"resume": True})]
 
 
 def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[str, Any]:

@@ -27,6 +27,10 @@ class PathPublisher:
         self._stamps_ns: list[int] = []
         self._poses: list[Array] = []  # (7,)
 
+    def begin(self) -> None:
+        """Another run begins."""
+        self._stamps_ns, self._poses = [], []
+
     def publish(self, estimate: PoseEstimate) -> None:
         """The newest poses, with one more."""
         self._stamps_ns.append(estimate.stamp_ns)

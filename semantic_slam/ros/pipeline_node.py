@@ -1,4 +1,7 @@
-"""What every node has in common: callbacks queue, one worker works, diagnostics go out, main is written once."""
+"""What every node has in common: callbacks queue, one worker works, diagnostics go out, main is written once.
+
+Nodes are lifecycle nodes. They configure and activate themselves, unless parameter ``autostart`` is false.
+"""
 
 import argparse
 import sys
@@ -13,13 +16,15 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError, MessageError
+from semantic_slam.messages import topics
 from semantic_slam.ros.diagnostics import Diagnostics
+from semantic_slam.ros.qos import PICTURES
 from semantic_slam.ros.transport import receive, relative_name
 from semantic_slam.ros.worker import Worker
 
@@ -31,11 +36,29 @@ SAY_AGAIN_S = 10.0
 """What goes on being wrong is said on the console once in so long."""
 
 
-class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
-    """A node whose subscriptions hand serialised messages to a worker thread."""
+STREAMS = frozenset(
+    {
+        *PICTURES,
+        topics.DETECTIONS,
+        topics.ODOMETRY,
+        topics.TF,
+        topics.GROUND_TRUTH_ODOMETRY,
+        topics.GROUND_TRUTH_ASSOCIATIONS,
+    }
+)
+"""Inputs that go on coming: live, a node that is not active lets them pass, and counts them. All else waits for it."""
+SHUTDOWN_S = 0.2
+"""So long after it was asked to, a node shuts down: whoever asked is answered before."""
+
+
+class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followed by mypy
+    """A node whose subscriptions hand serialised messages to a worker thread, which works while the node is active."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        self._service_change_state.callback = _refusing(self._service_change_state.callback)
+        self._starts_itself = bool(self.declare_parameter("autostart", True).value)
+        self.is_active = False
         self.lossless = bool(self.declare_parameter("lossless", False).value)
         self.health = Diagnostics(self)
         self.worker = Worker(self._failed)
@@ -60,6 +83,9 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         monitors: list[Any] = []
 
         def queue_message(data: bytes) -> None:
+            if not self.is_active and not self.lossless and topic in STREAMS:
+                self.refused[f"{topic}: came while the node was not active"] += 1
+                return
             self._arrivals += ends
             for monitor in monitors:
                 monitor.arrived(time.monotonic())
@@ -115,6 +141,46 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
 
         timer = self.create_timer(QUIET_TICK_S, tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
+    def begin(self) -> None:
+        """Become active, or say what is waited for."""
+        if not self._starts_itself:
+            self.get_logger().info(f"waits: ros2 lifecycle set {self.get_fully_qualified_name()} configure, activate")
+            return
+        self.trigger_configure()
+        self.trigger_activate()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """All that parameters say was read when the node was made."""
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Work, for the first time or again."""
+        self.resume()
+        self.say_ready()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Pause."""
+        self.pause_work()
+        self.health.speaks = False
+        self.get_logger().info("paused")
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End, once the answer is on its way."""
+        self.create_timer(SHUTDOWN_S, self.end, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        return TransitionCallbackReturn.SUCCESS
+
+    def resume(self) -> None:
+        """Begin to work, or go on."""
+        self.is_active = True
+        self.worker.start()
+
+    def pause_work(self) -> None:
+        """Work no more until :meth:`resume`."""
+        self.is_active = False
+        self.worker.suspend()
+
     def say_ready(self) -> None:
         """One line on the console, and from then on what is waited for or wrong, as it changes."""
         self.get_logger().info("ready")
@@ -133,6 +199,19 @@ class PipelineNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
             self.end()
 
 
+def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Handler that says no where a state lacks the transition: in rclpy whoever asks for one ends the node."""
+
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            return change_state(request, response)
+        except RuntimeError:
+            response.success = False
+            return response
+
+    return answer
+
+
 def run_node(make_node: Callable[[], PipelineNode]) -> None:
     """Run a node until it ends or is interrupted. Raises InputError and whatever stopped its worker."""
     node = None
@@ -141,8 +220,7 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
         _with_ros_arguments(rclpy.init)
         has_begun = True
         node = make_node()
-        node.worker.start()
-        node.say_ready()
+        node.begin()
         _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

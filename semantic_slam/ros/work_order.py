@@ -14,7 +14,7 @@ from typing import Any
 
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.build import run_id_of
+from semantic_slam.inference.build import is_id_of_its_contents
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.messages import topics
@@ -125,8 +125,7 @@ class WorkOrder:
         return [answer for run_id, run in self._runs.items() for answer in self._advanced(run_id, run)]
 
     def _started(self, run: RunConfiguration) -> Backend:
-        told = (run.configuration, run.map_prior, run.initial_pose, run.initial_covariance, run.class_names)
-        if run.run_id != run_id_of(*told):
+        if not is_id_of_its_contents(run):
             raise MessageError("run configuration: its id is not that of its contents", "id of another run")
         backend = self.make_backend()
         try:

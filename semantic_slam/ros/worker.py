@@ -14,10 +14,18 @@ class Worker:
     def __init__(self, on_fault: Callable[[Exception], None]) -> None:
         self._on_fault = on_fault
         self._items: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._may_work = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def start(self) -> None:
-        self._thread.start()
+        """Begin, or go on."""
+        self._may_work.set()
+        if not self._thread.ident:
+            self._thread.start()
+
+    def suspend(self) -> None:
+        """Begin nothing new until it is started again; what is submitted meanwhile waits."""
+        self._may_work.clear()
 
     def submit(self, function: Callable[[Any], None], item: Any) -> None:
         """Have ``function(item)`` called after all that was submitted before."""
@@ -28,8 +36,9 @@ class Worker:
         """Whether something else waits to be done."""
         return not self._items.empty()
 
-    def stop(self, timeout_s: float = 2.0) -> None:
+    def stop(self, timeout_s: float = 1.0) -> None:
         """Let what was submitted before be done, for at most ``timeout_s``."""
+        self._may_work.set()
         self._items.put(STOP)
         if self._thread.is_alive():
             self._thread.join(timeout_s)
@@ -37,6 +46,7 @@ class Worker:
     def _run(self) -> None:
         try:
             while (item := self._items.get()) is not STOP:
+                self._may_work.wait()
                 function, argument = item
                 function(argument)
         except Exception as fault:

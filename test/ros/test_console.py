@@ -74,15 +74,30 @@ def test_a_demo_takes_the_domain_that_it_is_told(monkeypatch: pytest.MonkeyPatch
             demo.domain()
 
 
-NODE = "import sys; sys.argv[0] = 'backend_node'; from semantic_slam.cli.nodes import backend_node; backend_node()"
+NODE = "import sys; sys.argv[0] = '{0}'; from semantic_slam.cli.nodes import {0}; {0}()"
+INTERRUPTED = (
+    ("backend_node", 0.3),
+    ("backend_node", 0.8),
+    ("classifier_node", 1.3),
+    ("hypothesis_manager_node", 1.8),
+    ("bag_recorder", 2.5),
+    ("bag_player", 2.5),
+    ("hypothesis_manager_node", 4.0),
+)
+GIVEN = {
+    "backend_node": ["-r", "__node:=backend_0"],
+    "classifier_node": ["-p", "has_images:=false"],
+    "bag_player": ["-p", f"bag:={Path(__file__).parents[2] / 'bags' / 'aliased_room'}"],
+}
 
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.parametrize("after_s", [0.3, 0.8, 1.3, 1.8, 2.5, 4.0])
-def test_a_node_that_is_interrupted_while_it_starts_ends_well_and_without_a_word(after_s: float) -> None:
+@pytest.mark.parametrize(("name", "after_s"), INTERRUPTED)
+def test_a_node_that_is_interrupted_ends_well_and_without_a_word(name: str, after_s: float, tmp_path: Path) -> None:
+    given = GIVEN.get(name, ["-p", f"bag:={tmp_path / 'bag'}"] if name == "bag_recorder" else [])
     node = subprocess.Popen(
-        [sys.executable, "-c", NODE],
+        [sys.executable, "-c", NODE.format(name), "--ros-args", *given],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

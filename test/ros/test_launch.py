@@ -16,7 +16,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.ros.node_set import NodeSpec, node_set
 
 ROOT = Path(__file__).parents[2]
-ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume"}
+ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart"}
 
 
 @pytest.fixture
@@ -53,6 +53,12 @@ def test_configuration_reaches_the_nodes_that_use_it(bag: Path, configuration: P
         "classifier",
         "hypothesis_manager",
     }
+
+
+def test_without_autostart_every_node_waits_and_with_it_none_is_told_so(bag: Path, configuration: Path) -> None:
+    waiting = specs_of(bag, configuration, autostart=False).values()
+    assert all(spec.parameters["autostart"] is False for spec in waiting)
+    assert not any("autostart" in spec.parameters for spec in specs_of(bag, configuration).values())
 
 
 def test_rate_zero_is_lossless_everywhere(bag: Path, configuration: Path) -> None:
@@ -114,7 +120,7 @@ def test_launch_file_declares_the_arguments_of_the_interface(launch_file: dict[s
 
 def context_of(bag: Path, configuration: Path, **changes: str) -> dict[str, str]:
     values = {"backends": "1", "rate": "0.0", "record": "out/belief", "overwrite": "false"}
-    values |= {"journal": "", "resume": "false"}
+    values |= {"journal": "", "resume": "false", "autostart": "true"}
     return {"bag": str(bag), "config": str(configuration), **values, **changes}
 
 

@@ -11,9 +11,10 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from semantic_slam_lab.studies.embeddings.known_map import map_of
-from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, SaveMap
+from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, QueryPlace, SaveMap
 from worlds.small_map import LOOSE, run_to_its_end
 
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.maps.map_file import read_map
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import PoseEstimate
@@ -88,6 +89,17 @@ def test_objects_are_found_by_class_and_region_and_told_one_by_one(asked: tuple[
     assert dict(zip(told.class_names, told.class_probabilities, strict=True)) == {"chair": 0.9, "cup": 0.1}
 
 
+def test_a_place_is_told_with_what_is_there_and_what_is_gone(asked: tuple[Node, Ask]) -> None:
+    node, ask = asked
+    ours = ObjectServices(node)
+    ours.belief = replace(map_of(2), existence=np.array([0.25, 1.0]), missing=np.array([0.75, 0.0]))
+    ours.map_prior = MapPrior((ObjectPrior.planar(9, 0.0, 0.0, sigma_m=0.01, sigma_rad=0.1),))
+    region = [-0.5, -0.5, 0.5, 0.5]
+    told = ask(QueryPlace, "query_place", QueryPlace.Request(region=region, least_probability=0.1))
+    assert told.fault == "" and list(told.object_ids) == [0, 9] and len(told.poses) == 14
+    np.testing.assert_allclose([told.here, told.gone], [[0.25, 0.0], [0.75, 1.0]], atol=1e-6)
+
+
 def test_the_map_is_written_and_a_file_that_is_there_stays(asked: tuple[Node, Ask], tmp_path: Path) -> None:
     node, ask = asked
     engine, belief = run_to_its_end(LOOSE)
@@ -110,6 +122,7 @@ def test_the_map_is_written_and_a_file_that_is_there_stays(asked: tuple[Node, As
     [
         (FindObjects, "find_objects", FindObjects.Request(name="tv"), "is no class of the map"),
         (FindObjects, "find_objects", FindObjects.Request(name="cup", region=[1.0]), "region has 1 numbers"),
+        (QueryPlace, "query_place", QueryPlace.Request(least_probability=2.0), "least probability"),
         (GetObject, "get_object", GetObject.Request(object_id=7), "object 7 is not on the map, which has 0, 1"),
     ],
 )

@@ -1,0 +1,107 @@
+"""One run of a hypothesis manager, from its first keyframe to its last; a manager has one after the other."""
+
+from collections import Counter
+from collections.abc import Iterator
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.inference.association.strategy import strategy_of
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.protocol import BackendPool, RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.pipeline.detector_labels import with_labels
+from semantic_slam.pipeline.first_word import FirstWord
+from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.provenance import revision
+
+
+class Session:
+    """Keyframes and beliefs of one run, which begins with the first keyframe."""
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        map_prior: MapPrior | None,
+        source: str,
+        *,
+        number: int = 0,
+        initial_pose: PoseEstimate | None = None,
+    ) -> None:
+        """``initial_pose`` None: that of the configuration, unless another one comes before the first keyframe."""
+        self.number, self.map_prior = number, map_prior
+        self.num_keyframes = 0
+        self._configuration, self._source = configuration, source
+        self._first_word = FirstWord(configuration.semantic_model)
+        self.assembler = KeyframeAssembler(
+            configuration,
+            has_identities=strategy_of(configuration).wants_identities,
+            passes_over=self._first_word.passes_over,
+        )
+        self._initial_pose = initial_pose
+        self._next_pose: PoseEstimate | None = None
+        self._first: Keyframe | None = None
+        self._engine: Engine | None = None
+
+    def set_initial_pose(self, estimate: PoseEstimate) -> None:
+        """Where the run begins; the first one counts. One that comes later is where the next run begins."""
+        if self._initial_pose is None and self._engine is None:
+            self._initial_pose = estimate
+        else:
+            self._next_pose = estimate
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Inputs not used and hypotheses given up, by reason."""
+        return self.assembler.dropped + (self._engine.lost if self._engine is not None else Counter[str]())
+
+    @property
+    def run(self) -> RunConfiguration:
+        """What was announced. Raises InputError before the first keyframe."""
+        if self._engine is None:
+            raise InputError("there is no belief yet; ask after the first keyframe")
+        return self._engine.run
+
+    @property
+    def num_without_label(self) -> int:
+        """Keyframes that wait for the first detection with a label."""
+        return self._first_word.num_waiting
+
+    def beliefs(self, pool: BackendPool, *, at_end: bool = False) -> Iterator[tuple[Keyframe, HybridBelief]]:
+        """Keyframes that are complete by now, or ``at_end`` all that are left, each with the belief after it."""
+        found = self.assembler.flush() if at_end else self.assembler.take()
+        for keyframe in self._first_word.released(found, at_end=at_end):
+            if self._engine is None:
+                self._first = keyframe
+                self._engine = Engine.of_run(self._run(keyframe, self.map_prior), pool)
+            belief = self._engine.process(keyframe)
+            self.num_keyframes += 1
+            yield keyframe, belief
+
+    def follower(self, map_prior: MapPrior | None) -> "Session":
+        """The next run, with nothing of this one but where it was told to begin."""
+        pose, number = self._next_pose, self.number + 1
+        return Session(self._configuration, map_prior, self._source, number=number, initial_pose=pose)
+
+    def check(self, map_prior: MapPrior) -> None:
+        """Raises InputError for a map that no run can be on whose detections are like those of this one."""
+        if self._first is not None:
+            problem_of(self._run(self._first, map_prior))
+
+    def _run(self, first: Keyframe, map_prior: MapPrior | None) -> RunConfiguration:
+        pose, covariance = initial_pose_of(self._configuration)
+        if self._initial_pose is not None:
+            pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
+        return make_run_configuration(
+            with_labels(self._configuration, first.measurements, map_prior, self._first_word.labels),
+            map_prior,
+            pose,
+            covariance,
+            stamp_ns=first.stamp_ns,
+            source=self._source,
+            revision=revision(),
+            session=self.number,
+        )

@@ -1,0 +1,60 @@
+"""Services ``~/reset``, ``~/pause`` and ``~/load_map`` of the hypothesis manager.
+
+They answer at once, and what they ask for is done by the worker, after all that was received before: a handler that
+waited for the worker would keep from it the answers of backends that the worker waits for.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from semantic_slam_msgs.srv import LoadMap
+from std_srvs.srv import SetBool, Trigger
+
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.ros.answering import answering
+from semantic_slam.ros.pipeline_node import PipelineNode
+
+
+class Sessions(Protocol):
+    """What the services ask of a manager; all but the check on its worker's thread."""
+
+    def reset(self) -> None:
+        """End the run; another one begins at keyframe 0."""
+
+    def pause(self, paused: bool) -> None:
+        """Make no keyframes, or make them again."""
+
+    def check(self, prior: MapPrior) -> None:
+        """Raises InputError where no run can be on this map."""
+
+    def load(self, prior: MapPrior) -> None:
+        """End the run; another one begins on this map."""
+
+
+class SessionServices:
+    """The three services; ``read`` reads the map of a file."""
+
+    def __init__(self, node: PipelineNode, sessions: Sessions, read: Callable[[Path], MapPrior]) -> None:
+        self._worker, self._sessions, self._read = node.worker, sessions, read
+        self._services = [
+            node.create_service(Trigger, "~/reset", self._reset),
+            node.create_service(SetBool, "~/pause", self._pause),
+            node.create_service(LoadMap, "~/load_map", answering(self._load)),
+        ]
+
+    def _reset(self, _: Any, response: Any) -> Any:
+        self._worker.submit(lambda _: self._sessions.reset(), None)
+        response.success, response.message = True, "the run ends; another one begins at keyframe 0"
+        return response
+
+    def _pause(self, request: Any, response: Any) -> Any:
+        self._worker.submit(self._sessions.pause, bool(request.data))
+        response.success, response.message = True, "no keyframes are made" if request.data else "keyframes are made"
+        return response
+
+    def _load(self, request: Any, response: Any) -> None:
+        prior = self._read(Path(request.path))
+        self._sessions.check(prior)
+        self._worker.submit(self._sessions.load, prior)
+        response.objects, response.map_id = len(prior.objects), prior.map_id

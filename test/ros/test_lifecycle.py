@@ -1,0 +1,80 @@
+"""Nodes are lifecycle nodes: told to wait, they are configured, activated, paused and shut down from outside."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.node import Node
+from worlds.bag_factory import write_bag, write_configuration
+from worlds.node_runs import processes
+from worlds.places import place_entries
+
+from semantic_slam.ros.node_set import node_set
+from semantic_slam.ros.processes import NodeProcesses
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+TIMEOUT_S = 60.0
+STEPS = (
+    (Transition.TRANSITION_CONFIGURE, "inactive"),
+    (Transition.TRANSITION_ACTIVATE, "active"),
+    (Transition.TRANSITION_DEACTIVATE, "inactive"),
+)
+
+
+def answer(node: Node, kind: Any, name: str, request: Any) -> Any:
+    client = node.create_client(kind, name)
+    assert client.wait_for_service(timeout_sec=TIMEOUT_S)
+    future = client.call_async(request)
+    rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT_S)
+    return future.result()
+
+
+def wait_until(nodes: NodeProcesses, happened: Callable[[], bool]) -> None:
+    give_up = time.monotonic() + TIMEOUT_S
+    while not happened():
+        nodes.check()
+        assert time.monotonic() < give_up
+        time.sleep(0.05)
+
+
+def test_nodes_wait_for_their_transitions_and_end_well_when_shut_down(tmp_path: Path) -> None:
+    nowhere = {"network": "nowhere.safetensors"}
+    configuration = write_configuration(tmp_path / "configuration", perception=nowhere)
+    bag = write_bag(tmp_path / "bag", place_entries("ranges", 4))
+    specs = node_set(bag, configuration, 1, 0.0, str(tmp_path / "belief"), has_tf2=False, autostart=False)
+    rclpy.init()
+    try:
+        with processes(tmp_path) as nodes:
+            for spec in specs:
+                nodes.start(spec)
+            node = rclpy.create_node("operator")
+
+            def state(name: str) -> str:
+                return str(answer(node, GetState, f"{name}/get_state", GetState.Request()).current_state.label)
+
+            def change(name: str, transition: int) -> bool:
+                request = ChangeState.Request(transition=Transition(id=transition))
+                return bool(answer(node, ChangeState, f"{name}/change_state", request).success)
+
+            names = [spec.name for spec in specs]
+            assert {state(name) for name in names} == {"unconfigured"}
+            assert not change("hypothesis_manager", Transition.TRANSITION_DEACTIVATE)
+            for transition, reached in STEPS:
+                if transition == Transition.TRANSITION_DEACTIVATE:
+                    wait_until(nodes, lambda: nodes.exit_code("bag_player") == 0)  # active, they replay the bag
+                    names = [name for name in names if nodes.exit_code(name) is None and name != "bag_recorder"]
+                for name in names:
+                    assert change(name, transition) and state(name) == reached
+            for name in names:
+                assert change(name, Transition.TRANSITION_INACTIVE_SHUTDOWN)
+            wait_until(nodes, lambda: not nodes.pids())
+            assert {nodes.exit_code(spec.name) for spec in specs} == {0}
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
