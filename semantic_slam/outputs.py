@@ -61,6 +61,17 @@ def claimed(
 
 
 @contextmanager
+def claimed_file(
+    out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
+) -> Iterator[Path]:
+    """:func:`claimed` for a file: a folder is refused even with leave."""
+    if out.is_dir():
+        raise InputError(f"{out}: is a folder; name a file")
+    with claimed(out, inputs, overwrite, leave) as staged:
+        yield staged
+
+
+@contextmanager
 def claimed_again(out: Path, place: Path) -> Iterator[Path]:
     """Where a killed process has begun ``out``: there, or in one of :func:`staged_places`, swapped at the end."""
     yield place
@@ -161,7 +172,7 @@ def claimed_files(
     for out in outs:
         check_output(out, inputs, overwrite)
     with ExitStack() as stack:
-        yield [stack.enter_context(claimed(out, inputs, overwrite)) for out in outs]
+        yield [stack.enter_context(claimed_file(out, inputs, overwrite)) for out in outs]
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -15,7 +15,7 @@ from worlds.node_runs import processes
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
-from semantic_slam.outputs import claimed, claimed_bag, claimed_folder, claimed_report, is_ours
+from semantic_slam.outputs import claimed, claimed_bag, claimed_file, claimed_folder, claimed_report, is_ours
 from semantic_slam.ros.node_set import NodeSpec
 
 ROOT = Path(__file__).parents[1]
@@ -217,6 +217,13 @@ def test_a_fault_in_between_puts_the_old_one_back(tmp_path: Path) -> None:
         new.write_text("new")
         assert old.read_text() == "old"
     assert old.read_text() == "new" and os.listdir(tmp_path) == ["model"]
+
+
+def test_a_folder_is_not_replaced_by_a_file_even_with_leave(tmp_path: Path) -> None:
+    (tmp_path / "report.json").write_text("mine")
+    with pytest.raises(InputError, match="is a folder; name a file"), claimed_file(tmp_path, overwrite=True):
+        pass
+    assert (tmp_path / "report.json").read_text() == "mine"
 
 
 def test_what_is_no_bag_is_not_replaced_by_one_even_with_leave(tmp_path: Path) -> None:

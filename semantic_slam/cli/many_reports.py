@@ -9,12 +9,12 @@ import sys
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from semantic_slam.cli.exit_codes import DONE
+from semantic_slam.cli.exit_codes import DONE, FAULT
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import check_output, write_whole
 
@@ -41,10 +41,12 @@ def report_many(arguments: Namespace) -> list[Path]:
     for name in ("index.html", "summary.json"):
         check_output(out / name, overwrite=arguments.overwrite)
     commands = {name: _words(arguments, bag, out / name) for name, bag in bags.items()}
+    before = {name: _version(out / name) for name in bags}
     out.mkdir(parents=True, exist_ok=True)
     ended = _run_all(commands, arguments.jobs, arguments.scheduler)
     faults = {name: _fault(ended[name]) for name in bags}
-    files = summary_files([summary_row(name, bag, out / name, faults[name]) for name, bag in bags.items()])
+    written = {name: out / name for name in bags if _version(out / name) != before[name]}
+    files = summary_files([summary_row(name, bag, written.get(name), faults[name]) for name, bag in bags.items()])
     for file, text in files.items():
         write_whole(out / file, text)
     failed = [name for name in bags if faults[name]]
@@ -60,7 +62,7 @@ def names_of(bags: Sequence[Path]) -> dict[str, Path]:
 
     Raises InputError where that does not tell them apart.
     """
-    short = [bag.resolve().stem for bag in bags]
+    short = [_own_name(bag.resolve()) for bag in bags]
     often = Counter(short)
     names = [
         name if often[name] == 1 else f"{bag.resolve().parent.name}_{name}"
@@ -70,6 +72,16 @@ def names_of(bags: Sequence[Path]) -> dict[str, Path]:
     if twice:
         raise InputError(f"{twice[0]}: two bags would share this report folder; report them by separate commands")
     return dict(zip(names, bags, strict=True))
+
+
+def _version(folder: Path) -> int | None:
+    """Of the report in a folder, which a run that fails may leave as it was; None where there is none."""
+    report = folder / "report.json"
+    return report.stat().st_mtime_ns if report.is_file() else None
+
+
+def _own_name(bag: Path) -> str:
+    return bag.stem if bag.suffix in (".mcap", ".db3") else bag.name
 
 
 def _words(arguments: Namespace, bag: Path, out: Path) -> list[str]:
@@ -91,7 +103,13 @@ def _run_all(commands: Mapping[str, list[str]], jobs: int, scheduler: str | None
     with _executor(jobs, scheduler) as executor:
         futures = {executor.submit(_report_one, words, threads): name for name, words in commands.items()}
         done = tqdm(as_completed(futures), total=len(futures), desc="bags")
-        return {futures[future]: future.result() for future in done}
+        return {futures[future]: _ended(future) for future in done}
+
+
+def _ended(future: Future[Ended]) -> Ended:
+    """How a bag ended; a cluster may have lost it."""
+    fault = future.exception()
+    return future.result() if fault is None else Ended(FAULT, f"the cluster lost it ({fault!r})")
 
 
 @contextmanager
@@ -99,7 +117,11 @@ def _executor(jobs: int, scheduler: str | None) -> Iterator[Executor]:
     """Threads, each of which waits for a process; or the cluster at the address ``scheduler``. Raises InputError."""
     if scheduler is None:
         with ThreadPoolExecutor(jobs) as threads:
-            yield threads
+            try:
+                yield threads
+            except BaseException:  # Ctrl-C: what has not begun does not
+                threads.shutdown(wait=False, cancel_futures=True)
+                raise
         return
     from semantic_slam.cluster import connected
 
@@ -119,4 +141,6 @@ def _fault(ended: Ended) -> str:
     if ended.code == DONE:
         return ""
     lines = [line.strip() for line in ended.words.splitlines() if line.strip()]
-    return lines[-1] if lines and ended.code > 0 else f"ended by signal {-ended.code}"
+    if ended.code < 0:
+        return f"ended by signal {-ended.code}"
+    return lines[-1] if lines else f"ended with exit code {ended.code}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.cli.find_lookalike import belief_bag
-from semantic_slam.outputs import add_overwrite, claimed
+from semantic_slam.outputs import add_overwrite, claimed_file
 
 MAP_HELP = "FILE.map, or objects.json"
 
@@ -47,7 +47,7 @@ def _save() -> None:
     from semantic_slam.maps.map_file import write_map
 
     bag = belief_bag(arguments.belief)
-    with claimed(arguments.out, [bag], arguments.overwrite) as out:
+    with claimed_file(arguments.out, [bag], arguments.overwrite) as out:
         known = write_map(out, saved_map_of_bag(bag, marginals_alone=arguments.marginals))
     print(f"{arguments.out}: map {known.map_id}, {len(known.objects)} objects, {len(known.hypotheses)} hypotheses")
 
@@ -104,7 +104,7 @@ def _merge() -> None:
     from semantic_slam.maps.merging import merged
     from semantic_slam.pipeline.provenance import revision
 
-    with claimed(arguments.out, [arguments.one, arguments.other], arguments.overwrite) as out:
+    with claimed_file(arguments.out, [arguments.one, arguments.other], arguments.overwrite) as out:
         maps = read_map(arguments.one), read_map(arguments.other)
         known = write_map(out, merged(*maps, revision(), arguments.same_frame))
     print(f"{arguments.out}: map {known.map_id}, {len(known.objects)} objects")

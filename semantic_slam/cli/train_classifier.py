@@ -9,7 +9,7 @@ from typing import Any
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
-from semantic_slam.outputs import add_overwrite, check_output, claimed
+from semantic_slam.outputs import add_overwrite, check_output, claimed_file
 
 
 def parse() -> argparse.Namespace:
@@ -62,7 +62,7 @@ def command() -> None:
     accuracy = accuracy_by_azimuth(network, views, names, configuration.seed)
     training = dataclasses.asdict(configuration)
     provenance: dict[str, object] = {"command": "train_classifier", "training": training, "accuracy": accuracy}
-    with claimed(arguments.out, inputs, arguments.overwrite) as out:
+    with claimed_file(arguments.out, inputs, arguments.overwrite) as out:
         save_compact_network(network, names, provenance, out)
     shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in accuracy.items())
     print(f"{arguments.out}: classes {', '.join(names)}; accuracy {shares}")

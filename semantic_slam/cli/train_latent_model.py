@@ -9,7 +9,7 @@ from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.cli.needs import need_training
 from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
-from semantic_slam.outputs import add_overwrite, check_output, claimed
+from semantic_slam.outputs import add_overwrite, check_output, claimed_file
 
 if TYPE_CHECKING:
     from semantic_slam.training.latent.fit import TrainingSettings
@@ -109,7 +109,7 @@ def command() -> None:
         "report": report,
     }
     state = {name: value.numpy() for name, value in trained.extractor.state_dict().items()}
-    with claimed(arguments.out, inputs, arguments.overwrite) as out:
+    with claimed_file(arguments.out, inputs, arguments.overwrite) as out:
         save_latent_model(replace(trained.model, provenance=provenance), state, out)
     for place, groups in report.items():
         for group, figures in groups.items():

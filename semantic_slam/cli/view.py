@@ -1,12 +1,15 @@
 """``semantic_slam view``: a page in the browser that follows a run while it goes on."""
 
 from argparse import Namespace
+from importlib import import_module
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.cli.needs import need_ros
 from semantic_slam.messages.topics import BELIEF
 
 ROS_ARGUMENTS = "--ros-args"
+ON_ROS = "semantic_slam.ros.view"
+"""By name, as nodes are: what is on ROS imports this folder."""
 
 
 def parse(words: list[str]) -> Namespace:
@@ -29,8 +32,7 @@ def command(words: list[str]) -> None:
     at = words.index(ROS_ARGUMENTS) if ROS_ARGUMENTS in words else len(words)
     arguments = parse(words[:at])
     need_ros()
-    from semantic_slam.ros.view import serve
-
+    serve = import_module(ON_ROS).serve
     serve(arguments.host, arguments.port, arguments.belief, words[at:])
 
 

@@ -32,12 +32,11 @@ class SummaryRow:
     metrics: dict[str, float | int | None]  # SHOWN_METRICS, against the truth
 
 
-def summary_row(name: str, bag: Path, folder: Path, fault: str) -> SummaryRow:
-    """The row of one bag: from ``folder/report.json`` where a report was made."""
-    report = folder / "report.json"
-    if not report.is_file():
+def summary_row(name: str, bag: Path, folder: Path | None, fault: str) -> SummaryRow:
+    """The row of one bag: from the report in ``folder``, None where none was made."""
+    if folder is None:
         return SummaryRow(name=name, bag=str(bag), fault=fault, metrics={})
-    document = json.loads(report.read_text(encoding="utf-8"))
+    document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     keyframes: list[dict[str, Any]] = document["keyframes"]
     last = keyframes[-1]
     metrics = document.get("metrics", {})

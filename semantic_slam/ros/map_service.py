@@ -10,7 +10,7 @@ from semantic_slam_msgs.srv import SaveMap
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.outputs import claimed
+from semantic_slam.outputs import claimed_file
 from semantic_slam.ros.answering import answering, newest
 
 LEAVE = "overwrite: true"
@@ -37,7 +37,7 @@ class MapService:
             raise InputError("path is empty; name a FILE.map on the manager's machine")
         place, saved = Path(request.path), saved_map_of_belief(belief, self._run())
         try:
-            with claimed(place, (), request.overwrite, LEAVE) as out:
+            with claimed_file(place, (), request.overwrite, LEAVE) as out:
                 known = write_map(out, saved)
         except OSError as fault:
             raise InputError(f"{place}: {fault.strerror}; name a place that can be written to") from None

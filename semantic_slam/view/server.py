@@ -29,6 +29,8 @@ MOST_DIGITS = 16
 PATIENCE_S = 30.0
 """After which a browser that says nothing is forgotten."""
 
+REMEDIES = {HTTPStatus.MISDIRECTED_REQUEST: ": ask by the machine's IP address, or start with --host NAME"}
+
 Answer = tuple[str, bytes]
 """Media type and contents."""
 
@@ -43,7 +45,8 @@ class ViewServer(ThreadingHTTPServer):
         """Port 0: any that is free. Raises InputError."""
         self.run = run
         self.files = assets()
-        self.own_names = {"localhost", host.lower(), socket.gethostname().lower()}
+        short = socket.gethostname().lower()
+        self.own_names = {"localhost", host.lower(), short, f"{short}.local", socket.getfqdn().lower()}
         try:
             self.address_family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
             super().__init__((host, port), Handler)
@@ -116,7 +119,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def refuse(self, status: HTTPStatus) -> None:
         self.close_connection = True
-        self.send(status, "text/plain; charset=utf-8", f"{status.phrase}\n".encode())
+        self.send(status, "text/plain; charset=utf-8", f"{status.phrase}{REMEDIES.get(status, '')}\n".encode())
 
     def send(self, status: HTTPStatus, kind: str, contents: bytes) -> None:
         packed = kind != JPEG and len(contents) > SMALL and "gzip" in self.headers.get("Accept-Encoding", "")

@@ -36,6 +36,19 @@ def test_a_broken_bag_among_others_costs_its_own_report_alone(
     assert 'href="standing/report.html"' in (out / "index.html").read_text()
 
 
+def test_a_bag_that_fails_is_not_shown_with_what_an_earlier_run_found(tmp_path: Path) -> None:
+    broken = [tmp_path / f"{name}.mcap" for name in "ab"]
+    for bag in broken:
+        bag.write_bytes(b"no bag")
+        folder = tmp_path / "out" / bag.stem
+        folder.mkdir(parents=True)
+        (folder / "report.json").write_text("{}")
+    with pytest.raises(InputError, match="2 of 2 bags went wrong"):
+        report_many(parse([*map(str, broken), "--out", str(tmp_path / "out"), "--overwrite", "--jobs", "2"]))
+    rows = json.loads((tmp_path / "out" / "summary.json").read_text())["bags"]
+    assert [row["keyframes"] for row in rows] == [None, None]
+
+
 def test_a_summary_that_is_there_is_not_replaced_unasked(tmp_path: Path) -> None:
     (tmp_path / "index.html").write_text("mine")
     arguments = parse([str(BAG), str(ROOT / "bags" / "aliased_room"), "--out", str(tmp_path)])
@@ -47,6 +60,7 @@ def test_a_summary_that_is_there_is_not_replaced_unasked(tmp_path: Path) -> None
 def test_bags_of_one_name_are_told_by_the_folders_that_they_lie_in(tmp_path: Path) -> None:
     bags = [tmp_path / day / "drive.mcap" for day in ("monday", "tuesday")]
     assert names_of([*bags, BAG]) == {"monday_drive": bags[0], "tuesday_drive": bags[1], "standing": BAG}
+    assert list(names_of([tmp_path / "run.1", tmp_path / "run.2"])) == ["run.1", "run.2"]
     with pytest.raises(InputError, match="two bags would share this report folder"):
         names_of([tmp_path / "here" / "monday" / "drive", bags[0]])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
-from semantic_slam.outputs import add_overwrite, claimed
+from semantic_slam.outputs import add_overwrite, claimed_file
 
 SCHEMA_VERSION = 1
 
@@ -84,7 +84,7 @@ def command() -> None:
     arguments = parse()
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"  # before numpy: one core, so that ratios do not depend on how many there are
-    with claimed(arguments.out, (), arguments.overwrite) as out:
+    with claimed_file(arguments.out, (), arguments.overwrite) as out:
         rows = measure(arguments.quick, arguments.seed)
         write(out, rows, arguments.quick, arguments.seed)
     for row in rows:
