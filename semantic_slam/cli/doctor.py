@@ -38,7 +38,11 @@ def parse(words: list[str] | None = None) -> Namespace:
         " system the parameters of its nodes)",
     )
     parser.add_argument(
-        "--map-prior", type=Path, metavar="objects.json", help="objects known before (default: objects.json beside BAG)"
+        "--map-prior",
+        type=Path,
+        metavar="MAP",
+        help="FILE.map or objects.json of objects known before (default: objects.json beside BAG; of a running system"
+        " the map of its manager)",
     )
     parser.add_argument(
         "--seconds", type=float, default=5.0, metavar="N", help="how long a running system is listened to (default: 5)"
@@ -61,9 +65,7 @@ def command() -> None:
     with redirect_stdout(sys.stderr):
         findings = of_bag(arguments) if arguments.bag else of_running_system(arguments)
     subject = str(arguments.bag or "running system")
-    print(
-        as_json(subject, findings) if arguments.json else "\n".join(each.line for each in findings) or "nothing wrong"
-    )
+    print(as_json(subject, findings) if arguments.json else as_text(findings))
     errors = sum(each.severity.name == "ERROR" for each in findings)
     if errors:
         raise InputError(
@@ -78,7 +80,7 @@ def of_bag(arguments: Namespace) -> "list[Finding]":
     from semantic_slam.doctor.bag_summary import summarise_bag
     from semantic_slam.doctor.examination import examine
     from semantic_slam.doctor.finding import of_fault
-    from semantic_slam.inference.world.map_prior import read_map_prior
+    from semantic_slam.maps.map_file import read_map_prior
     from semantic_slam.pipeline.preamble import map_prior_path
 
     if not arguments.bag.exists():

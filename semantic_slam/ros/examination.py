@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
@@ -15,19 +16,20 @@ from semantic_slam.datasets.detection_formats import READERS
 from semantic_slam.doctor.checks import graph as graph_checks
 from semantic_slam.doctor.checks.graph import CLASSIFIER, MANAGER
 from semantic_slam.doctor.examination import examine
-from semantic_slam.doctor.finding import Finding, error, of_fault
+from semantic_slam.doctor.finding import Finding, error, of_fault, warning
 from semantic_slam.doctor.graph import Endpoint, Graph
-from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.doctor.input_summary import InputSummary, Stamps
 from semantic_slam.doctor.summarise import Summariser
 from semantic_slam.errors import InputError
-from semantic_slam.inference.world.map_prior import read_map_prior
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.topics import LATCHED, TYPES
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble, checked_initial_pose
-from semantic_slam.ros.observation import READ_HERE, Observer, observer
+from semantic_slam.ros.observation import MOST_BYTES, READ_HERE, Observer, observer
 from semantic_slam.ros.parameters import configuration_of, leaves
 from semantic_slam.ros.transport import is_installed
 
@@ -44,24 +46,45 @@ def examine_running_system(
 
     Without a ``configuration`` that of the running nodes counts, and the default where there are none.
     """
+    given = read_map_prior(map_prior) if map_prior else None
     with observer(ros_arguments) as look:
         graph = look.observe(seconds, wanted)
         parameters = {} if configuration else _parameters(look)
     kinds = published(graph)
     types = {topic: TYPES[RELATIVE[topic]] if _is_foreign(topic, kind) else kind for topic, kind in kinds.items()}
-    path = map_prior or Path(parameters.get("map_prior") or "")
+    prior, unread = (given, []) if given else prior_of_manager(parameters.get("map_prior") or "")
     summary = InputSummary(
         configuration=load_configuration(configuration) if configuration else configuration_of(parameters, MANAGER),
-        prior=read_map_prior(path) if path.is_file() else None,
+        prior=prior,
         types=types,
         counts=look.heard,
         found=offered(types),
         preamble=Preamble(),
         is_live=True,
     )
-    faults = [*_unheard(look, kinds), *_read_preamble(look, summary.preamble)]
+    faults = [*unread, *_unheard(look, kinds), *_read_preamble(look, summary.preamble)]
     Summariser(summary, deserialize).take(look.messages)
+    faults += _left_out(look, summary)
     return [*graph_checks.check(with_nodes_to_come(graph)), *faults, *examine(summary)]
+
+
+def prior_of_manager(name: str) -> tuple[MapPrior | None, list[Finding]]:
+    """The map that a running manager started from, where its file is here, too; and what is wrong with that file."""
+    path = Path(name)
+    try:
+        return read_map_prior(path) if path.is_file() else None, []
+    except InputError as fault:
+        return None, [of_fault("map prior", fault)]
+
+
+def _left_out(look: Observer, summary: InputSummary) -> Iterator[Finding]:
+    """Pictures that were too many to be kept: their stamps count as those of the others."""
+    for topic, times in look.left_out.items():
+        header_ns, arrival_ns = np.array(times, dtype=np.int64).T
+        kept = summary.stamps_of(topic)
+        summary.stamps[topic] = Stamps(np.append(kept.header_ns, header_ns), np.append(kept.arrival_ns, arrival_ns))
+        what = f"{len(times)} of {look.heard[topic]} pictures of {topic} are left out but for their stamps"
+        yield warning("pictures", f"{what}: there are more than {MOST_BYTES / 1e6:.0f} MB", "give fewer --seconds")
 
 
 def wanted(graph: Graph) -> dict[str, str]:

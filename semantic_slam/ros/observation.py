@@ -18,6 +18,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.doctor.graph import Endpoint, Graph, Said
+from semantic_slam.doctor.summarise import ENCODING, LITTLE, serialised_stamp_ns
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.typestore import deserialize
@@ -30,7 +31,9 @@ LEAST_S, EMPTY_S = 4.0, 8.0
 LOOK_S = 0.25
 """From one look at the graph to the next."""
 MOST_BYTES = 200_000_000
-"""So much of all messages is kept at most."""
+"""So much is kept before pictures are left out. Raw colour and depth of 640 x 480 at 30 Hz are that in 4.3 s."""
+PICTURES = frozenset(map(absolute, qos.PICTURES))
+LATCHED = frozenset(map(absolute, topics.LATCHED))
 READ_HERE = (
     topics.DETECTIONS, topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.CAMERA_INFO,
     topics.ODOMETRY, topics.INITIAL_POSE, topics.TF, topics.TF_STATIC, topics.MEASUREMENTS,
@@ -46,15 +49,16 @@ class Observer:
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self.node = node
         self.messages: list[RawMessage] = []  # of the topics that :meth:`listen` names, under these names
+        self.left_out: dict[str, list[tuple[int, int]]] = {}  # header stamp, arrival [ns] of pictures that are not kept
         self.heard: Counter[str] = Counter()
         self._executor, self._num_bytes, self._is_simulated = executor, 0, False
         self._said: dict[str, Said] = {}
         receive(node, topics.DIAGNOSTICS, self._note, qos.everything())
 
     def spin(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
-        """Let messages come, for a while, or until something is so, or until there are too many to be kept."""
+        """Let messages come, for a while, or until something is so."""
         give_up = time.monotonic() + seconds
-        while time.monotonic() < give_up and not until() and self._num_bytes < MOST_BYTES:
+        while time.monotonic() < give_up and not until():
             self._executor.spin_once(timeout_sec=0.05)
 
     def observe(self, seconds: float, wanted: Callable[[Graph], Mapping[str, str]]) -> Graph:
@@ -71,7 +75,7 @@ class Observer:
             known |= new.keys()
             if new:
                 end = max(time.monotonic() + seconds, begin + LEAST_S)
-            if time.monotonic() > end or self._num_bytes > MOST_BYTES:
+            if time.monotonic() > end:
                 return graph
 
     def _follow_clock(self) -> None:
@@ -79,7 +83,10 @@ class Observer:
         if not self._is_simulated and self.node.count_publishers(topics.CLOCK):
             self._is_simulated = True
             self.node.set_parameters([Parameter("use_sim_time", value=True)])
-            self.messages.clear()  # the times of their arrival were those of another clock
+            # The times of arrival were those of another clock; nobody looks at those of what is sent but once.
+            self.messages = [message for message in self.messages if message.topic in LATCHED]
+            self._num_bytes = sum(len(message.cdr) for message in self.messages)
+            self.left_out.clear()
 
     def _listen(self, topic: str, type_name: str) -> None:
         take = partial(self._take, absolute(topic), type_name)
@@ -121,9 +128,15 @@ class Observer:
 
     def _take(self, topic: str, type_name: str, data: bytes) -> None:
         self.heard[topic] += 1
-        if type_name in topics.TYPES.values():  # of others it is enough to know that they come
-            self._num_bytes += len(data)
-            self.messages.append(RawMessage(topic, type_name, self.node.get_clock().now().nanoseconds, bytes(data)))
+        if type_name not in topics.TYPES.values():  # of others it is enough to know that they come
+            return
+        arrival_ns = self.node.get_clock().now().nanoseconds
+        if topic in PICTURES and self._num_bytes > MOST_BYTES:
+            if len(data) >= ENCODING + LITTLE.size:
+                self.left_out.setdefault(topic, []).append((serialised_stamp_ns(data), arrival_ns))
+            return
+        self._num_bytes += len(data)
+        self.messages.append(RawMessage(topic, type_name, arrival_ns, bytes(data)))
 
     def _note(self, data: bytes) -> None:
         try:

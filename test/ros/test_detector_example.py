@@ -74,7 +74,9 @@ def boxes_of(count: int) -> Callable[..., Detections]:
 def node() -> Iterator[Node]:
     context = rclpy.Context()
     rclpy.init(context=context)
-    yield Node("camera", context=context)
+    node = Node("camera", context=context)
+    yield node
+    node.destroy_node()
     context.try_shutdown()
 
 

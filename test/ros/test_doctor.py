@@ -1,6 +1,7 @@
 """The doctor looks at a running system: at what is published, how, and at who should answer."""
 
 import json
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -10,17 +11,21 @@ from typing import Any
 
 import pytest
 import rclpy
+import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from worlds.bag_factory import T_BASE_CAMERA, Entry, input_entries, of_topic
+from worlds.installed import ROOT
 from worlds.node_runs import processes
 
+from semantic_slam.bag.names import absolute
 from semantic_slam.doctor.checks import graph as graph_checks
 from semantic_slam.doctor.finding import Finding
 from semantic_slam.doctor.graph import Endpoint, Graph, Said
+from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, time_message
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros import examination
+from semantic_slam.ros import examination, observation, qos
 from semantic_slam.ros.node_set import NodeSpec
 from semantic_slam.ros.transport import ros_type
 
@@ -28,6 +33,15 @@ SENT = (topics.ODOMETRY, topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DET
 PERIOD_S = 0.1
 START_S = 60.0
 TURN = 12
+FIRST_DOMAIN, DOMAINS = 215, 16
+"""Above the ports that Linux gives to others, and above all domains of test/conftest.py."""
+
+
+@pytest.fixture(autouse=True)
+def _nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A domain beside this worker's: what other tests leave there is nothing to the doctor."""
+    own = FIRST_DOMAIN + int(os.environ["ROS_DOMAIN_ID"]) % DOMAINS
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(own))
 
 
 @contextmanager
@@ -62,6 +76,7 @@ def drivers(late_s: float = 0.0, left_out: tuple[str, ...] = ()) -> Iterator[Any
     finally:
         ended.set()
         thread.join()
+        node.destroy_node()
         rclpy.try_shutdown()
 
 
@@ -114,16 +129,67 @@ def test_a_manager_alone_with_drivers_that_do_not_fit_is_told_what_it_lacks(tmp_
         assert any(line.startswith(f"error: {check}: ") and all(word in line for word in words) for line in found)
 
 
+@pytest.mark.ros
+@pytest.mark.slow
+def test_pictures_that_are_too_many_are_left_out_with_a_warning_and_the_rest_is_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(observation, "MOST_BYTES", 20_000)
+    with drivers():
+        found = lines(examination.examine_running_system(configuration(tmp_path), None, 1.0))
+    assert len(found) == 1, found
+    assert found[0].startswith("warning: pictures: ") and "of /image/compressed are left out" in found[0]
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_clock_that_is_found_late_costs_no_initial_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(observation, "LEAST_S", 1.0)
+    monkeypatch.setattr(observation, "EMPTY_S", 1.0)
+    with drivers() as node, observation.observer([]) as look:
+        pose = ros_type(topics.TYPES[topics.INITIAL_POSE])
+        node.create_publisher(pose, topics.INITIAL_POSE, qos.latched()).publish(pose())
+        give_up = time.monotonic() + START_S
+        while not look.heard[absolute(topics.INITIAL_POSE)] and time.monotonic() < give_up:
+            look.observe(0.5, examination.wanted)
+        node.create_publisher(ros_type(topics.TYPES[topics.CLOCK]), topics.CLOCK, qos.newest())
+        look.observe(0.5, lambda graph: {})
+    arrivals = {message.topic: message.stamp_ns for message in look.messages[::-1]}
+    assert arrivals.pop(absolute(topics.INITIAL_POSE)) > 0
+    assert arrivals and set(arrivals.values()) == {0}  # the clock stands
+
+
+def test_a_map_that_cannot_be_read_ends_it_where_it_was_named_and_is_a_finding_of_the_manager(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.map"):
+        examination.examine_running_system(None, tmp_path / "none.map", 1.0)
+    (tmp_path / "torn.map").write_bytes(bytes(20))
+    prior, found = examination.prior_of_manager(str(tmp_path / "torn.map"))
+    assert prior is None and [line.split(": ")[1] for line in lines(found)] == ["map prior"]
+    assert examination.prior_of_manager("") == (None, [])
+
+
+def test_a_pose_that_is_clicked_in_rviz_reaches_the_manager() -> None:
+    tools = yaml.safe_load((ROOT / "config" / "semantic_slam.rviz").read_text())["Visualization Manager"]["Tools"]
+    told = next(tool["Topic"] for tool in tools if tool["Class"].endswith("SetInitialPose"))
+    assert (
+        told["Durability Policy"].upper().replace(" ", "_")
+        == qos.sensor_input(topics.INITIAL_POSE, False).durability.name
+    )
+
+
 def test_quality_of_service_that_cannot_match_is_found_from_both_ends() -> None:
     detections, static = "semantic_slam_msgs/msg/DetectionArray", "tf2_msgs/msg/TFMessage"
+    pose = "geometry_msgs/msg/PoseWithCovarianceStamped"
     graph = Graph(
         publishers={
             "/detections": [Endpoint("detector", detections, is_reliable=False)],
             "/tf_static": [Endpoint("mount", static)],
+            "/initialpose": [Endpoint("rviz", pose)],
         },
         readers={
             "/detections": [Endpoint("classifier", detections), Endpoint("view", detections, is_reliable=False)],
             "/tf_static": [Endpoint("classifier", static, is_latched=True)],
+            "/initialpose": [Endpoint("hypothesis_manager", pose, is_latched=True)],
         },
         nodes=frozenset(),
         said=[
@@ -132,7 +198,10 @@ def test_quality_of_service_that_cannot_match_is_found_from_both_ends() -> None:
         ],
     )
     found = lines(list(graph_checks.check(graph)))
-    assert [line.split(": ")[1] for line in found] == ["quality of service"] * 2 + ["classifier"]
+    assert [line.split(": ")[1] for line in found] == ["quality of service"] * 3 + ["classifier"]
     assert "detector publishes best effort and classifier wants it reliable" in found[0]
-    assert "publish /tf_static TRANSIENT_LOCAL" in found[1]
-    assert found[2].endswith("; remap the topic")
+    assert (
+        found[1].startswith("warning: ") and "publish /initialpose TRANSIENT_LOCAL" in found[1]
+    )  # a run starts without
+    assert found[2].startswith("error: ") and "publish /tf_static TRANSIENT_LOCAL" in found[2]
+    assert found[3].endswith("; remap the topic")

@@ -50,6 +50,7 @@ def watcher() -> Iterator[tuple[Node, Watch]]:
     yield node, watch
     executor.shutdown()
     thread.join()
+    node.destroy_node()
     context.try_shutdown()
 
 

@@ -68,6 +68,7 @@ def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
         listener = Listener()
         listener.wait_for(0, "classifier: ", within_s=START_S)
         yield listener
+        listener.node.destroy_node()
     rclpy.try_shutdown()
 
 

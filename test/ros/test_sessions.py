@@ -211,6 +211,7 @@ def test_a_second_replay_into_running_nodes_is_another_session_with_the_same_bel
                     rclpy.spin_once(node, timeout_sec=0.05)
                     nodes.check()
                     assert time.monotonic() < give_up, heard
+            node.destroy_node()
             assert heard == [*range(NUM_FRAMES), *range(NUM_FRAMES)]
     finally:
         rclpy.try_shutdown()

@@ -73,6 +73,7 @@ def test_compressed_colour_with_raw_depth_gives_ranges_and_garbage_in_between_gi
             while len(measured) < 2 and time.monotonic() < give_up:
                 nodes.check()
                 rclpy.spin_once(node, timeout_sec=0.1)
+            node.destroy_node()
             said = (tmp_path / "log" / "classifier.log").read_text()
     finally:
         rclpy.try_shutdown()

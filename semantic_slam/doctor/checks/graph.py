@@ -7,6 +7,8 @@ from semantic_slam.doctor.graph import Endpoint, Graph
 
 MANAGER, CLASSIFIER = "hypothesis_manager", "classifier"
 MEASUREMENTS = "/classifier/measurements"
+OPTIONAL = "/initialpose"
+"""A run starts without it."""
 
 
 def check(graph: Graph) -> Iterator[Finding]:
@@ -47,7 +49,9 @@ def _pair(topic: str, publisher: Endpoint, reader: Endpoint) -> Iterator[Finding
         yield error("quality of service", what, f"publish it RELIABLE, or set lossless:=false on {reader.node}")
     elif reader.is_latched and not publisher.is_latched:
         what = f"{pair} volatile and {reader.node} wants it transient local: not one message arrives"
-        yield error("quality of service", what, f"publish {topic} TRANSIENT_LOCAL, as static transforms are")
+        say = warning if topic == OPTIONAL else error
+        where = "RViz: Durability Policy of its tool" if topic == OPTIONAL else "as static transforms are"
+        yield say("quality of service", what, f"publish {topic} TRANSIENT_LOCAL ({where})")
 
 
 def _nodes(graph: Graph) -> Iterator[Finding]:
