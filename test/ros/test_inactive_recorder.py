@@ -47,11 +47,15 @@ def test_a_recorder_that_is_not_active_keeps_no_beliefs_and_goes_on_behind_the_g
         said = Outlet(robot, topics.BELIEF, topics.TYPES[topics.BELIEF], qos.result(False))
         runs = Outlet(robot, topics.RUN_CONFIGURATION, topics.TYPES[topics.RUN_CONFIGURATION], qos.latched())
         assert said.wait_for_readers(1, TIMEOUT_S) and runs.wait_for_readers(1, TIMEOUT_S)
-        ids = []
-        for session in (0, 1):
+
+        def announced(session: int) -> str:
+            run = make_run_configuration(OPEN, None, *initial_pose_of(OPEN), stamp_ns=1, session=session)
             before = recorder._newest.get(topics.RUN_CONFIGURATION)
-            ids.append(announced(runs, session))
-            spin_until(lambda before=before: recorder._newest.get(topics.RUN_CONFIGURATION) is not before)  # type: ignore[misc]
+            runs.send(encode(run))
+            spin_until(lambda: recorder._newest.get(topics.RUN_CONFIGURATION) is not before)
+            return run.run_id
+
+        ids = [announced(session) for session in (0, 1)]
         for keyframe in range(3):
             said.send(belief(keyframe))
         spin_until(lambda: recorder.refused[f"{topics.BELIEF}: {PASSED}"] == 3)
@@ -68,9 +72,3 @@ def test_a_recorder_that_is_not_active_keeps_no_beliefs_and_goes_on_behind_the_g
     with BagReader(tmp_path / "bag") as reader:
         kept = [reader.decode(m.cdr, m.type_name).run_id for m in reader.messages([topics.RUN_CONFIGURATION])]
     assert kept == ids[1:]
-
-
-def announced(runs: Outlet, session: int) -> str:
-    run = make_run_configuration(OPEN, None, *initial_pose_of(OPEN), stamp_ns=1, session=session)
-    runs.send(encode(run))
-    return run.run_id
