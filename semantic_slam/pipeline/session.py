@@ -1,7 +1,7 @@
 """One run of a hypothesis manager, from its first keyframe to its last; a manager has one after the other."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
@@ -18,6 +18,9 @@ from semantic_slam.pipeline.first_word import FirstWord
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.provenance import revision
 
+SOMETHING = ("object",)
+"""What detections may be labelled before any has come."""
+
 
 class Session:
     """Keyframes and beliefs of one run, which begins with the first keyframe."""
@@ -31,7 +34,7 @@ class Session:
         number: int = 0,
         initial_pose: PoseEstimate | None = None,
     ) -> None:
-        """``initial_pose`` None: that of the configuration, unless another one comes before the first keyframe."""
+        """Unless another one comes before the first keyframe, it begins at ``initial_pose``, None: as configured."""
         self.number, self.map_prior = number, map_prior
         self.num_keyframes = 0
         self._configuration, self._source = configuration, source
@@ -41,15 +44,15 @@ class Session:
             has_identities=strategy_of(configuration).wants_identities,
             passes_over=self._first_word.passes_over,
         )
-        self._initial_pose = initial_pose
+        self._initial_pose, self._is_told_pose = initial_pose, False
         self._next_pose: PoseEstimate | None = None
         self._first: Keyframe | None = None
         self._engine: Engine | None = None
 
     def set_initial_pose(self, estimate: PoseEstimate) -> None:
-        """Where the run begins; the first one counts. One that comes later is where the next run begins."""
-        if self._initial_pose is None and self._engine is None:
-            self._initial_pose = estimate
+        """Where the run begins; the first one counts. One that comes later is where the next run begins, by default."""
+        if not self._is_told_pose and self._engine is None:
+            self._initial_pose, self._is_told_pose = estimate, True
         else:
             self._next_pose = estimate
 
@@ -76,7 +79,7 @@ class Session:
         for keyframe in self._first_word.released(found, at_end=at_end):
             if self._engine is None:
                 self._first = keyframe
-                self._engine = Engine.of_run(self._run(keyframe, self.map_prior), pool)
+                self._engine = Engine.of_run(self._run(keyframe, self.map_prior, self._first_word.labels), pool)
             belief = self._engine.process(keyframe)
             self.num_keyframes += 1
             yield keyframe, belief
@@ -87,16 +90,21 @@ class Session:
         return Session(self._configuration, map_prior, self._source, number=number, initial_pose=pose)
 
     def check(self, map_prior: MapPrior) -> None:
-        """Raises InputError for a map that no run can be on whose detections are like those of this one."""
-        if self._first is not None:
-            problem_of(self._run(self._first, map_prior))
+        """Raises InputError for a map that no run can be on whose detections are like those of this one.
 
-    def _run(self, first: Keyframe, map_prior: MapPrior | None) -> RunConfiguration:
+        Before the first keyframe nobody knows what these name; something, it is supposed.
+        """
+        first, labels = self._first, self._first_word.labels
+        if first is None:
+            first, labels = Keyframe.planar(0), frozenset(self._configuration.perception.labels or SOMETHING)
+        problem_of(self._run(first, map_prior, labels))
+
+    def _run(self, first: Keyframe, map_prior: MapPrior | None, labels: Iterable[str]) -> RunConfiguration:
         pose, covariance = initial_pose_of(self._configuration)
         if self._initial_pose is not None:
             pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
         return make_run_configuration(
-            with_labels(self._configuration, first.measurements, map_prior, self._first_word.labels),
+            with_labels(self._configuration, first.measurements, map_prior, labels),
             map_prior,
             pose,
             covariance,

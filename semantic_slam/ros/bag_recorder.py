@@ -28,7 +28,7 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
 from semantic_slam.ros import qos
 from semantic_slam.ros.parameters import refuse_undeclared
-from semantic_slam.ros.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.pipeline_node import PASSED, PipelineNode, main_of
 from semantic_slam.ros.recent_inputs import RecentInputs
 from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.transport import is_installed
@@ -57,18 +57,19 @@ class BagRecorder(PipelineNode):
         self._path = Path(path)
         self._stamp_ns = 0  # the newest stamp so far, for messages without one
         self._num_beliefs, self._belief_stamp_ns = 0, -1
+        self._has_gap = False  # beliefs have passed since the last one that was recorded
         self._run_id = ""
         self._next_run: Any = None  # the announcement of another session, whose first belief is still to come
         self._ends_at_ns: int | None = None  # stamp of the replay's last belief
         self._begin(*(unfinished_session(self._path) if resume else (self._path, None)), overwrite)
         for topic in NEWEST:  # first: of messages that are there at once, another run comes before its beliefs
-            self._record(topic, qos.latched())
+            self._record(topic, qos.latched(), waits=False)
         for topic in RESULTS:
-            self._record(topic, qos.result(self.lossless))
-        self._record(topics.DIAGNOSTICS, qos.everything(), ends=False)
+            self._record(topic, qos.result(self.lossless), waits=False)
+        self._record(topics.DIAGNOSTICS, qos.everything(), ends=False, waits=False)
         for topic in topics.KEPT_INPUTS:
             self._record(topic, qos.sensor_input(topic, self.lossless))
-        self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched())
+        self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched(), waits=False)
         self.create_timer(FLUSH_S, self._queue_flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _begin(self, path: Path, unfinished: Path | None, overwrite: bool) -> None:
@@ -112,11 +113,21 @@ class BagRecorder(PipelineNode):
             self._claim.__exit__(None, None, None)
 
     def _queue_flush(self) -> None:
-        self.worker.submit(lambda _: self._writer.flush(), None)
+        if self.is_active:
+            self.worker.submit(lambda _: self._writer.flush(), None)
 
-    def _record(self, topic: str, profile: QoSProfile, *, ends: bool = True) -> None:
+    def resume(self) -> None:
+        """Record, or go on: what has passed meanwhile is not in the bag."""
+        if self.refused[f"{topics.BELIEF}: {PASSED}"]:
+            self.worker.submit(self._note_gap, None)
+        super().resume()
+
+    def _note_gap(self, _: None) -> None:
+        self._has_gap = True
+
+    def _record(self, topic: str, profile: QoSProfile, *, ends: bool = True, waits: bool = True) -> None:
         if is_installed(topics.TYPES[topic]):
-            self.listen(topic, lambda data: self._write(topic, data), profile, ends=ends)
+            self.listen(topic, lambda data: self._write(topic, data), profile, ends=ends, waits=waits)
 
     def _write(self, topic: str, data: bytes) -> None:
         message = deserialize(data, topics.TYPES[topic])
@@ -126,7 +137,7 @@ class BagRecorder(PipelineNode):
         self._inputs.note(topic, data, stamp_ns)
         if topic == topics.RUN_CONFIGURATION and self._is_of_another_session(message):
             return
-        if topic == topics.BELIEF and self._next_run is not None and message.keyframe == 0:
+        if topic == topics.BELIEF and self._is_of_next_run(message):
             self._begin_session()
         if topic == topics.BELIEF and not self._is_due(message.keyframe, stamp_ns):
             return
@@ -142,6 +153,13 @@ class BagRecorder(PipelineNode):
         self._run_id = self._run_id or str(run.run_id)
         self._next_run = run if run.run_id != self._run_id else None
         return self._next_run is not None
+
+    def _is_of_next_run(self, belief: Any) -> bool:
+        """Whether a belief begins the session that is announced; its first ones may have passed."""
+        if self._next_run is None:
+            return False
+        is_later = header_stamp_ns(belief) >= header_stamp_ns(self._next_run)
+        return bool(belief.keyframe == 0 or (self._has_gap and is_later))
 
     def _begin_session(self) -> None:
         """Another bag; it begins with what has already come of its session."""
@@ -164,11 +182,12 @@ class BagRecorder(PipelineNode):
         """Whether a belief is new; raises SemanticSlamError when some before it were lost."""
         if keyframe < self._num_beliefs:  # of a manager that was started again
             return False
-        if keyframe != self._num_beliefs and not (self._is_resumed and not self.lossless):
+        may_lack = self._has_gap or (self._is_resumed and not self.lossless)
+        if keyframe != self._num_beliefs and not may_lack:
             raise SemanticSlamError(f"keyframe {keyframe} came where {self._num_beliefs} was due: beliefs were lost")
         if keyframe != self._num_beliefs:
             self.get_logger().warning(f"keyframes {self._num_beliefs} to {keyframe - 1} were not recorded")
-        self._num_beliefs, self._belief_stamp_ns = keyframe + 1, stamp_ns
+        self._num_beliefs, self._belief_stamp_ns, self._has_gap = keyframe + 1, stamp_ns, False
         return True
 
     def _manager_progress(self, data: bytes) -> None:

@@ -17,7 +17,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
@@ -47,6 +47,7 @@ STREAMS = frozenset(
     }
 )
 """Inputs that go on coming: live, a node that is not active lets them pass, and counts them. All else waits for it."""
+PASSED = "came while the node was not active"
 SHUTDOWN_S = 0.2
 """So long after it was asked to, a node shuts down: whoever asked is answered before."""
 
@@ -65,6 +66,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.fault: Exception | None = None
         self.refused: Counter[str] = Counter()  # messages that could not be used, by topic and kind
         self._arrivals = 0
+        self._newest: dict[str, Callable[[], None]] = {}  # by topic: what waits for a node that is not active
 
     def listen(
         self,
@@ -75,16 +77,21 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         type_name: str = "",
         required: bool = False,
         ends: bool = True,
+        waits: bool = True,
     ) -> None:
         """Have ``handle`` called on the worker's thread with each message; a ``required`` topic must not be silent.
 
-        ``ends`` is False for topics that go on after a replay has ended, and say nothing about its end.
+        ``ends`` is False for topics that go on after a replay has ended, and say nothing about its end; ``waits`` for
+        those that, live, pass a node that is not active as :data:`STREAMS` do. Of a latched one the newest waits.
         """
         monitors: list[Any] = []
 
         def queue_message(data: bytes) -> None:
-            if not self.is_active and not self.lossless and topic in STREAMS:
-                self.refused[f"{topic}: came while the node was not active"] += 1
+            if not self.is_active and not self.lossless and (topic in STREAMS or not waits):
+                if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+                    self._newest[topic] = partial(queue_message, data)
+                else:
+                    self.refused[f"{topic}: {PASSED}"] += 1
                 return
             self._arrivals += ends
             for monitor in monitors:
@@ -174,6 +181,9 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
     def resume(self) -> None:
         """Begin to work, or go on."""
         self.is_active = True
+        for queue_message in self._newest.values():
+            queue_message()
+        self._newest.clear()
         self.worker.start()
 
     def pause_work(self) -> None:

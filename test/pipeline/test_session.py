@@ -16,6 +16,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import PoseEstimate
@@ -145,13 +146,43 @@ def test_while_paused_no_keyframe_is_made_and_the_motion_of_the_pause_is_in_the_
 
 
 def test_a_pose_that_comes_during_a_run_is_where_the_next_one_begins(played: Played) -> None:
-    pose = PoseEstimate(0, "map", np.array([5.0, 0, 0, 0, 0, 0, 1]), 1e-4 * np.eye(6))
     played.play(place_entries("ranges", NUM_FRAMES))
-    played.session.set_initial_pose(pose)
+    played.session.set_initial_pose(pose_at(5.0))
     played.session = played.session.follower(played.session.map_prior)
     played.beliefs = []
     played.play(place_entries("ranges", NUM_FRAMES))
     assert played.beliefs[0].keyframe == 0 and abs(played.beliefs[0].poses[0, 0] - 5.0) < 0.5
+
+
+def test_a_pose_that_comes_before_the_first_keyframe_is_where_this_run_begins(played: Played) -> None:
+    """Though the run before was told, too, where the next one begins."""
+    played.play(place_entries("ranges", NUM_FRAMES))
+    played.session.set_initial_pose(pose_at(5.0))
+    played.session = played.session.follower(played.session.map_prior)
+    for x in (3.0, 9.0):  # the first one counts
+        played.session.set_initial_pose(pose_at(x))
+    played.beliefs = []
+    played.play(place_entries("ranges", NUM_FRAMES))
+    assert abs(played.beliefs[0].poses[0, 0] - 3.0) < 0.5
+
+
+def pose_at(x: float) -> PoseEstimate:
+    return PoseEstimate(0, "map", np.array([x, 0, 0, 0, 0, 0, 1]), 1e-4 * np.eye(6))
+
+
+@pytest.mark.parametrize("kind", ["gp_independent", "detector"])
+def test_before_the_first_keyframe_a_map_that_cannot_be_is_refused_and_another_one_is_not(kind: str) -> None:
+    default = Configuration()
+    session = Session(replace(default, semantic_model=replace(default.semantic_model, kind=kind)), None, "")
+    named = [replace(box, class_probabilities={"no such class": 1.0}) for box in map_prior().objects]
+    session.check(map_prior())
+    with pytest.raises(InputError, match="there is no map prior"):
+        session.check(MapPrior())
+    if kind == "detector":  # whose classes are what the map says, too
+        session.check(MapPrior(tuple(named)))
+        return
+    with pytest.raises(InputError, match="unknown class 'no such class'"):
+        session.check(MapPrior(tuple(named)))
 
 
 def test_sessions_have_ids_of_their_own_and_a_map_that_cannot_be_is_refused(played: Played) -> None:

@@ -2,7 +2,8 @@
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from semantic_slam.ros.supervisor import Supervisor
 
 TIMEOUT_S = 240.0
 """Generous: on a loaded machine the processes take long to start."""
+LAST_WORDS_S = 20.0
+"""So long, after the end of a replay, a companion may take to print what it was sent."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +55,16 @@ def processes(folder: Path, supervisor: Supervisor | None = None) -> NodeProcess
     return NodeProcesses(folder / "log", loopback_environment(int(os.environ["ROS_DOMAIN_ID"])), supervisor)
 
 
-def run(replay: Replay) -> list[HybridBelief]:
-    """Replay losslessly and return what was recorded."""
+def run(replay: Replay, said_all: Callable[[], bool] = lambda: True) -> list[HybridBelief]:
+    """Replay losslessly and return what was recorded; companions are ended once they have ``said_all``."""
     with processes(replay.out) as nodes:
         for spec in replay.specs():
             nodes.start(spec, replay.commands.get(spec.name, ()))
         nodes.wait("bag_recorder", TIMEOUT_S)
         nodes.wait("bag_player", TIMEOUT_S)
+        give_up = time.monotonic() + LAST_WORDS_S
+        while not said_all() and time.monotonic() < give_up:
+            time.sleep(0.05)
     return beliefs(replay.belief_bag)
 
 

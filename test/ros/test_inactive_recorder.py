@@ -1,0 +1,74 @@
+"""A recorder that is not active keeps nothing but the newest of latched topics, and goes on behind the gap."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from worlds.belief_factory import small_belief
+from worlds.node_runs import beliefs
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.configuration import Configuration
+from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import encode
+from semantic_slam.ros import qos
+from semantic_slam.ros.bag_recorder import BagRecorder
+from semantic_slam.ros.pipeline_node import PASSED
+from semantic_slam.ros.transport import Outlet
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+TIMEOUT_S = 30.0
+OPEN = replace(Configuration(), association="open")
+
+
+def belief(keyframe: int) -> bytes:
+    return encode(small_belief(keyframe, [1], [1], [1.0], [4], [[4]]))
+
+
+def test_a_recorder_that_is_not_active_keeps_no_beliefs_and_goes_on_behind_the_gap(tmp_path: Path) -> None:
+    rclpy.init(args=["--ros-args", "-p", f"bag:={tmp_path / 'bag'}", "-p", "autostart:=false"])
+    try:
+        recorder, robot = BagRecorder(), rclpy.create_node("robot", use_global_arguments=False)
+        executor = SingleThreadedExecutor()
+        executor.add_node(recorder)
+
+        def spin_until(happened: Callable[[], bool]) -> None:
+            give_up = time.monotonic() + TIMEOUT_S
+            while not happened():
+                assert time.monotonic() < give_up
+                executor.spin_once(timeout_sec=0.02)
+
+        said = Outlet(robot, topics.BELIEF, topics.TYPES[topics.BELIEF], qos.result(False))
+        runs = Outlet(robot, topics.RUN_CONFIGURATION, topics.TYPES[topics.RUN_CONFIGURATION], qos.latched())
+        assert said.wait_for_readers(1, TIMEOUT_S) and runs.wait_for_readers(1, TIMEOUT_S)
+
+        def announced(session: int) -> str:
+            run = make_run_configuration(OPEN, None, *initial_pose_of(OPEN), stamp_ns=1, session=session)
+            before = recorder._newest.get(topics.RUN_CONFIGURATION)
+            runs.send(encode(run))
+            spin_until(lambda: recorder._newest.get(topics.RUN_CONFIGURATION) is not before)
+            return run.run_id
+
+        ids = [announced(session) for session in (0, 1)]
+        for keyframe in range(3):
+            said.send(belief(keyframe))
+        spin_until(lambda: recorder.refused[f"{topics.BELIEF}: {PASSED}"] == 3)
+        assert not recorder.worker.has_more
+        recorder.resume()
+        said.send(belief(5))
+        spin_until(lambda: recorder._num_beliefs == 6 or recorder.fault is not None)
+        recorder.worker.stop()
+        recorder.close()
+        assert recorder.fault is None
+    finally:
+        rclpy.try_shutdown()
+    assert [found.keyframe for found in beliefs(tmp_path / "bag")] == [5]
+    with BagReader(tmp_path / "bag") as reader:
+        kept = [reader.decode(m.cdr, m.type_name).run_id for m in reader.messages([topics.RUN_CONFIGURATION])]
+    assert kept == ids[1:]
