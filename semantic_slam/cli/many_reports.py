@@ -75,7 +75,7 @@ def names_of(bags: Sequence[Path]) -> dict[str, Path]:
 
 
 def _version(folder: Path) -> int | None:
-    """Of the report in a folder, which a run that fails may leave as it was; None where there is none."""
+    """When the report in a folder was written: a run that fails leaves an older one. None where there is none."""
     report = folder / "report.json"
     return report.stat().st_mtime_ns if report.is_file() else None
 
