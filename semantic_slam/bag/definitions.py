@@ -76,5 +76,5 @@ def _parsed(type_name: str, text: str) -> dict[str, Any]:
     try:
         return dict(get_types_from_idl(text) if text.startswith(IDL_MARK) else get_types_from_msg(text, type_name))
     except Exception as fault:  # the parser's own errors are not of one family
-        reason = " ".join(str(fault).split())[:200]
-        raise InputError(f"{type_name}: its embedded definition is not readable ({reason}); record it anew") from None
+        name, reason = (" ".join(str(told).split())[:200] for told in (type_name, fault))
+        raise InputError(f"{name}: its embedded definition is not readable ({reason}); record it anew") from None

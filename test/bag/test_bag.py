@@ -10,6 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from semantic_slam.bag.definitions import register
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.errors import InputError
@@ -257,3 +258,9 @@ def test_random_damage_is_never_a_fault_of_ours(tmp_path, seed):
     except InputError as error:
         assert str(bag) in str(error) and "\n" not in str(error)
     assert len(found) <= 121
+
+
+def test_a_type_of_several_lines_is_refused_in_one() -> None:
+    with pytest.raises(InputError, match="embedded definition is not readable") as refused:
+        register(typestore(), "foreign_msgs/msg/Two\nLines", "MSG:\nno definition")
+    assert "\n" not in str(refused.value)
