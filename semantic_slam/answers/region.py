@@ -1,7 +1,6 @@
 """Which objects lie in a region of the map, as far as their places are known."""
 
 import numpy as np
-from scipy.stats import multivariate_normal
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
@@ -19,6 +18,8 @@ def within(poses: Array, covariances: Array, region: Region | None) -> Array:
     """(O,) probabilities that things lie in the region, from their (O, 7) poses and (O, 6, 6) covariances."""
     if region is None:
         return np.ones(len(poses))
+    from scipy.stats import multivariate_normal  # half a second, which nodes would pay that are asked of no region
+
     lower, upper = np.array(region[:2]), np.array(region[2:])
     found = np.zeros(len(poses))
     for row, (place, spread) in enumerate(zip(poses[:, :2], covariances[:, :2, :2], strict=True)):

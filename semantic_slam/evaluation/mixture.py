@@ -9,9 +9,9 @@ from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.chi_squared import chi_squared_quantile
 
 NUM_CIRCLES, NUM_ANGLES = 200, 16
 """Points that stand for a Gaussian in the plane."""
@@ -73,7 +73,7 @@ def _moments(weights: Array, positions: Array, covariances: Array) -> tuple[Arra
 @cache
 def _normals() -> Array:
     """(N, 2) points that stand for equal parts of a standard normal: on circles of equal steps of probability."""
-    radii = np.sqrt(chi2.ppf((np.arange(NUM_CIRCLES) + 0.5) / NUM_CIRCLES, 2))
+    radii = np.sqrt(chi_squared_quantile((np.arange(NUM_CIRCLES) + 0.5) / NUM_CIRCLES, 2))
     angles = 2.0 * np.pi * np.arange(NUM_ANGLES) / NUM_ANGLES
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.asarray((radii[:, None, None] * circle).reshape(-1, 2))

@@ -1,7 +1,6 @@
 """Mean and covariance of a Gaussian mixture over poses."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from semantic_slam.geometry.arrays import Array
 
@@ -49,6 +48,8 @@ def matched_moments_of_many(weights: Array, poses: Array, covariances: Array) ->
 
 def _matched(shares: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
     """Moments by (H, O) shares that add up to one over H, of (H, O, 7) poses and (H, O, 6, 6) covariances."""
+    from scipy.spatial.transform import Rotation  # a fifth of a second, and most processes match no moments
+
     position = np.einsum("ho,hoi->oi", shares, poses[..., :3])
     scatter = np.einsum("ho,hoi,hoj->oij", shares, poses[..., 3:], poses[..., 3:])
     mean = Rotation.from_quat(np.linalg.eigh(scatter)[1][..., -1])  # the mean rotation of Markley et al., 2007

@@ -1,6 +1,7 @@
 """Frame in, semantic measurements out: crops, dropout passes or learned features, range and bearing."""
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +19,12 @@ from semantic_slam.perception.collaborators import (
 from semantic_slam.perception.crops import box_fault, square_crop
 from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
-from semantic_slam.perception.mc_dropout import dropout_generator, samples_of_head, seen
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.network import ClassifierNetwork
 from semantic_slam.perception.places_geometry import Places, told_places
 from semantic_slam.perception.range_bearing import elevation
+
+if TYPE_CHECKING:
+    from semantic_slam.perception.network import ClassifierNetwork
 
 
 class Classifier:
@@ -33,7 +35,7 @@ class Classifier:
 
     def __init__(
         self,
-        network: ClassifierNetwork | None,
+        network: "ClassifierNetwork | None",
         settings: PerceptionConfiguration,
         *,
         seed: int,
@@ -157,6 +159,9 @@ class Classifier:
         if self._network is None:
             names = len(frame.detections.class_names)
             return np.zeros((len(kept), 0, names)), np.full(len(kept), np.nan), np.full(len(kept), np.nan), recognised
+        # PyTorch takes two seconds to load, and who has no network needs none.
+        from semantic_slam.perception.mc_dropout import dropout_generator, samples_of_head, seen
+
         network = self._network.network
         passes = self._settings.num_passes
         samples = np.empty((len(kept), passes, len(self.class_names)))

@@ -1,6 +1,7 @@
 """The classifier that a configuration describes: its network, feature, class models and geometry put together."""
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_extractor
@@ -8,13 +9,13 @@ from semantic_slam.class_models.viewpoint_models import load_appearance, load_mo
 from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.collaborators import AppearanceCheck, CoverageCheck
-from semantic_slam.perception.mc_dropout import probe_features
-from semantic_slam.perception.network import ClassifierNetwork
 from semantic_slam.perception.range_bearing import range_and_bearing
-from semantic_slam.perception.weights import load_network
 from semantic_slam.viewpoint.appearance import KnownPictures
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.novelty import KnownViews
+
+if TYPE_CHECKING:
+    from semantic_slam.perception.network import ClassifierNetwork
 
 
 def build_classifier(configuration: Configuration) -> Classifier:
@@ -35,19 +36,26 @@ def build_classifier(configuration: Configuration) -> Classifier:
     )
 
 
-def _network(configuration: Configuration) -> ClassifierNetwork | None:
+def _network(configuration: Configuration) -> "ClassifierNetwork | None":
     """The network, or None where the detector's own words or vectors are the evidence. Raises InputError."""
     kind = class_model_kind(configuration.semantic_model)
-    is_asked = kind.labels is None and kind.embeddings is None
-    return load_network(configuration.perception) if is_asked else None
+    if kind.labels is not None or kind.embeddings is not None:
+        return None
+    from semantic_slam.perception.weights import load_network  # and with it PyTorch
+
+    return load_network(configuration.perception)
 
 
 def _appearance(
-    settings: SemanticModelConfiguration, perception: PerceptionConfiguration, network: ClassifierNetwork | None
+    settings: SemanticModelConfiguration, perception: PerceptionConfiguration, network: "ClassifierNetwork | None"
 ) -> AppearanceCheck | None:
     """What tells pictures of other things; None where the models do not tell, or were fitted with another network."""
     known = load_appearance(settings) if network is not None and perception.novelty_false_alarms else None
-    if network is None or known is None or not known.is_about(probe_features(network.network)):
+    if network is None or known is None:
+        return None
+    from semantic_slam.perception.mc_dropout import probe_features
+
+    if not known.is_about(probe_features(network.network)):
         return None
     return KnownPictures(known, perception.novelty_false_alarms)
 

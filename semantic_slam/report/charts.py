@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from semantic_slam.evaluation.evaluate import Evaluation, class_rows
+from semantic_slam.geometry.chi_squared import chi_squared_quantile
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.plot import Plot
@@ -166,7 +166,7 @@ def _position_errors(evaluation: Evaluation, beliefs: tuple[HybridBelief, ...]) 
 
 def _consistency(evaluation: Evaluation, beliefs: tuple[HybridBelief, ...]) -> Chart:
     degrees = 3 if beliefs[-1].planar else 6
-    low, high = (float(value) for value in chi2.ppf([0.025, 0.975], degrees))
+    low, high = (float(value) for value in chi_squared_quantile([0.025, 0.975], degrees))
     finite = evaluation.nees[np.isfinite(evaluation.nees) & (evaluation.nees > 0)]
     top = max(high * 2, float(finite.max()) * 1.3 if len(finite) else 0.0)
     plot = time_plot(beliefs, min(0.05, low / 2), top, "NEES of the robot's pose", logarithmic=True)

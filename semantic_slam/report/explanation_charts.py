@@ -1,10 +1,10 @@
 """Whether the belief explains its data, keyframe by keyframe: evidence, innovations, and what explains none."""
 
 import numpy as np
-from scipy.stats import chi2
 
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.chi_squared import chi_squared_quantile
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.report.charts import Chart, Key, keyframes, time_plot
@@ -52,7 +52,7 @@ def innovation_band(record: Record) -> tuple[Array, Array]:
     """(K,) limits of the 95 % range of ``innovation_nees``, NaN where no detection is of a known object."""
     degrees = np.array([_degrees(record, belief) for belief in record.beliefs])
     degrees = np.where(degrees >= 0.5, degrees, np.nan)
-    low, high = (chi2.ppf(share, degrees) / degrees for share in (0.025, 0.975))
+    low, high = (chi_squared_quantile(share, degrees) / degrees for share in (0.025, 0.975))
     return low, high
 
 

@@ -1,9 +1,9 @@
 """Whether any class model knows a measurement: the viewpoint is not known to who only sees the picture."""
 
 import numpy as np
-from scipy.stats import chi2
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.chi_squared import chi_squared_quantile
 from semantic_slam.viewpoint.gaussian_process import even_azimuths
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 
@@ -23,7 +23,7 @@ class KnownViews:
         prediction = model.predict(classes, viewpoints)
         self.num_features = model.num_features
         self._mean, self._covariance = prediction.mean[covered], prediction.covariance[covered]
-        self._limit = float(chi2.ppf(QUANTILE, model.num_features))
+        self._limit = float(chi_squared_quantile(QUANTILE, model.num_features))
 
     def explain(self, feature: Array, feature_covariance: Array) -> bool:
         """Whether a feature (F,) with its dropout covariance (F, F) is one that some class shows in some direction."""

@@ -12,7 +12,6 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import expit
 
 from semantic_slam.geometry.arrays import Array
 
@@ -35,7 +34,7 @@ def probability_unexplained(log_ratios: Array) -> float:
     hazard = PRIOR / WINDOW_KEYFRAMES
     since = np.cumsum(np.asarray(log_ratios)[::-1])
     log_odds = np.log(hazard) + np.logaddexp.reduce(since) - np.log1p(-hazard * len(since))
-    return float(expit(log_odds))
+    return float(np.exp(log_odds - np.logaddexp(0.0, log_odds)))
 
 
 @dataclass

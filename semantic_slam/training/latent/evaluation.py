@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.chi_squared import chi_squared_quantile
 from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.rows import take
@@ -105,7 +105,7 @@ def azimuth_nees(model: LatentModel, views: FeatureViews, descriptors: Array, si
 def consistency(squared: Array) -> Consistency:
     """Average of (N,) independent values that should be chi-square distributed with one degree of freedom."""
     count = len(squared)
-    low, high = stats.chi2.ppf([0.025, 0.975], count) / count
+    low, high = chi_squared_quantile([0.025, 0.975], count) / count
     return Consistency(float(squared.mean()), (float(low), float(high)), count, float((squared < 4.0).mean()))
 
 

@@ -36,8 +36,8 @@ STATED: dict[str, Any] = {
         "max_range_m": REACH_M, "min_range_m": 0.5, "field_of_view_rad": 2.0 * HALF_ANGLE, "iterate_updates": False,
     },
     "initial_pose": {"mean": [0.0, 0.0, 0.0], "sigma": [0.01, 0.01, 0.01]},
-    "pruning": {"max_hypotheses": 20},
-    "weights": {"max_candidates": 10},
+    "pruning": {"max_hypotheses": 6},
+    "weights": {"max_candidates": 5},
 }  # fmt: skip
 """What holds of the drive while odometry is honest: 0.05 and 0.025 a metre are SIGMAS a step."""
 
