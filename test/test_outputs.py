@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from worlds import commands
 from worlds.bag_factory import input_entries, write_bag, write_configuration
 from worlds.node_runs import processes
 
@@ -41,14 +42,8 @@ PACKAGES = {"demo": "semantic_slam.ros"} | dict.fromkeys(
 )
 
 
-def line_of(command: str) -> list[str]:
-    package = PACKAGES.get(command, "semantic_slam.cli")
-    return [sys.executable, "-c", f"from {package}.{command} import main; main()"]
-
-
-def call(folder: Path, command: str, *words: object) -> subprocess.CompletedProcess[str]:
-    line = [*line_of(command), *map(str, words)]
-    return subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+def call(folder: Path, command: str, *words: object) -> commands.Result:
+    return commands.call(folder, f"{PACKAGES.get(command, 'semantic_slam.cli')}.{command}", *words)
 
 
 def digest(path: Path) -> dict[str, str]:
@@ -177,7 +172,8 @@ def test_an_interrupted_or_killed_command_leaves_the_old_output(tmp_path: Path, 
     old.mkdir()
     for name in ("report.json", "objects.json"):
         (old / name).write_text("old")
-    words = [*line_of("bag_to_report"), str(SHIPPED), "--out", str(old), "--overwrite"]
+    line = "from semantic_slam.cli.bag_to_report import main; main()"
+    words = [sys.executable, "-c", line, str(SHIPPED), "--out", str(old), "--overwrite"]
     process = subprocess.Popen(
         words,
         cwd=tmp_path,
@@ -189,7 +185,7 @@ def test_an_interrupted_or_killed_command_leaves_the_old_output(tmp_path: Path, 
     while not list(old.glob("*.unfinished_*/mine/belief/*.mcap")):
         assert process.poll() is None and time.monotonic() < give_up
         time.sleep(0.02)
-    time.sleep(1.0)
+    time.sleep(0.2)
     process.send_signal(ending)
     process.communicate(timeout=60)
     assert process.returncode == (130 if ending == signal.SIGINT else -signal.SIGKILL)

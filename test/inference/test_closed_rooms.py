@@ -36,13 +36,13 @@ def test_one_wrong_view_at_the_start_loses_no_map(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_wrong_views_lose_hardly_a_room_of_four() -> None:
+def test_wrong_views_lose_no_room_of_two() -> None:
     """One of the first views, or a tenth of all."""
-    rooms = [make_room(seed) for seed in range(4)]
+    rooms = [make_room(seed) for seed in range(2)]
     first = [with_swapped_scores(room, [first_view(room)], seed) for seed, room in enumerate(rooms)]
     tenth = [with_swapped_scores(room, some_views(room, 0.1, seed), seed) for seed, room in enumerate(rooms)]
-    assert sum(map(is_lost, first)) <= 1
-    assert sum(map(is_lost, tenth)) <= 1
+    assert not any(map(is_lost, first))
+    assert not any(map(is_lost, tenth))
 
 
 @pytest.mark.slow

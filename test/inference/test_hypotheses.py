@@ -54,7 +54,7 @@ def test_the_number_of_backends_changes_nothing(num_backends: int) -> None:
     ],
 )
 def test_not_a_bit_depends_on_what_is_worked_on_together(overrides: dict[str, Any]) -> None:
-    world = make_world(6, **overrides)
+    world = make_world(4, **overrides)
     runs = [beliefs(world, number) for number in (1, 2, 3)]
     assert max(len(belief.hypothesis_ids) for belief in runs[0]) > 1
     for single, *divided in zip(*runs, strict=True):

@@ -23,18 +23,18 @@ from semantic_slam.ros.node_set import NodeSpec, node_set
 from semantic_slam.ros.processes import NodeProcesses
 from semantic_slam.ros.supervisor import Supervisor
 
-NUM_FRAMES = 26
+NUM_FRAMES = 20
 SLOW_BACKEND = [sys.executable, str(Path(__file__).parent / "faulty_backends.py"), "slow"]
 EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
 COMMANDS = {"backend_0": SLOW_BACKEND, "backend_1": SLOW_BACKEND, "print_belief": EXAMPLE}
 KILLS = (
     (2, "backend_0"),
-    (6, "classifier"),
-    (10, "hypothesis_manager"),
-    (14, "bag_recorder"),
-    (18, "bag_player"),
+    (5, "classifier"),
+    (8, "hypothesis_manager"),
+    (11, "bag_recorder"),
+    (14, "bag_player"),
 )
-ALL_AT = 21
+ALL_AT = 16
 
 
 def specs_of(bag: Path, configuration: Path, out: Path, *, resume: bool) -> list[NodeSpec]:

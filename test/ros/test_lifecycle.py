@@ -1,4 +1,7 @@
-"""Nodes are lifecycle nodes: told to wait, they are configured, activated, paused and shut down from outside."""
+"""Nodes are lifecycle nodes: told to wait, they are configured, activated, paused and shut down from outside.
+
+Active, they replay a bag without pictures, as the offline pipeline does.
+"""
 
 import time
 from collections.abc import Callable
@@ -11,14 +14,17 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 from worlds.bag_factory import write_bag, write_configuration
-from worlds.node_runs import processes
+from worlds.node_runs import assert_same, beliefs, processes
 from worlds.places import place_entries
 
+from semantic_slam.configuration import load_configuration
+from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.node_set import node_set
 from semantic_slam.ros.processes import NodeProcesses
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
+NUM_FRAMES = 10
 TIMEOUT_S = 60.0
 STEPS = (
     (Transition.TRANSITION_CONFIGURE, "inactive"),
@@ -43,10 +49,13 @@ def wait_until(nodes: NodeProcesses, happened: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
-def test_nodes_wait_for_their_transitions_and_end_well_when_shut_down(tmp_path: Path) -> None:
+def test_nodes_wait_for_their_transitions_replay_as_offline_and_end_well_when_shut_down(tmp_path: Path) -> None:
     nowhere = {"network": "nowhere.safetensors"}
     configuration = write_configuration(tmp_path / "configuration", perception=nowhere)
-    bag = write_bag(tmp_path / "bag", place_entries("ranges", 4))
+    bag = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES))
+    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    reference = beliefs(tmp_path / "offline")
+    assert len(reference) == NUM_FRAMES
     specs = node_set(bag, configuration, 1, 0.0, str(tmp_path / "belief"), has_tf2=False, autostart=False)
     rclpy.init()
     try:
@@ -76,5 +85,6 @@ def test_nodes_wait_for_their_transitions_and_end_well_when_shut_down(tmp_path: 
             wait_until(nodes, lambda: not nodes.pids())
             assert {nodes.exit_code(spec.name) for spec in specs} == {0}
             node.destroy_node()
+        assert_same(beliefs(tmp_path / "belief"), reference)
     finally:
         rclpy.try_shutdown()

@@ -20,16 +20,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 NUM_FRAMES = 10
 
 
-def test_places_give_the_beliefs_of_the_offline_pipeline_without_a_network(tmp_path: Path) -> None:
-    nowhere = {"network": "nowhere.safetensors"}
-    configuration = write_configuration(tmp_path / "configuration", perception=nowhere)
-    bag = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES))
-    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
-    reference = beliefs(tmp_path / "offline")
-    assert len(reference) == NUM_FRAMES
-    assert_same(run(Replay(bag, configuration, tmp_path / "live", backends=1)), reference)
-
-
 def test_labels_give_the_names_of_the_offline_pipeline(tmp_path: Path) -> None:
     """Live the first detections name the classes, before which two frames show and name nothing."""
     entries = place_entries("ranges", NUM_FRAMES)

@@ -1,11 +1,10 @@
 """Viewpoint models from bags whose poses are known, and the page about them."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from worlds.commands import call
 from worlds.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.configuration import PerceptionConfiguration
@@ -66,8 +65,7 @@ def test_the_page_shows_every_class_and_escapes_names(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_source_is_one_line(arguments: list[str], named: str, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "semantic_slam.cli.fit_viewpoint_models", *arguments, "--out", str(tmp_path / "m")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = call(tmp_path, "semantic_slam.cli.fit_viewpoint_models", *arguments, "--out", tmp_path / "m")
     assert done.returncode == 2
     assert named in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "m").exists()

@@ -1,14 +1,13 @@
 """train_classifier and fit_viewpoint_models: from a small folder in BigBIRD's format to models that know classes."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import h5py
 import numpy as np
 import pytest
+from worlds import commands
 
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
@@ -61,9 +60,8 @@ def turntables(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def call(command: str, *words: str) -> subprocess.CompletedProcess[str]:
-    line = [sys.executable, "-m", f"semantic_slam.cli.{command}", *words]
-    return subprocess.run(line, capture_output=True, text=True, cwd=REPOSITORY, check=False)
+def call(command: str, *words: str) -> commands.Result:
+    return commands.call(REPOSITORY, f"semantic_slam.cli.{command}", *words)
 
 
 def test_views_know_their_direction_and_their_object(turntables: Path) -> None:

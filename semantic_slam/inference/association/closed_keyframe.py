@@ -110,7 +110,8 @@ class ClosedKeyframe:
         detected = candidates.assignments.object_ids(candidates.object_ids)
         for row, (parent, update) in enumerate(zip(candidates.assignments.parents.tolist(), updates, strict=True)):
             objects = self.parents.components[parent].objects
-            seen = np.isin(objects.ids, self._uncertain) & np.isin(objects.ids, detected[row])
+            known = objects.ids[:, None]
+            seen = (known == self._uncertain).any(axis=1) & (known == detected[row]).any(axis=1)
             if not seen.any():
                 continue
             factors[row] += float(np.log(objects.existence[seen]).sum())

@@ -94,7 +94,7 @@ def test_a_right_model_raises_no_alarm_with_a_known_map(kind: str) -> None:
     "values", [{"association": "given"}, {"association": "given", "weights": {"method": "laplace"}}]
 )
 def test_objects_named_for_the_first_time_raise_no_alarm(values: dict[str, object]) -> None:
-    for seed in SEEDS:
+    for seed in SEEDS[:2]:
         world = make_world(KEYFRAMES, seed, **values)
         assert unexplained(world.run, world.keyframes).max() < 0.01
 

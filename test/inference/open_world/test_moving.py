@@ -19,7 +19,7 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.lineage import MOVES
 
 SHARE = 0.1
-SEEDS = range(3)
+SEEDS = range(2)
 COVARIANCE = np.diag([0.05**2, 0.02**2])
 
 

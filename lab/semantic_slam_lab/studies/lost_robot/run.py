@@ -27,6 +27,8 @@ from semantic_slam_lab.studies.real_drives.scores import CLUSTER_M, Metrics, ali
 from semantic_slam_lab.studies.victoria_park.methods import StudyPool, smoothed_poses
 
 ENOUGH = "enough was detected"
+READ_FOR_EACH = 20
+"""Detections written to the bag for each that is run."""
 NEWEST = 20
 """Detections at the end by which it is told whether a robot knows where it is."""
 PLACED_SIGMA_M = 1.0
@@ -76,13 +78,19 @@ def metrics_of(task: Task) -> Metrics:
         tempfile.TemporaryDirectory(prefix="lost_robot_") as folder,
     ):
         bag, beliefs, pool = Path(folder) / "drive", Path(folder) / "beliefs", LimitedPool(task.most_detections)
-        write_drive(task.start.drive, bag, task.start.name)
+        write_drive(task.start.drive, bag, task.start.name, _enough_frames(task))
         run_bag(bag, beliefs, task.start.configuration(task.base, task.seed), task.start.prior, pool=pool)
         record = read_record(beliefs)
         last = record.beliefs[-1]
         component = pool.component(int(last.hypothesis_ids[np.argmax(last.log_weights)]))
         run = judged(record, smoothed_poses(component)[:, :3])
         return {name: known(value) for name, value in _metrics(run, task.start, pool.seconds).items()}
+
+
+def _enough_frames(task: Task) -> int:
+    """Frames of the drive in which there are far more detections than are run: most lie between keyframes."""
+    count = np.cumsum([len(frame) for frame in task.start.drive.frames])
+    return int(np.searchsorted(count, READ_FOR_EACH * task.most_detections)) + 1
 
 
 def _metrics(run: Judged, start: Start, seconds: Array) -> Metrics:

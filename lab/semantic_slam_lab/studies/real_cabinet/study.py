@@ -25,7 +25,7 @@ from semantic_slam_lab.studies.result import write_result
 NAME = "real_cabinet"
 OFFSETS_M = {"right": 0.0, "biased": 0.3}
 """Standard deviation of the one offset, along each axis, by which a whole track is taken to be elsewhere."""
-REPEATS, QUICK_REPEATS = 20, 3
+REPEATS, QUICK_REPEATS = 20, 1
 SETTLED = 0.99
 """Probability of the true class from which on it is settled."""
 

@@ -12,6 +12,8 @@ DATA = "SEMANTIC_SLAM_DATA"
 """Environment variable that names the folder of the data sets where the command line does not."""
 MRCLAM, KITTI, DLR = "mrclam", "kitti_tracking", "dlr"
 ROBOT = re.compile(r"Robot(\d+)_Measurement\.dat(\.gz)?")
+BEGINNING = 12
+"""Frames imported for each keyframe that is run: most lie between keyframes."""
 LABELS = re.compile(r"det_(\d+)\.txt(\.gz)?")
 
 
@@ -24,9 +26,13 @@ class Drive:
     folder: Path
     words: tuple[str, ...]
 
-    def write_bag(self, bag: Path, *, with_robots: bool = False) -> None:
-        """Import it; ``with_robots``: MRCLAM with the sightings of other robots. Raises InputError."""
+    def write_bag(self, bag: Path, *, with_robots: bool = False, max_keyframes: int | None = None) -> None:
+        """Import it, all or the beginning, in which there are ``max_keyframes``. Raises InputError.
+
+        ``with_robots``: MRCLAM with the sightings of other robots.
+        """
         extra = ("--robots",) if with_robots else ()
+        extra += ("--max-keyframes", str(BEGINNING * max_keyframes)) if max_keyframes is not None else ()
         module, arguments = import_dataset.parse([*self.words, "--out", str(bag), *extra])
         module.run(arguments, bag)
 

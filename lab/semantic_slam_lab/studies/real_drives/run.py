@@ -77,7 +77,7 @@ def outcome_of(task: Task) -> Outcome:
 def _outcome_of(task: Task) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="real_drives_") as folder:
         bag, beliefs = Path(folder) / "drive", Path(folder) / "beliefs"
-        task.drive.write_bag(bag, with_robots=task.method == WITH_ROBOTS)
+        task.drive.write_bag(bag, with_robots=task.method == WITH_ROBOTS, max_keyframes=task.max_keyframes)
         configuration = configuration_of(task.method, task.base, task.chosen)
         try:
             return (
