@@ -64,17 +64,17 @@ class Displacement:
         logs, sizes = np.zeros(len(sets)), np.array([len(wrong) for wrong in sets])
         for size in np.unique(sizes[sizes > 0]):
             alike = np.flatnonzero(sizes == size)
-            logs[alike] = self._log_odds_of(np.array([sorted(sets[i]) for i in alike]))
+            logs[alike] = self._log_odds_of(np.array([sorted(sets[int(i)]) for i in alike]))
         return logs
 
     def _log_odds_of(self, wrong: Index) -> Array:
         """(N,) for N sets of k objects each, (N, k)."""
         (count, objects), size = wrong.shape, self.offset.shape[1]
         places = (size * wrong[:, :, None] + np.arange(size)).reshape(count, -1)
-        change, each = np.zeros((count, objects, size, objects, size)), np.arange(objects)
+        blocks, each = np.zeros((count, objects, size, objects, size)), np.arange(objects)
         precisions, log_volumes = self._change
-        change[:, each, :, each, :] = np.swapaxes(precisions[wrong], 0, 1)
-        change = change.reshape(count, objects * size, -1)
+        blocks[:, each, :, each, :] = np.swapaxes(precisions[wrong], 0, 1)
+        change = blocks.reshape(count, objects * size, -1)
         left = np.eye(objects * size) - change @ self.covariance[places[:, :, None], places[:, None, :]]
         offset = self.offset[wrong].reshape(count, -1, 1)
         gain = (offset * np.linalg.solve(left, change @ offset)).sum(axis=(1, 2))

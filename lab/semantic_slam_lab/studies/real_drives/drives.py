@@ -31,8 +31,8 @@ class Drive:
 
         ``with_robots``: MRCLAM with the sightings of other robots.
         """
-        extra = ("--robots",) if with_robots else ()
-        extra += ("--max-keyframes", str(BEGINNING * max_keyframes)) if max_keyframes is not None else ()
+        extra = ["--robots"] if with_robots else []
+        extra += ["--max-keyframes", str(BEGINNING * max_keyframes)] if max_keyframes is not None else []
         module, arguments = import_dataset.parse([*self.words, "--out", str(bag), *extra])
         module.run(arguments, bag)
 
