@@ -8,6 +8,7 @@ import numpy as np
 
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.class_models.embedding import load_embedding_model
+from semantic_slam.class_models.file_digest import check_digest, noted
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
@@ -79,8 +80,9 @@ def make_run_configuration(
     latent = load_latent_model(configuration.semantic_model)
     described = latent or load_embedding_model(configuration.semantic_model)
     if described is not None:  # so that backends, reports and queries know the space of the descriptors
-        noted = replace(configuration.semantic_model, space=described.space)
-        configuration = replace(configuration, semantic_model=noted)
+        with_space = replace(configuration.semantic_model, space=described.space)
+        configuration = replace(configuration, semantic_model=with_space)
+    configuration = replace(configuration, semantic_model=noted(configuration.semantic_model))
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
@@ -225,6 +227,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     association = strategy_of(configuration)
     configuration = _as_used(configuration, association)
     settings = configuration.semantic_model
+    check_digest(settings)
     tempering = _tempering(settings)
     model, descriptors = load_model(settings), load_latent_model(settings)
     labels = load_label_model(settings, run.source_sha256)

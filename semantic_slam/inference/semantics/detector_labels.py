@@ -45,10 +45,15 @@ class _Told:
         joint = record.log_likelihood + model.log_rows(log_prior)
         return cls(model=model, record=record, log_evidence=finite_log_sum_exp(joint, axis=1))
 
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood."""
+        return self.model.by_setting(self.record)
+
     @cached_property
-    def by_setting(self) -> tuple[Array, Array]:
+    def shares(self) -> tuple[Array, Array]:
         """(R, C) likelihood as shares of the greatest under any setting, and (C,) the log of that; for what is kept."""
-        logs = self.model.by_setting(self.record)
+        logs = self.by_setting
         greatest = logs.max(axis=0)
         return np.exp(logs - greatest), greatest
 
@@ -136,7 +141,7 @@ def _views(told: dict[int, _Told], log_settings: Array) -> dict[int, ObjectViews
     log_weights = others - others.max(axis=1, keepdims=True)
     weights = np.exp(np.maximum(log_weights, LEAST_LOG_WEIGHT))
     weights /= weights.sum(axis=1, keepdims=True)
-    shares, greatest = zip(*(one.by_setting for one in own), strict=True)
+    shares, greatest = zip(*(one.shares for one in own), strict=True)
     likelihood = np.log((weights[:, None] @ np.array(shares))[:, 0]) + np.array(greatest)
     return {
         number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))

@@ -30,7 +30,7 @@ LEAST_GAIN = 3.0
 LEAST_WORDS = 3.0
 """Words drawn from what a class is called, from which on its sides are told apart."""
 MOST_MISCALIBRATION = 0.02
-"""How much more than before any fit the calibration error of held-out words may be."""
+"""How much more than before any fit the calibration error of held-out words may surely be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +92,9 @@ def learn(told: RunTracks) -> FittedLabels:
 
 
 def _is_better(first: Judgement, last: Judgement) -> bool:
-    is_calibrated = last.calibration_error <= first.calibration_error + MOST_MISCALIBRATION
-    return last.log_evidence >= first.log_evidence + LEAST_GAIN and is_calibrated
+    if last.log_evidence < first.log_evidence + LEAST_GAIN:
+        return False
+    return last.worse_calibrated_than(first) <= MOST_MISCALIBRATION
 
 
 def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:

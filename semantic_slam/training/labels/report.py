@@ -1,7 +1,6 @@
 """What was learned of a detector, in numbers and in words."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
         "is_kept": is_kept,
         "rounds": found.rounds,
         "sides": confusion.num_sectors,
-        "held_out": {"before": asdict(first), "after": asdict(last)},
+        "held_out": {"before": first.numbers, "after": last.numbers},
         "repeat_share": float(weights @ settings.repeat_shares),
         "repeat_rad": float(weights @ settings.repeat_rads),
         "scores_count": float(weights @ settings.by_score),
