@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.class_models.detector import load_label_model, with_fitted_detection
 from semantic_slam.class_models.embedding import load_embedding_model
 from semantic_slam.class_models.file_digest import check_digest, noted
 from semantic_slam.class_models.kind import class_model_kind
@@ -23,7 +23,7 @@ from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
-from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.protocol import RunConfiguration, sha256_of
 from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -83,6 +83,9 @@ def make_run_configuration(
         with_space = replace(configuration.semantic_model, space=described.space)
         configuration = replace(configuration, semantic_model=with_space)
     configuration = replace(configuration, semantic_model=noted(configuration.semantic_model))
+    if association.counts_misses and not configuration.open_world.learn_region:
+        world = with_fitted_detection(configuration.open_world, configuration.semantic_model, sha256_of(source))
+        configuration = replace(configuration, open_world=world)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]

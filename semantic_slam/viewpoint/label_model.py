@@ -35,7 +35,9 @@ from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STE
 from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelRecord, LabelView, ViewShares
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
-TURNS = STEP_RAD * np.abs((np.arange(DIRECTIONS)[:, None] - np.arange(DIRECTIONS) + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2)
+TURNS = STEP_RAD * np.abs(
+    (np.arange(DIRECTIONS)[:, None] - np.arange(DIRECTIONS) + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2
+)
 """(DIRECTIONS, DIRECTIONS) between the cells around an object, in rad."""
 
 

@@ -54,5 +54,5 @@ def test_a_run_with_another_file_of_that_name_is_another_run(tmp_path: Path) -> 
 def test_a_configuration_may_ask_for_one_file(tmp_path: Path) -> None:
     path = tmp_path / "models.safetensors"
     write_models(path, 0.75)
-    with pytest.raises(InputError, match="leave out semantic_model.path_digest"):
+    with pytest.raises(InputError, match=r"leave out semantic_model\.path_digest"):
         announced(path, "0123")
