@@ -48,17 +48,15 @@ def looks_of(run: Run) -> list[Looks]:
     if not strategy_of(settings).counts_misses or settings.open_world.learn_region:
         return []
     last = beliefs[-1]
-    ids = last.object_ids[last.existence >= LEAST_EXISTENCE].astype(int)
+    kept = (last.existence >= LEAST_EXISTENCE) & np.isfinite(last.object_poses).all(axis=1)
+    ids, existence = last.object_ids[kept].astype(int), last.existence[kept]
     if not len(ids):
         return []
-    existence = last.existence[last.existence >= LEAST_EXISTENCE]
     in_view, ranges = (np.array(own) for own in zip(*_seen(run, ids), strict=True))
     weights = np.exp(last.log_weights)
     found = histories(beliefs)
-    kept = np.flatnonzero(weights >= LEAST_WEIGHT)
-    return [
-        _looks(float(weights[row]), existence, in_view, ranges, _detected(found, row, ids)) for row in kept.tolist()
-    ]
+    likely = np.flatnonzero(weights >= LEAST_WEIGHT).tolist()
+    return [_looks(float(weights[row]), existence, in_view, ranges, _detected(found, row, ids)) for row in likely]
 
 
 def _looks(weight: float, existence: Array, in_view: Array, ranges: Array, detected: Flags) -> Looks:
@@ -96,14 +94,18 @@ def _seen(run: Run, ids: Index) -> Iterator[tuple[Array, Array]]:
 
 def _places(belief: HybridBelief, last: HybridBelief, ids: Index) -> tuple[Array, Array]:
     """(O, 2) places and (O, 2, 2) covariances in map, of the keyframe's belief where it has the object."""
-    rows = []
-    for number in ids.tolist():
-        own = belief if number in belief.object_ids else last
-        row = own.object_ids.tolist().index(number)
-        covariance = np.asarray(own.object_covariances[row]).reshape(6, 6)[:2, :2]
-        rows.append((own.object_poses[row, :2], covariance))
-    places, covariances = zip(*rows, strict=True)
+    found = [_place(belief, number) or _place(last, number) for number in ids.tolist()]
+    places, covariances = zip(*[own for own in found if own is not None], strict=True)
     return np.array(places), np.array(covariances)
+
+
+def _place(belief: HybridBelief, number: int) -> tuple[Array, Array] | None:
+    """(2,) and (2, 2), None where the belief does not say where the object is."""
+    rows = np.flatnonzero(belief.object_ids == number)
+    if not len(rows) or not np.isfinite(belief.object_poses[rows[0]]).all():
+        return None
+    covariance = np.asarray(belief.object_covariances[rows[0]]).reshape(6, 6)[:2, :2]
+    return belief.object_poses[rows[0], :2], covariance
 
 
 def _in_body(robot: Array, places: Array) -> Array:
