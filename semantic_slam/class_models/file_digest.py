@@ -26,7 +26,7 @@ def check_digest(settings: SemanticModelConfiguration) -> None:
 
 
 def _digest(path: str) -> str:
-    """Of a file's content; empty where none is named, or none is there, which is for those who read it to say."""
+    """The digest of a file's content; empty where none is named, or none is there, as those who read it will say."""
     if not path or not Path(path).is_file():
         return ""
     return hashlib.blake2b(Path(path).read_bytes(), digest_size=8).hexdigest()

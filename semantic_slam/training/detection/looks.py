@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semantic_slam.configuration import Configuration
 from semantic_slam.evaluation.history import histories, lineage
+from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.open_world.sensor_region import sensor_region
-from semantic_slam.training.labels.runs import Run
+from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
 
 LEAST_WEIGHT = 0.01
 """Hypotheses that are less likely are left out."""
@@ -42,9 +43,9 @@ class Looks:
         return int((self.is_known & (self.in_view > 0.5)).sum())
 
 
-def looks_of(run: Run) -> list[Looks]:
-    """Those of each hypothesis that lives at the end; none where misses do not count in a region that was told."""
-    settings, beliefs = run.configuration, run.record.beliefs
+def looks_of(record: Record, settings: Configuration) -> list[Looks]:
+    """Looks of each hypothesis that lives at the end; none where misses do not count in a region that was told."""
+    beliefs = record.beliefs
     if not strategy_of(settings).counts_misses or settings.open_world.learn_region:
         return []
     last = beliefs[-1]
@@ -52,7 +53,9 @@ def looks_of(run: Run) -> list[Looks]:
     ids, existence = last.object_ids[kept].astype(int), last.existence[kept]
     if not len(ids):
         return []
-    in_view, ranges = (np.array(own) for own in zip(*_seen(run, ids), strict=True))
+    in_view, ranges = (
+        np.array(own) for own in zip(*_seen(record, sensor_region(settings.open_world), ids), strict=True)
+    )
     weights = np.exp(last.log_weights)
     found = histories(beliefs)
     likely = np.flatnonzero(weights >= LEAST_WEIGHT).tolist()
@@ -77,16 +80,15 @@ def _detected(found: list[Index], row: int, ids: Index) -> Flags:
     return np.array([np.isin(ids, own[row]) for own in found])
 
 
-def _seen(run: Run, ids: Index) -> Iterator[tuple[Array, Array]]:
+def _seen(record: Record, region: SensorRegion, ids: Index) -> Iterator[tuple[Array, Array]]:
     """For each keyframe (O,) probabilities that objects are in view, and their ranges, by what was believed then."""
-    beliefs, ancestors = run.record.beliefs, lineage(run.record.beliefs)
-    region = sensor_region(run.configuration.open_world)
+    beliefs, ancestors = record.beliefs, lineage(record.beliefs)
     for belief, ancestor in zip(beliefs, ancestors, strict=True):
         robot = planar_from_pose_vector(belief.poses[max(ancestor, 0)])
         places, covariances = _places(belief, beliefs[-1], ids)
         relative = _in_body(robot, places)
         turned = _turned(robot[2], covariances)
-        measured = run.record.measurements[belief.stamp_ns]
+        measured = record.measurements[belief.stamp_ns]
         inside = region.contains(relative, turned)
         clear = region.not_occluded(relative, measured.ranges_m, measured.bearings_rad, measured.free_range_scan)
         yield inside * clear, np.hypot(relative[:, 0], relative[:, 1])

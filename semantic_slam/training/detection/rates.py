@@ -130,7 +130,7 @@ def _held_out(by_stretch: Array) -> float:
 
 
 def _likeliest(rates: DetectionRates, logs: Array) -> DetectionValues:
-    """Of the settings, by (G,) log evidence."""
+    """The likeliest of the settings, by (G,) log evidence."""
     best = int(np.argmax(logs))
     half_range = float(rates.half_range_m[best])
     return DetectionValues(

@@ -30,7 +30,7 @@ class Judgement:
 
     @property
     def calibration_error(self) -> float:
-        """Of the likeliest word."""
+        """The expected calibration error of the likeliest word."""
         return self._calibration_error(slice(None))
 
     @property

@@ -63,7 +63,7 @@ class RunTracks:
     def detection(self) -> LearnedRates:
         """How often the detector detects, against what the first run was told of that."""
         settings = self.runs[0].configuration.open_world
-        return learned([looks_of(run) for run in self.runs], settings, STRETCHES)
+        return learned([looks_of(run.record, run.configuration) for run in self.runs], settings, STRETCHES)
 
     def bags(self, without: Sequence[tuple[Array, Array]]) -> tuple[FittedBag, ...]:
         """Each with the log weights of settings and the shares of classes that the others tell, and their rates."""
