@@ -15,9 +15,10 @@ def noted(settings: SemanticModelConfiguration) -> SemanticModelConfiguration:
 
 
 def check_digest(settings: SemanticModelConfiguration) -> None:
-    """Raises InputError where the named file is not the one that is wanted."""
+    """Raises InputError where the named file is not the one that is wanted; readers name a missing one."""
     found = _digest(settings.path)
-    if settings.path_digest not in ("", found):
+    is_missing = bool(settings.path) and not found
+    if settings.path_digest not in ("", found) and not is_missing:
         raise InputError(
             f"{settings.path or 'semantic_model.path'}: is not the file that the run was announced with (digest"
             f" '{found}', wanted '{settings.path_digest}'); put that file there, or leave out"
@@ -26,7 +27,7 @@ def check_digest(settings: SemanticModelConfiguration) -> None:
 
 
 def _digest(path: str) -> str:
-    """The digest of a file's content; empty where none is named, or none is there, as those who read it will say."""
+    """The digest of a file's content; empty where none is named, or none is there."""
     if not path or not Path(path).is_file():
         return ""
     return hashlib.blake2b(Path(path).read_bytes(), digest_size=8).hexdigest()
