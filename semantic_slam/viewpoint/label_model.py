@@ -31,14 +31,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
+from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, TURNS, Confusion
 from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelRecord, LabelView, ViewShares
 from semantic_slam.viewpoint.label_settings import LabelSettings
-
-TURNS = STEP_RAD * np.abs(
-    (np.arange(DIRECTIONS)[:, None] - np.arange(DIRECTIONS) + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2
-)
-"""(DIRECTIONS, DIRECTIONS) between the cells around an object, in rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,12 +123,29 @@ class LabelModel:
         """With one more view."""
         if view.answer < 0:
             return replace(record, log_likelihood=record.log_likelihood - np.log(self.num_words))
-        return self.counted(record, view, self.shares(record, view))
+        return self.counted(record, view, self.shares(record, view)) if record.words else self._first(record, view)
+
+    def _first(self, record: LabelRecord, view: LabelView) -> LabelRecord:
+        """With the first view that has a word: there is none to repeat, and how many counts a row has cancels."""
+        prior, words = self._prior(view), list(view.reported)
+        share = self.confusions[view.stretch].outlier_share
+        totals = self._totals[view.stretch][self.confusions[view.stretch].sector_of(view.direction)]
+        new = np.array([prior[:, view.answer], prior @ view.shares]) / totals  # (2, K) by the word alone, and by scores
+        likelihood = (1.0 - share) * new + share / self.num_words
+        meant = np.array([[float(word == view.answer) for word in words], view.shares[words]])  # (2, n)
+        counts = (prior.T[words, None] * meant.T[..., None]) * ((1.0 - share) / (totals * likelihood))  # (n, 2, K)
+        answers, log_ranges = record.newest_with(view)
+        return LabelRecord(
+            log_likelihood=record.log_likelihood + np.log(likelihood)[self._by_score],
+            words=view.reported,
+            counts=counts[:, self._by_score],
+            answers=answers,
+            log_ranges=log_ranges,
+        )
 
     def counted(self, record: LabelRecord, view: LabelView, shares: ViewShares) -> LabelRecord:
         """With one more view, which has a word, by what it may be."""
-        answers, log_ranges = record.answers.copy(), record.log_ranges.copy()
-        answers[view.direction], log_ranges[view.direction] = view.answer, view.log_range
+        answers, log_ranges = record.newest_with(view)
         return LabelRecord(
             log_likelihood=record.log_likelihood + np.log(shares.likelihood),
             words=shares.words,

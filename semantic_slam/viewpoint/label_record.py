@@ -41,6 +41,12 @@ class LabelRecord:
     answers: Index  # (DIRECTIONS,) the newest word seen from each direction, -1: never seen from there
     log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres; inf: never seen from there
 
+    def newest_with(self, view: LabelView) -> tuple[Index, Array]:
+        """(DIRECTIONS,) newest words and their log distances, with one more view."""
+        answers, log_ranges = self.answers.copy(), self.log_ranges.copy()
+        answers[view.direction], log_ranges[view.direction] = view.answer, view.log_range
+        return answers, log_ranges
+
 
 @dataclass(frozen=True, kw_only=True)
 class ViewShares:
