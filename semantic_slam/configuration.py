@@ -46,6 +46,7 @@ class SemanticModelConfiguration:
         "file of the viewpoint models, or of the latent space; empty: the shipped one. detector: what semantic_slam fit"
         " --from-run wrote; empty: nothing was fitted",
     )
+    path_digest: str = parameter("", "digest of the file that path must name; empty: any, a run notes which it is")
     space: str = parameter("", "latent: the space that the file must hold; empty: any, a run notes which it is")
     class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
     likelihood_tempering: float = parameter(

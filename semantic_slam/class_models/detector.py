@@ -1,12 +1,14 @@
 """The configured model of a detector's labels: as any detector, or as fitted to runs of this one."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
-from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.detection_values import UNTOLD
 from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
 from semantic_slam.viewpoint.label_settings import LabelSettings
@@ -27,6 +29,27 @@ def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
     """What the configured file holds, None where none is configured, or where labels say nothing. Raises InputError."""
     is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None
     return read_labels(Path(settings.path)) if is_fitted else None
+
+
+def with_fitted_detection(
+    world: OpenWorldConfiguration, settings: SemanticModelConfiguration, bag_sha256: str
+) -> OpenWorldConfiguration:
+    """With how often the fitted detector detects, where ``world`` leaves nothing of it to be inferred.
+
+    Raises InputError.
+    """
+    fitted = fitted_labels(settings)
+    told = UNTOLD if fitted is None else fitted.detection_of(bag_sha256)
+    return replace(
+        world,
+        detection_probabilities=world.detection_probabilities or _known(told.probability),
+        detection_half_ranges_m=world.detection_half_ranges_m or _known(told.half_range_m),
+        miss_persistences=world.miss_persistences or _known(told.persistence),
+    )
+
+
+def _known(value: float | None) -> tuple[float, ...]:
+    return () if value is None else (value,)
 
 
 def _model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelModel:

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.class_models.detector import load_label_model, with_fitted_detection
 from semantic_slam.class_models.embedding import load_embedding_model
+from semantic_slam.class_models.file_digest import check_digest, noted
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
@@ -22,7 +23,7 @@ from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
-from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.protocol import RunConfiguration, sha256_of
 from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -79,8 +80,12 @@ def make_run_configuration(
     latent = load_latent_model(configuration.semantic_model)
     described = latent or load_embedding_model(configuration.semantic_model)
     if described is not None:  # so that backends, reports and queries know the space of the descriptors
-        noted = replace(configuration.semantic_model, space=described.space)
-        configuration = replace(configuration, semantic_model=noted)
+        with_space = replace(configuration.semantic_model, space=described.space)
+        configuration = replace(configuration, semantic_model=with_space)
+    configuration = replace(configuration, semantic_model=noted(configuration.semantic_model))
+    if association.counts_misses and not configuration.open_world.learn_region:
+        world = with_fitted_detection(configuration.open_world, configuration.semantic_model, sha256_of(source))
+        configuration = replace(configuration, open_world=world)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = [float(value) for value in initial_pose]
@@ -225,6 +230,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     association = strategy_of(configuration)
     configuration = _as_used(configuration, association)
     settings = configuration.semantic_model
+    check_digest(settings)
     tempering = _tempering(settings)
     model, descriptors = load_model(settings), load_latent_model(settings)
     labels = load_label_model(settings, run.source_sha256)

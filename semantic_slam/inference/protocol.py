@@ -38,11 +38,16 @@ class RunConfiguration:
     @property
     def source_sha256(self) -> str:
         """Digest of the bag that the run is of, "" where that is not told."""
-        try:
-            told = json.loads(self.source or "{}")
-        except ValueError:
-            return ""
-        return str(told.get("sha256") or "") if isinstance(told, dict) else ""
+        return sha256_of(self.source)
+
+
+def sha256_of(source: str) -> str:
+    """Digest that the JSON of a run's source tells, "" where it tells none."""
+    try:
+        told = json.loads(source or "{}")
+    except ValueError:
+        return ""
+    return str(told.get("sha256") or "") if isinstance(told, dict) else ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,10 @@ HIDDEN_NONE = 2
 DIRECTIONS = 72
 """Cells around an object: the newest view from each is remembered."""
 STEP_RAD = 2.0 * np.pi / DIRECTIONS
+TURNS = STEP_RAD * np.abs(
+    (np.arange(DIRECTIONS)[:, None] - np.arange(DIRECTIONS) + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2
+)
+"""(DIRECTIONS, DIRECTIONS) between the cells around an object, in rad."""
 
 
 @dataclass(frozen=True, kw_only=True)

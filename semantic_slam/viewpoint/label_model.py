@@ -31,12 +31,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
+from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, TURNS, Confusion
 from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelRecord, LabelView, ViewShares
 from semantic_slam.viewpoint.label_settings import LabelSettings
-
-LEAST_REPORTED = 1.0 + 1e-9
-"""Scores above the least by this factor were reported; the others share evenly what these leave."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,10 +83,16 @@ class LabelModel:
         """(S, K, W) Dirichlet counts of each row before any view, by sector of the map, for each of ``confusions``."""
         return tuple(confusion.rows(self.headings) for confusion in self.confusions)
 
+    @cached_property
+    def _classes_of_rows(self) -> tuple[Index, Array]:
+        """(K,) the class of each row, and the log number of rows that it has."""
+        numbers = np.append(self.headings, HIDDEN_NONE)
+        return np.repeat(np.arange(len(numbers)), numbers), np.repeat(np.log(numbers), numbers)
+
     def log_rows(self, log_prior: Array) -> Array:
         """(K,) log prior of each row, from the (C,) of the classes."""
-        own = np.repeat(log_prior[:-1] - np.log(self.headings), self.headings)
-        return np.append(own, np.full(HIDDEN_NONE, log_prior[-1] - np.log(HIDDEN_NONE)))
+        classes, log_numbers = self._classes_of_rows
+        return np.asarray(log_prior[classes] - log_numbers)
 
     @cached_property
     def _factors(self) -> Array:
@@ -113,19 +116,36 @@ class LabelModel:
             words=(),
             counts=np.zeros((0, *size)),
             answers=np.full(DIRECTIONS, -1),
-            log_ranges=np.zeros(DIRECTIONS),
+            log_ranges=np.full(DIRECTIONS, np.inf),
         )
 
     def after(self, record: LabelRecord, view: LabelView) -> LabelRecord:
         """With one more view."""
         if view.answer < 0:
             return replace(record, log_likelihood=record.log_likelihood - np.log(self.num_words))
-        return self.counted(record, view, self.shares(record, view))
+        return self.counted(record, view, self.shares(record, view)) if record.words else self._first(record, view)
+
+    def _first(self, record: LabelRecord, view: LabelView) -> LabelRecord:
+        """With the first view that has a word: there is none to repeat, and how many counts a row has cancels."""
+        prior, words = self._prior(view), list(view.reported)
+        share = self.confusions[view.stretch].outlier_share
+        totals = self._totals[view.stretch][self.confusions[view.stretch].sector_of(view.direction)]
+        new = np.array([prior[:, view.answer], prior @ view.shares]) / totals  # (2, K) by the word alone, and by scores
+        likelihood = (1.0 - share) * new + share / self.num_words
+        meant = np.array([[float(word == view.answer) for word in words], view.shares[words]])  # (2, n)
+        counts = (prior.T[words, None] * meant.T[..., None]) * ((1.0 - share) / (totals * likelihood))  # (n, 2, K)
+        answers, log_ranges = record.newest_with(view)
+        return LabelRecord(
+            log_likelihood=record.log_likelihood + np.log(likelihood)[self._by_score],
+            words=view.reported,
+            counts=counts[:, self._by_score],
+            answers=answers,
+            log_ranges=log_ranges,
+        )
 
     def counted(self, record: LabelRecord, view: LabelView, shares: ViewShares) -> LabelRecord:
         """With one more view, which has a word, by what it may be."""
-        answers, log_ranges = record.answers.copy(), record.log_ranges.copy()
-        answers[view.direction], log_ranges[view.direction] = view.answer, view.log_range
+        answers, log_ranges = record.newest_with(view)
         return LabelRecord(
             log_likelihood=record.log_likelihood + np.log(shares.likelihood),
             words=shares.words,
@@ -136,23 +156,24 @@ class LabelModel:
 
     def shares(self, record: LabelRecord, view: LabelView) -> ViewShares:
         """What one more view, which has a word, may be."""
-        reported = {view.answer, *np.flatnonzero(view.shares > view.shares.min() * LEAST_REPORTED).tolist()}
-        words = tuple(dict.fromkeys((*record.words, *sorted(reported))))
-        places = np.array([place for place, word in enumerate(words) if word in reported])
+        reported = view.reported
+        words = (*record.words, *[word for word in reported if word not in record.words])
+        places = [words.index(word) for word in reported]
         before = _with_room(record.counts, len(words))
         repeating, earlier = self._repeats(record, view)  # (R, 1), a word
-        new, base, meant = self._meant(before, np.array(words), places, view)
+        new, base, meant = self._meant(before, words, places, view)
         share = self.confusions[view.stretch].outlier_share
-        inlier = (1.0 - repeating) * (1.0 - share) * new
-        outlier = (1.0 - repeating) * share / self.num_words
-        likelihood = (earlier == view.answer) * repeating + outlier + inlier
+        anew = 1.0 - repeating
+        inlier = (anew * (1.0 - share)) * new
+        outlier = anew * (share / self.num_words)
+        likelihood = inlier + (outlier + repeating if earlier == view.answer else outlier)
         return ViewShares(
             words=words,
             before=before,
             reported=places,
             likelihood=likelihood,
             base=base,
-            added=meant * (inlier / (likelihood * new)),
+            added=meant * (anew * (1.0 - share) / likelihood),
             joint_inlier=inlier,
             joint_outlier=outlier,
         )
@@ -160,9 +181,10 @@ class LabelModel:
     def by_setting(self, record: LabelRecord) -> Array:
         """(R, C) log likelihood of all views under each setting, over headings and what none of these may be."""
         told = record.log_likelihood
-        classes = self._over_headings(told[:, :-HIDDEN_NONE])
-        none = finite_log_sum_exp(told[:, -HIDDEN_NONE:], axis=1) - np.log(HIDDEN_NONE)
-        return np.column_stack([classes, none])
+        classes = np.empty((len(told), len(self.class_shares)))
+        classes[:, :-1] = self._over_headings(told[:, :-HIDDEN_NONE])
+        classes[:, -1] = np.logaddexp.reduce(told[:, -HIDDEN_NONE:], axis=1) - np.log(HIDDEN_NONE)
+        return classes
 
     def _over_headings(self, told: Array) -> Array:
         """(R, L) log means over the headings of each class."""
@@ -187,10 +209,10 @@ class LabelModel:
         """(K, W) counts before any view of the words that this one draws from."""
         return np.asarray(self.priors[view.stretch][self.confusions[view.stretch].sector_of(view.direction)])
 
-    def _weights(self, view: LabelView) -> Array:
-        """(R, W) how far each word is meant: the answer alone, or as the scores have it."""
-        by_score = self.settings.by_score[:, None]
-        return np.asarray(by_score * view.shares + (1.0 - by_score) * (np.arange(self.num_words) == view.answer))
+    @cached_property
+    def _by_score(self) -> Index:
+        """(R,) 1 where scores count besides the word, else 0."""
+        return self.settings.by_score.astype(int)
 
     def word_probabilities(self, record: LabelRecord, view: LabelView) -> Array:
         """(R, K, W) of what one more view may be called; its own answer and scores do not matter."""
@@ -204,29 +226,27 @@ class LabelModel:
 
     def _repeats(self, record: LabelRecord, view: LabelView) -> tuple[Array, int]:
         """(R, 1) probabilities that the nearest earlier view is repeated, and its word."""
-        seen = np.flatnonzero(record.answers >= 0)
-        if not len(seen):
-            return np.zeros((self.num_settings, 1)), -1
-        turns = np.abs(seen - view.direction)
-        turned = STEP_RAD * np.minimum(turns, DIRECTIONS - turns)
-        away = np.hypot(turned, record.log_ranges[seen] - view.log_range)
-        nearest = int(np.argmin(away))
+        away = np.hypot(TURNS[view.direction], record.log_ranges - view.log_range)
+        nearest = int(away.argmin())
         share = self.settings.repeat_shares * np.exp(-away[nearest] / self.settings.repeat_rads)
-        return share[:, None], int(record.answers[seen[nearest]])
+        return share[:, None], int(record.answers[nearest])
 
-    def _meant(self, before: Array, words: Index, places: Index, view: LabelView) -> tuple[Array, Array, Array]:
+    def _meant(
+        self, before: Array, words: tuple[int, ...], places: list[int], view: LabelView
+    ) -> tuple[Array, Array, Array]:
         """(R, K) sum of q(w) E[theta(w)] over all words; of those at ``places`` (n, R, K) prior counts and parts.
 
         ``before`` (N, R, K) counts of the ``words`` (N,), which the answer is one of.
         """
-        prior, weights, factors = self._prior(view), self._weights(view), self._factors
+        prior, factors, by_score = self._prior(view), self._factors, self._by_score
         sector = self.confusions[view.stretch].sector_of(view.direction)
         total = factors * self._totals[view.stretch][sector] + before.sum(axis=0)
-        by_score = self.settings.by_score[:, None]
-        of_class = factors * (by_score * (prior @ view.shares) + (1.0 - by_score) * prior[:, view.answer])
-        of_object = np.einsum("rn,nrk->rk", weights[:, words], before)
-        base = factors * prior.T[words[places]][:, None]
-        meant = (base + before[places]) * (weights[:, words[places]].T[..., None] / total)
+        of_class = factors * np.array([prior[:, view.answer], prior @ view.shares])[by_score]
+        is_answer = [float(word == view.answer) for word in words]
+        weights = np.array([is_answer, view.shares[list(words)]])[by_score]  # (R, N) how far each word is meant
+        of_object = np.einsum("rn,nrk->rk", weights, before)
+        base = factors * prior.T[list(view.reported), None]
+        meant = (base + before[places]) * weights.T[places, :, None] / total
         return (of_class + of_object) / total, base, meant
 
 

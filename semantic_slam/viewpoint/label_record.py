@@ -1,11 +1,15 @@
 """What a detector has said of one object: a view, the record of all views, and what one more may be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 
+LEAST_REPORTED = 1.0 + 1e-9
+"""Scores above the least by this factor were reported; the others share evenly what these leave."""
 ANY_STRETCH = -1
 """Stretch of a view of which no model was fitted without it."""
 
@@ -20,6 +24,12 @@ class LabelView:
     log_range: float  # of the distance in metres
     stretch: int = ANY_STRETCH  # of the drive
 
+    @cached_property
+    def reported(self) -> tuple[int, ...]:
+        """The words that were reported."""
+        scored = np.flatnonzero(self.shares > self.shares.min() * LEAST_REPORTED).tolist()
+        return tuple(scored) if self.answer in scored else (*scored, self.answer)
+
 
 @dataclass(frozen=True, kw_only=True)
 class LabelRecord:
@@ -29,7 +39,13 @@ class LabelRecord:
     words: tuple[int, ...]  # N that were reported
     counts: Array  # (N, R, K) of new answers
     answers: Index  # (DIRECTIONS,) the newest word seen from each direction, -1: never seen from there
-    log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres
+    log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres; inf: never seen from there
+
+    def newest_with(self, view: LabelView) -> tuple[Index, Array]:
+        """(DIRECTIONS,) newest words and their log distances, with one more view."""
+        answers, log_ranges = self.answers.copy(), self.log_ranges.copy()
+        answers[view.direction], log_ranges[view.direction] = view.answer, view.log_range
+        return answers, log_ranges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +54,7 @@ class ViewShares:
 
     words: tuple[int, ...]  # N with those of this view
     before: Array  # (N, R, K) counts of new answers
-    reported: Index  # (n,) places of this view's words among them
+    reported: Sequence[int]  # (n,) places of this view's words among them
     likelihood: Array  # (R, K)
     base: Array  # (n, R, K) counts of the reported words before any view
     added: Array  # (n, R, K) probability that it is new and means a reported word
@@ -59,7 +75,7 @@ class ViewShares:
     def after(self) -> Array:
         """(N, R, K) counts of new answers with this one."""
         counts = self.before.copy()
-        counts[self.reported] += self.added
+        counts[self.reported] += self.added  # each place is there once
         return counts
 
     @property

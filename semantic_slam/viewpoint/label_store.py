@@ -9,6 +9,7 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.model_files import ModelFormat
+from semantic_slam.viewpoint.detection_values import UNTOLD, DetectionValues
 from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_settings import LabelSettings
@@ -26,6 +27,7 @@ class FittedBag:
     stretch_edges_ns: tuple[int, ...]  # (F + 1,) where its stretches begin, and where the last one ends
     log_settings: tuple[float, ...]  # (R,) log weights of the settings
     class_shares: tuple[float, ...]  # (C,)
+    detection: DetectionValues = UNTOLD
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +40,12 @@ class FittedLabels:
     class_shares: Array  # (C,) with none of these
     bags: tuple[FittedBag, ...]
     report: dict[str, Any]
+    detection: DetectionValues = UNTOLD
+
+    def detection_of(self, sha256: str) -> DetectionValues:
+        """What a bag is run with: as the other bags tell, where it is one of those that were learned from."""
+        known = self.bag(sha256)
+        return self.detection if known is None else known.detection
 
     def model(self, sha256: str = "") -> LabelModel:
         """What a bag is run with: where the models were fitted to it, every stretch has those fitted without it."""
@@ -72,6 +80,7 @@ def save_labels(fitted: FittedLabels, path: Path) -> None:
         "labels": list(fitted.labels),
         "bags": [asdict(bag) for bag in fitted.bags],
         "report": fitted.report,
+        "detection": asdict(fitted.detection),
     }
     plain = {name: np.array(value, dtype=np.float64, order="C") for name, value in arrays.items()}
     FORMAT.write(path, plain, description)
@@ -101,12 +110,20 @@ def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabe
         class_shares=arrays["class_shares"],
         bags=tuple(_bag(own) for own in description["bags"]),
         report=dict(description["report"]),
+        detection=_detection(description),
     )
 
 
 def _bag(told: dict[str, Any]) -> FittedBag:
     numbers = {name: tuple(told[name]) for name in ("stretch_edges_ns", "log_settings", "class_shares")}
-    return FittedBag(path=str(told["path"]), sha256=str(told["sha256"]), **numbers)
+    return FittedBag(path=str(told["path"]), sha256=str(told["sha256"]), detection=_detection(told), **numbers)
+
+
+def _detection(told: dict[str, Any]) -> DetectionValues:
+    """Raises TypeError or ValueError."""
+    own = dict(told.get("detection") or {})
+    values = {name: None if value is None else float(value) for name, value in own.items()}
+    return DetectionValues(**values)
 
 
 def _check(found: FittedLabels) -> None:
@@ -114,9 +131,9 @@ def _check(found: FittedLabels) -> None:
     size, count = len(found.labels), len(found.settings)
     values = [getattr(found.settings, item.name) for item in fields(LabelSettings)]
     shapes: list[tuple[Array | Index, tuple[int, ...]]] = [(own, (count,)) for own in values]
-    for own in found.confusions:
+    for confusion in found.confusions:
         sectors = found.confusions[-1].num_sectors
-        shapes += [(own.counts, (sectors, size, size + 1)), (own.none, (HIDDEN_NONE, size + 1))]
+        shapes += [(confusion.counts, (sectors, size, size + 1)), (confusion.none, (HIDDEN_NONE, size + 1))]
     shapes.append((found.class_shares, (size + 1,)))
     for bag in found.bags:
         shapes.append((np.array(bag.stretch_edges_ns, dtype=np.int64), (len(found.confusions),)))
@@ -124,6 +141,19 @@ def _check(found: FittedLabels) -> None:
     for values_, shape in shapes:
         if values_.shape != shape or not np.all(np.isfinite(values_)):
             raise ValueError("an array has a wrong shape or is not finite")
+    for own in (found.detection, *(bag.detection for bag in found.bags)):
+        _check_detection(own)
     counts = [part for own in found.confusions for part in (own.counts, own.none)]
     if min(part.min() for part in counts) <= 0.0 or found.class_shares.min() <= 0.0:
         raise ValueError("counts and shares must be above 0")
+
+
+def _check_detection(own: DetectionValues) -> None:
+    """Raises ValueError for what no detector can have."""
+    probability, half_range, persistence = own.probability, own.half_range_m, own.persistence
+    if probability is not None and not 0.0 < probability < 1.0:
+        raise ValueError("a detection probability must lie between 0 and 1")
+    if half_range is not None and not half_range > 0.0:
+        raise ValueError("a half range must be above 0")
+    if persistence is not None and not 0.0 <= persistence < 1.0:
+        raise ValueError("a persistence must not be below 0, and be below 1")

@@ -13,7 +13,7 @@ from torch import nn
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.perception import efficientnet_lite
+from semantic_slam.perception import efficientnet_lite, mc_dropout
 from semantic_slam.perception.alexnet import AlexNet
 from semantic_slam.perception.compact_network import CompactNetwork
 from semantic_slam.perception.efficientnet_lite import EfficientNetLite
@@ -75,6 +75,17 @@ def test_the_trunk_once_and_the_head_often_are_whole_passes_with_the_same_masks(
         whole = torch.softmax(network(images).double(), dim=-1).numpy()
     assert np.ptp(shared, axis=0).max() > 0.0  # the masks differ
     np.testing.assert_allclose(shared, whole, atol=1e-6)
+
+
+def test_wide_layers_are_the_same_up_to_rounding_with_onednn_and_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    torch.manual_seed(0)
+    network = EfficientNetLite().eval()
+    crop = np.random.default_rng(0).integers(0, 256, (network.input_size, network.input_size, 3), dtype=np.uint8)
+    first, again = (class_probability_samples(network, crop, 50, dropout_generator(0, 0, 0)) for _ in range(2))
+    monkeypatch.setattr(mc_dropout, "LEAST_WEIGHTS", 1 << 40)
+    plain = class_probability_samples(network, crop, 50, dropout_generator(0, 0, 0))
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_allclose(first, plain, rtol=1e-5)
 
 
 def test_a_mean_over_the_trunks_map_is_the_feature_of_a_picture() -> None:

@@ -108,8 +108,9 @@ def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys
 
     report = labelled_run(tmp_path, "first")
     fitted = learn(RunTracks.of(read_runs([report])))
-    (line,) = lines_of(fitted.report)
-    assert line.startswith("too little to learn from, so the models are as before any fit: held-out log evidence")
+    names, detected = lines_of(fitted.report)
+    assert names.startswith("too little to learn from, so the models are as before any fit: held-out log evidence")
+    assert detected.startswith("detected how often: too little to learn from, so it stays as configured")
     own = load_label_model(
         Configuration.of(semantic_model={"kind": "detector", "labels": fitted.labels}).semantic_model
     )

@@ -116,6 +116,14 @@ def _joint(model: LabelModel, views: list[View], kinds: tuple[str, ...], share: 
     return total
 
 
+def test_a_first_view_counts_as_any_other_does_where_nothing_was_said_before():
+    view, start = viewed(*unsure(0, [0.5, 0.3, 0.1, 0.1])), MODEL.start()
+    short, whole = MODEL.after(start, view), MODEL.counted(start, view, MODEL.shares(start, view))
+    assert short.words == whole.words
+    for name in ("log_likelihood", "counts", "answers", "log_ranges"):
+        np.testing.assert_allclose(getattr(short, name), getattr(whole, name), rtol=1e-12, atol=0.0)
+
+
 def test_what_is_filtered_is_near_what_is_exact():
     """With an unknown confusion which answers are new is not known: the exact sum counts only those."""
     model = unfitted(repeat_shares=(0.5,))

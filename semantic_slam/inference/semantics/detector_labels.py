@@ -12,6 +12,7 @@ nothing back to the positions.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -26,22 +27,35 @@ from semantic_slam.viewpoint.label_confusion import STEP_RAD
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
 
+LEAST_LOG_WEIGHT = -700.0
+"""Nats behind the likeliest setting from which on others weigh no less: what no setting explains keeps a logarithm."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Told:
     """What the words of one object tell; R settings of the detector."""
 
+    model: LabelModel
     record: LabelRecord
-    by_setting: Array  # (R, C) log likelihood
     log_evidence: Array  # (R,) sum over classes
 
     @classmethod
     def of(cls, model: LabelModel, record: LabelRecord, log_prior: Array) -> "_Told":
         """What a record tells, with the (C,) log prior of the object's class."""
-        by_setting = model.by_setting(record)
-        return cls(
-            record=record, by_setting=by_setting, log_evidence=finite_log_sum_exp(log_prior + by_setting, axis=1)
-        )
+        joint = record.log_likelihood + model.log_rows(log_prior)
+        return cls(model=model, record=record, log_evidence=finite_log_sum_exp(joint, axis=1))
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood."""
+        return self.model.by_setting(self.record)
+
+    @cached_property
+    def shares(self) -> tuple[Array, Array]:
+        """(R, C) likelihood as shares of the greatest under any setting, and (C,) the log of that; for what is kept."""
+        logs = self.by_setting
+        greatest = logs.max(axis=0)
+        return np.exp(logs - greatest), greatest
 
 
 class DetectorLabels:
@@ -124,8 +138,11 @@ def _views(told: dict[int, _Told], log_settings: Array) -> dict[int, ObjectViews
         return {}
     numbers, own = list(told), list(told.values())
     others = log_settings - np.array([one.log_evidence for one in own])  # (O, R)
-    log_weights = others - finite_log_sum_exp(others, axis=1)[:, None]
-    likelihood = finite_log_sum_exp(log_weights[..., None] + np.array([one.by_setting for one in own]), axis=1)
+    log_weights = others - others.max(axis=1, keepdims=True)
+    weights = np.exp(np.maximum(log_weights, LEAST_LOG_WEIGHT))
+    weights /= weights.sum(axis=1, keepdims=True)
+    shares, greatest = zip(*(one.shares for one in own), strict=True)
+    likelihood = np.log((weights[:, None] @ np.array(shares))[:, 0]) + np.array(greatest)
     return {
         number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))
         for row, number in enumerate(numbers)

@@ -25,15 +25,13 @@ def view_places(given: SemanticInput) -> ViewPlaces:
     """A turn and a ratio of distances in the same steps, of which there are DIRECTIONS around an object."""
     robot, objects = _states(given)
     sensors = np.array([given.step.detections[index].sensor for index in given.used.tolist()]).reshape(-1, 2)
-    count = objects.shape[1]
-    directions, log_ranges = np.zeros((len(robot), count), dtype=int), np.zeros((len(robot), count), dtype=int)
-    for number in range(count):
-        rows = np.flatnonzero(given.candidates.assignments.objects[:, number] >= 0)
-        place = np.column_stack([objects[rows, number, :2], np.zeros(len(rows))])
-        bearing = camera_bearing(robot[rows], place, sensors[number])
-        directions[rows, number] = np.rint(bearing / STEP_RAD).astype(int) % DIRECTIONS
-        away = np.hypot(*(place[:, :2] - robot[rows, :2]).T)
-        log_ranges[rows, number] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD).astype(int)
+    rows, numbers = np.nonzero(given.candidates.assignments.objects >= 0)
+    robots, seen = robot[rows], objects[rows, numbers]
+    bearing = camera_bearing(robots, np.column_stack([seen[:, :2], np.zeros(len(rows))]), sensors[numbers])
+    away = np.hypot(seen[:, 0] - robots[:, 0], seen[:, 1] - robots[:, 1])
+    directions, log_ranges = np.zeros(objects.shape[:2], dtype=int), np.zeros(objects.shape[:2], dtype=int)
+    directions[rows, numbers] = np.rint(bearing / STEP_RAD).astype(int) % DIRECTIONS
+    log_ranges[rows, numbers] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD).astype(int)
     return ViewPlaces(directions=directions, log_ranges=log_ranges)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any, Self
 
 import numpy as np
@@ -11,6 +11,8 @@ from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.training.detection.looks import looks_of
+from semantic_slam.training.detection.rates import LearnedRates, learned
 from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.expectation import Expectation
 from semantic_slam.training.labels.fit import Fitted, as_they_are
@@ -30,7 +32,7 @@ LEAST_GAIN = 3.0
 LEAST_WORDS = 3.0
 """Words drawn from what a class is called, from which on its sides are told apart."""
 MOST_MISCALIBRATION = 0.02
-"""How much more than before any fit the calibration error of held-out words may be."""
+"""How much more than before any fit the calibration error of held-out words may surely be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +59,14 @@ class RunTracks:
         """The tracks of all runs."""
         return [track for own in self.tracks for track in own]
 
+    @cached_property
+    def detection(self) -> LearnedRates:
+        """How often the detector detects, against what the first run was told of that."""
+        settings = self.runs[0].configuration.open_world
+        return learned([looks_of(run.record, run.configuration) for run in self.runs], settings, STRETCHES)
+
     def bags(self, without: Sequence[tuple[Array, Array]]) -> tuple[FittedBag, ...]:
-        """Each with the log weights of settings and the shares of classes that the others tell."""
+        """Each with the log weights of settings and the shares of classes that the others tell, and their rates."""
         return tuple(
             FittedBag(
                 path=run.bag,
@@ -66,8 +74,11 @@ class RunTracks:
                 stretch_edges_ns=edges,
                 log_settings=tuple(log_settings.tolist()),
                 class_shares=tuple(shares.tolist()),
+                detection=detection,
             )
-            for run, edges, (log_settings, shares) in zip(self.runs, self.edges, without, strict=True)
+            for run, edges, (log_settings, shares), detection in zip(
+                self.runs, self.edges, without, self.detection.without, strict=True
+            )
         )
 
 
@@ -87,13 +98,14 @@ def learn(told: RunTracks) -> FittedLabels:
     found = max(same, by_side(same, before, told.every), key=lambda own: own.held_out)
     first, last = judged(unfitted, told.every), judged(found, told.every)
     is_better = _is_better(first, last)
-    report = report_of(found, is_better, first, last)
+    report = report_of(found, is_better, first, last) | {"detection": told.detection.numbers}
     return _handed_on(found, told, report) if is_better else _as_before(unfitted, told, report)
 
 
 def _is_better(first: Judgement, last: Judgement) -> bool:
-    is_calibrated = last.calibration_error <= first.calibration_error + MOST_MISCALIBRATION
-    return last.log_evidence >= first.log_evidence + LEAST_GAIN and is_calibrated
+    if last.log_evidence < first.log_evidence + LEAST_GAIN:
+        return False
+    return last.worse_calibrated_than(first) <= MOST_MISCALIBRATION
 
 
 def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:
@@ -119,6 +131,7 @@ def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> Fitted
         class_shares=shares,
         bags=told.bags(without),
         report=report,
+        detection=told.detection.values,
     )
 
 
@@ -137,4 +150,5 @@ def _as_before(unfitted: Fitted, told: RunTracks, report: dict[str, Any]) -> Fit
         class_shares=model.class_shares,
         bags=told.bags([(model.settings.log_weights, model.class_shares)] * len(told.runs)),
         report=report,
+        detection=told.detection.values,
     )

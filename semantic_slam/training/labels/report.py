@@ -1,7 +1,6 @@
 """What was learned of a detector, in numbers and in words."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
         "is_kept": is_kept,
         "rounds": found.rounds,
         "sides": confusion.num_sectors,
-        "held_out": {"before": asdict(first), "after": asdict(last)},
+        "held_out": {"before": first.numbers, "after": last.numbers},
         "repeat_share": float(weights @ settings.repeat_shares),
         "repeat_rad": float(weights @ settings.repeat_rads),
         "scores_count": float(weights @ settings.by_score),
@@ -54,14 +53,31 @@ def lines_of(report: Mapping[str, Any]) -> list[str]:
         f" {after['calibration_error']:.3f}"
     )
     if not report["is_kept"]:
-        return [f"too little to learn from, so the models are as before any fit: {judged}"]
+        return [
+            f"too little to learn from, so the models are as before any fit: {judged}",
+            detection_line(report["detection"]),
+        ]
     lines = [_line(label, own) for label, own in report["classes"].items() if own["objects"] >= 0.5]
     how = "from all sides alike" if report["sides"] == 1 else f"by {report['sides']} sides"
     lines.append(
         f"{how}; a view from the place of an earlier one repeats its answer with {report['repeat_share']:.2f}; outliers"
         f" {report['outlier_share']:.3f}; {report['rounds']} rounds"
     )
-    return [*lines, judged]
+    return [*lines, judged, detection_line(report["detection"])]
+
+
+def detection_line(own: Mapping[str, Any]) -> str:
+    """How often the detector detects."""
+    before, after = own["log_evidence"]["before"], own["log_evidence"]["after"]
+    judged = f"held-out log evidence {before:.1f} -> {after:.1f} nats of {own['looks']} looks at objects in view"
+    if not own["is_kept"]:
+        return f"detected how often: too little to learn from, so it stays as configured: {judged}"
+    half_range = own["half_range_m"]
+    far = "at any distance" if half_range is None else f"half as often at {half_range:g} m"
+    return (
+        f"detected {own['probability']:.0%} of the time, {far}; whether an object can be detected persists with"
+        f" {own['persistence']:g} from keyframe to keyframe; {judged}"
+    )
 
 
 def _line(label: str, own: Mapping[str, Any]) -> str:

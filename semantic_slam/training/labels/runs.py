@@ -23,7 +23,7 @@ class Run:
     @property
     def settings(self) -> SemanticModelConfiguration:
         """What was known of the detector before anything was fitted, with the labels of the run."""
-        return replace(self.configuration.semantic_model, path="")
+        return replace(self.configuration.semantic_model, path="", path_digest="")
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:

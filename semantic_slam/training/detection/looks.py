@@ -1,0 +1,123 @@
+"""Looks of a run at the objects that it knows: how far they were, whether in view, and whether they were detected.
+
+As the hypotheses that live at the end have it, by their weights. An object is looked at from the keyframe after its
+first detection on; the first one is what it exists by, and tells nothing of how often it is detected.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.evaluation.history import histories, lineage
+from semantic_slam.evaluation.record import Record
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.association.strategy import strategy_of
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
+
+LEAST_WEIGHT = 0.01
+"""Hypotheses that are less likely are left out."""
+LEAST_EXISTENCE = 0.5
+"""Objects that are less likely to be there are left out."""
+LEAST_SHARE = 1e-3
+"""Probability that what is detected is in view: where it seems not to be, its place was wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Looks:
+    """K keyframes of one hypothesis of one run, and its O objects."""
+
+    weight: float  # of the hypothesis
+    existence: Array  # (O,)
+    is_known: Flags  # (K, O) since an earlier keyframe
+    is_detected: Flags  # (K, O)
+    in_view: Array  # (K, O) probability of being inside the region and not hidden
+    ranges_m: Array  # (K, O)
+
+    @property
+    def num_in_view(self) -> int:
+        """Looks at objects that are known and probably in view."""
+        return int((self.is_known & (self.in_view > 0.5)).sum())
+
+
+def looks_of(record: Record, settings: Configuration) -> list[Looks]:
+    """Looks of each hypothesis that lives at the end; none where misses do not count in a region that was told."""
+    beliefs = record.beliefs
+    if not strategy_of(settings).counts_misses or settings.open_world.learn_region:
+        return []
+    last = beliefs[-1]
+    kept = (last.existence >= LEAST_EXISTENCE) & np.isfinite(last.object_poses).all(axis=1)
+    ids, existence = last.object_ids[kept].astype(int), last.existence[kept]
+    if not len(ids):
+        return []
+    in_view, ranges = (
+        np.array(own) for own in zip(*_seen(record, sensor_region(settings.open_world), ids), strict=True)
+    )
+    weights = np.exp(last.log_weights)
+    found = histories(beliefs)
+    likely = np.flatnonzero(weights >= LEAST_WEIGHT).tolist()
+    return [_looks(float(weights[row]), existence, in_view, ranges, _detected(found, row, ids)) for row in likely]
+
+
+def _looks(weight: float, existence: Array, in_view: Array, ranges: Array, detected: Flags) -> Looks:
+    is_known = np.zeros_like(detected)
+    is_known[1:] = np.logical_or.accumulate(detected, axis=0)[:-1]
+    return Looks(
+        weight=weight,
+        existence=existence,
+        is_known=is_known,
+        is_detected=detected,
+        in_view=np.where(detected, np.maximum(in_view, LEAST_SHARE), in_view),
+        ranges_m=ranges,
+    )
+
+
+def _detected(found: list[Index], row: int, ids: Index) -> Flags:
+    """(K, O)"""
+    return np.array([np.isin(ids, own[row]) for own in found])
+
+
+def _seen(record: Record, region: SensorRegion, ids: Index) -> Iterator[tuple[Array, Array]]:
+    """For each keyframe (O,) probabilities that objects are in view, and their ranges, by what was believed then."""
+    beliefs, ancestors = record.beliefs, lineage(record.beliefs)
+    for belief, ancestor in zip(beliefs, ancestors, strict=True):
+        robot = planar_from_pose_vector(belief.poses[max(ancestor, 0)])
+        places, covariances = _places(belief, beliefs[-1], ids)
+        relative = _in_body(robot, places)
+        turned = _turned(robot[2], covariances)
+        measured = record.measurements[belief.stamp_ns]
+        inside = region.contains(relative, turned)
+        clear = region.not_occluded(relative, measured.ranges_m, measured.bearings_rad, measured.free_range_scan)
+        yield inside * clear, np.hypot(relative[:, 0], relative[:, 1])
+
+
+def _places(belief: HybridBelief, last: HybridBelief, ids: Index) -> tuple[Array, Array]:
+    """(O, 2) places and (O, 2, 2) covariances in map, of the keyframe's belief where it has the object."""
+    found = [_place(belief, number) or _place(last, number) for number in ids.tolist()]
+    places, covariances = zip(*[own for own in found if own is not None], strict=True)
+    return np.array(places), np.array(covariances)
+
+
+def _place(belief: HybridBelief, number: int) -> tuple[Array, Array] | None:
+    """(2,) and (2, 2), None where the belief does not say where the object is."""
+    rows = np.flatnonzero(belief.object_ids == number)
+    if not len(rows) or not np.isfinite(belief.object_poses[rows[0]]).all():
+        return None
+    covariance = np.asarray(belief.object_covariances[rows[0]]).reshape(6, 6)[:2, :2]
+    return belief.object_poses[rows[0], :2], covariance
+
+
+def _in_body(robot: Array, places: Array) -> Array:
+    """(O, 2) positions in the body frame of a robot (3,)."""
+    sin, cos = np.sin(robot[2]), np.cos(robot[2])
+    return np.asarray((places - robot[:2]) @ np.array([[cos, -sin], [sin, cos]]))
+
+
+def _turned(heading: float, covariances: Array) -> Array:
+    """(O, 2, 2) in the body frame."""
+    sin, cos = np.sin(heading), np.cos(heading)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(turn @ covariances @ turn.T)

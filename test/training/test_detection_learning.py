@@ -1,0 +1,95 @@
+"""How often a detector detects is learned from what runs have in view; the next run takes it, or stays as it was."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from semantic_slam.class_models.detector import with_fitted_detection
+from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.training.detection.looks import Looks
+from semantic_slam.training.detection.rates import grid, learned, log_evidence
+from semantic_slam.viewpoint.detection_values import DetectionValues
+from semantic_slam.viewpoint.label_confusion import Confusion
+from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels, read_labels, save_labels
+
+AS_TOLD = OpenWorldConfiguration(detection_probability=0.9)
+
+
+def looks(seed: int, probability: float, half_range_m: float, keyframes: int = 60, objects: int = 8) -> Looks:
+    """All in view all the time, at distances that are drawn anew."""
+    random = np.random.default_rng(seed)
+    ranges = random.uniform(0.5, 5.0, (keyframes, objects))
+    return Looks(
+        weight=1.0,
+        existence=np.ones(objects),
+        is_known=np.ones((keyframes, objects), dtype=bool),
+        is_detected=random.random((keyframes, objects)) < probability * 2.0 ** -((ranges / half_range_m) ** 2),
+        in_view=np.ones((keyframes, objects)),
+        ranges_m=ranges,
+    )
+
+
+def test_the_evidence_of_independent_misses_is_that_of_coins() -> None:
+    seen = looks(0, 0.7, 3.0)
+    rates = grid()
+    (row,) = np.flatnonzero((rates.probability == 0.7) & (rates.half_range_m == 3.0) & (rates.persistence == 0.0))
+    chance = 0.7 * 2.0 ** -((seen.ranges_m / 3.0) ** 2)
+    exact = np.where(seen.is_detected, np.log(chance), np.log1p(-chance)).sum(axis=1)
+    np.testing.assert_allclose(log_evidence(seen, rates)[:, row], exact)
+
+
+def test_misses_that_come_in_runs_have_the_evidence_of_the_sum_over_what_was_detectable() -> None:
+    """Two looks at one object, the first of which misses: the sum over the chain's states, written out."""
+    rates = DetectionRates.of(replace(AS_TOLD, detection_probability=0.6, miss_persistence=0.5))
+    (share,), (hit,) = rates.runs.share, rates.runs.hit
+    seen = replace(looks(0, 0.6, np.inf, keyframes=2, objects=1), is_detected=np.array([[False], [True]]))
+    first = share + 0.5 * (1.0 - share)  # it was detectable when it was detected first
+    missed = first * (1.0 - hit) + 1.0 - first
+    after = first * (1.0 - hit) / missed
+    exact = [np.log(missed), np.log(hit * (share + 0.5 * (after - share)))]
+    np.testing.assert_allclose(log_evidence(seen, rates)[:, 0], exact)
+
+
+def test_a_detector_that_sees_less_far_off_is_told_from_its_looks() -> None:
+    found = learned([[looks(seed, 0.8, 4.0)] for seed in range(3)], AS_TOLD, 5)
+    assert found.is_kept and found.after > found.before + 100.0
+    assert found.values == DetectionValues(probability=0.8, half_range_m=4.0, persistence=0.0)
+    assert len(found.without) == 3 and all(own.half_range_m == 4.0 for own in found.without)
+
+
+def test_a_detector_as_it_was_told_stays_so() -> None:
+    found = learned([[looks(1, 0.9, np.inf, keyframes=20)], []], AS_TOLD, 5)
+    assert not found.is_kept and found.without == (DetectionValues(), DetectionValues())
+
+
+def test_a_run_takes_what_was_learned_without_its_own_bag(tmp_path: Path) -> None:
+    bag = FittedBag(
+        path="bag", sha256="ab", stretch_edges_ns=(0, 1), log_settings=(0.0,), class_shares=(0.5, 0.5),
+        detection=DetectionValues(probability=0.6),
+    )  # fmt: skip
+    fitted = FittedLabels(
+        labels=("cup",),
+        settings=LabelSettings.grid((0.0,), (0.5,), (1.0,)).take(np.array([0])),
+        confusions=(Confusion.symmetric(1, 0.8, 4.0, 0.05),) * 2,
+        class_shares=np.array([0.5, 0.5]),
+        bags=(bag,),
+        report={},
+        detection=DetectionValues(probability=0.7, half_range_m=4.0, persistence=0.5),
+    )
+    path = tmp_path / "models.safetensors"
+    save_labels(fitted, path)
+    assert read_labels(path).detection == fitted.detection
+    settings = SemanticModelConfiguration(kind="detector", labels=("cup",), path=str(path))
+    other = with_fitted_detection(AS_TOLD, settings, "cd")
+    assert other.detection_probabilities == (0.7,) and other.detection_half_ranges_m == (4.0,)
+    assert with_fitted_detection(AS_TOLD, settings, "ab") == replace(AS_TOLD, detection_probabilities=(0.6,))
+    asked = replace(AS_TOLD, detection_probabilities=(0.5, 0.9))
+    assert with_fitted_detection(asked, settings, "cd").detection_probabilities == (0.5, 0.9)
+    save_labels(replace(fitted, detection=DetectionValues(probability=1.5)), path)
+    with pytest.raises(InputError, match="a detection probability must lie between 0 and 1"):
+        read_labels(path)
