@@ -332,6 +332,16 @@ class RevisionConfiguration:
 
 
 @dataclass(frozen=True)
+class HistoryConfiguration:
+    horizon_keyframes: int = parameter(
+        0,
+        "newest keyframes whose poses stay variables, for drives of hours; older ones are summarised, in one Gaussian of"
+        " all that they saw, and tell of the path as they were estimated then; 0: all stay",
+        minimum=0,
+    )
+
+
+@dataclass(frozen=True)
 class MovingConfiguration:
     share: float = parameter(
         0.0,
@@ -540,6 +550,7 @@ class Configuration:
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
+    history: HistoryConfiguration = field(default_factory=HistoryConfiguration)
     moving: MovingConfiguration = field(default_factory=MovingConfiguration)
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)

@@ -34,6 +34,7 @@ from semantic_slam.inference.smoothing.linear_measurements import LinearFactors,
 from semantic_slam.inference.smoothing.measured import Measured
 from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
+from semantic_slam.inference.smoothing.summary import Summary
 from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_robot, is_vector, letter_of, number_of
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -62,6 +63,8 @@ class Smoother:
     num_descriptors: int = 0  # variables E(n)
     in_charts: LinearFactors | None = None  # its measurements where iSAM2 holds them linear
     steps: int = 0  # updates since it began to be updated once per keyframe
+    single_steps: bool = False  # updated once per keyframe
+    summary: Summary | None = None  # of the poses that were marginalised out; None: there are all
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
@@ -283,7 +286,14 @@ class Smoother:
         if errors_repeat:
             charts = Charts.of(self.spaces, values)
             factors = LinearFactors(charts=charts, model=self.semantics.model, num_slots=graph.size())
-        return replace(self, owned=OwnedIsam(isam), num_variables=values.size(), in_charts=factors, _known={})
+        return replace(
+            self,
+            owned=OwnedIsam(isam),
+            num_variables=values.size(),
+            in_charts=factors,
+            single_steps=True,
+            _known={},
+        )
 
     def updated(
         self,
@@ -312,6 +322,8 @@ class Smoother:
             num_variables=size,
             factor_table=made,
             num_descriptors=descriptors,
+            single_steps=self.single_steps,
+            summary=self.summary,
             last=last,
         )
 
@@ -331,11 +343,11 @@ class Smoother:
         for factor in factors:
             graph.add(factor)
         last = _last(values.keys())
-        isam = new_isam(self.spaces, self.semantics.descriptor_threshold)
+        isam = self._empty_isam()
         try:
             result = isam.update(graph, values, [], _groups(last))
         except RuntimeError:
-            isam = new_isam(self.spaces, self.semantics.descriptor_threshold, "QR")
+            isam = self._empty_isam("QR")
             result = isam.update(graph, values, [], _groups(last))
         if not np.isfinite(isam.getDelta().vector()).all():
             raise RuntimeError("the system is not finite")
@@ -349,8 +361,16 @@ class Smoother:
             num_variables=values.size(),
             factor_table=made,
             num_descriptors=descriptors,
+            single_steps=self.single_steps,
+            summary=self.summary,
             last=last,
         )
+
+    def _empty_isam(self, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
+        """One to begin anew with."""
+        if self.single_steps:
+            return single_step_isam(self.spaces, errors_repeat=False, factorization=factorization)
+        return new_isam(self.spaces, self.semantics.descriptor_threshold, factorization)
 
     def converged(self) -> bool:
         """Whether all variables are about where they were linearised.

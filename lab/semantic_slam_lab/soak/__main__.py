@@ -1,0 +1,33 @@
+"""``python -m semantic_slam_lab.soak``: runs the engine for a day's keyframes, and says what each costs and leaves."""
+
+import json
+from pathlib import Path
+
+from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam_lab.soak.measures import soaked
+from semantic_slam_lab.soak.robots import ROBOTS, robot
+
+
+def main() -> None:
+    """Entry point."""
+    run_main(_command)
+
+
+def _command() -> None:
+    parser = CommandParser("semantic_slam_lab.soak", description=__doc__)
+    parser.add_argument("--robot", choices=list(ROBOTS), default="given")
+    parser.add_argument("--keyframes", type=int, default=2000)
+    parser.add_argument("--horizon", type=int, default=0, help="history.horizon_keyframes; 0: off")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=None, help="JSON file of the measures")
+    arguments = parser.parse_args()
+    configuration = robot(arguments.robot, arguments.horizon)
+    measures = soaked(configuration, arguments.keyframes, arguments.seed)
+    for line in measures.lines():
+        print(line)
+    if arguments.out is not None:
+        arguments.out.write_text(json.dumps(measures.to_dict(), indent=1))
+
+
+if __name__ == "__main__":
+    main()

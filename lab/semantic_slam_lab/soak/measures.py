@@ -1,0 +1,87 @@
+"""What a long run costs by keyframe, and what it holds."""
+
+import gc
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam_lab.soak.tour import Tour
+
+EVERY = 100
+"""Keyframes from one row to the next."""
+
+
+@dataclass
+class Measures:
+    """One row for every :data:`EVERY` keyframes."""
+
+    rows: list[dict[str, float]] = field(default_factory=list)
+
+    def lines(self) -> Iterator[str]:
+        """A table."""
+        names = list(self.rows[0])
+        yield "  ".join(f"{name:>12}" for name in names)
+        for row in self.rows:
+            yield "  ".join(f"{row[name]:12.6g}" for name in names)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def soaked(configuration: Configuration, num_keyframes: int, seed: int) -> Measures:
+    """Run the engine over the first keyframes of a tour."""
+    engine, measures = Engine(configuration), Measures()
+    spent, errors, hypotheses = [], [], []
+    tour = islice(Tour(configuration, seed).keyframes(), num_keyframes)
+    for number, seen in enumerate(tqdm(tour, total=num_keyframes, unit="keyframe"), start=1):
+        begin = time.process_time()
+        belief = engine.process(seen.keyframe)
+        spent.append(1e3 * (time.process_time() - begin))
+        errors.append(float(np.hypot(*(belief.poses[0, :2] - seen.pose[:2]))))
+        hypotheses.append(len(belief.hypothesis_ids))
+        if number % EVERY == 0:
+            measures.rows.append(
+                {
+                    "keyframes": number,
+                    "cpu_ms": float(np.mean(spent[-EVERY:])),
+                    "cpu_ms_p95": float(np.percentile(spent[-EVERY:], 95)),
+                    "rss_mb": rss_mb(),
+                    "hypotheses": float(np.mean(hypotheses[-EVERY:])),
+                    "objects": len(belief.object_ids),
+                    "error_m": float(np.mean(errors[-EVERY:])),
+                    **held(engine),
+                }
+            )
+    return measures
+
+
+def held(engine: Engine) -> dict[str, int]:
+    """Counts of what an engine and its backend in this process hold: the same numbers in every run."""
+    assert isinstance(engine.pool, InProcessPool)
+    heaviest = engine.pool.component(next(iter(engine.live)))
+    isam = heaviest.smoother.isam
+    graph = isam.getFactorsUnsafe()
+    return {
+        "variables": int(isam.getLinearizationPoint().size()),
+        "slots": int(graph.size()),
+        "factors": int(graph.nrFactors()),
+        "steps": len(engine.pool._backends[0].steps),
+        "lineage": len(next(iter(engine.live.values())).lineage),
+    }
+
+
+def rss_mb() -> float:
+    """Resident memory of this process, megabytes."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * 4096 / 1e6
