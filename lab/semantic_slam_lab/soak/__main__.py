@@ -4,7 +4,8 @@ import json
 from pathlib import Path
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
-from semantic_slam_lab.soak.measures import soaked
+from semantic_slam_lab.soak.comparison import compared
+from semantic_slam_lab.soak.measures import EVERY, soaked
 from semantic_slam_lab.soak.robots import ROBOTS, robot
 
 
@@ -18,10 +19,16 @@ def _command() -> None:
     parser.add_argument("--robot", choices=list(ROBOTS), default="given")
     parser.add_argument("--keyframes", type=int, default=2000)
     parser.add_argument("--horizon", type=int, default=0, help="history.horizon_keyframes; 0: off")
+    parser.add_argument("--against-full", action="store_true", help="hold the summary against the whole graph")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=None, help="JSON file of the measures")
     arguments = parser.parse_args()
     configuration = robot(arguments.robot, arguments.horizon)
+    if arguments.against_full:
+        for number, row in enumerate(compared(configuration, arguments.keyframes, arguments.seed, EVERY), start=1):
+            print(f"{EVERY * number:6d} keyframes: shift {row.shift:.3f} sigma, sigmas {row.least_ratio:.4f}"
+                  f" to {row.largest_ratio:.4f} of the whole graph's")
+        return
     measures = soaked(configuration, arguments.keyframes, arguments.seed)
     for line in measures.lines():
         print(line)

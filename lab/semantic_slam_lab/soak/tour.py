@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,8 +20,8 @@ CORNER_STEPS = 3
 """Keyframes in which the robot turns by a right angle on the spot."""
 LENGTH_STEPS, WIDTH_STEPS = 24, 12
 """Keyframes along the sides of the corridor."""
-BESIDE_M, APART_M = 1.6, 3.0
-"""Things from the middle of the corridor, and from one thing to the next."""
+BESIDE_M, APART_M, SHIFTED_M = 1.6, 2.5, 0.5
+"""Things from the middle of the corridor, from one thing to the next, and off that."""
 LEAST_RANGE_M, MOST_RANGE_M, FIELD_OF_VIEW_RAD = 0.4, 4.5, 1.3
 DETECTED, CLUTTER_PER_FRAME = 0.9, 0.02
 
@@ -55,16 +56,18 @@ class Tour:
 
     @staticmethod
     def things() -> Array:
-        """(M, 2) in map, along both walls of the corridor."""
+        """(M, 2) in map, along both walls of the corridor, at places that do not repeat."""
         length, width = STEP_M * LENGTH_STEPS, STEP_M * WIDTH_STEPS
-        walls = [(-BESIDE_M, length + BESIDE_M, width + BESIDE_M), (BESIDE_M, length - BESIDE_M, width - BESIDE_M)]
-        found = []
-        for low, right, top in walls:
-            along = np.arange(low, right, APART_M)
-            upward = np.arange(low + APART_M, top, APART_M)
-            found += [(x, low) for x in along] + [(right - x + low, top) for x in along]
-            found += [(right, y) for y in upward] + [(low, top - y + low) for y in upward]
-        return np.unique(np.round(found, 3), axis=0)
+        random, found = keyed_generator("soak", "things"), []
+        for off in (-BESIDE_M, BESIDE_M):
+            low, right, top = off, length - off, width - off
+            corners = np.array([[low, low], [right, low], [right, top], [low, top], [low, low]])
+            for start, end in pairwise(corners):
+                side = np.linalg.norm(end - start)
+                places = np.arange(0.5 * APART_M, side, APART_M) + random.uniform(-SHIFTED_M, SHIFTED_M)
+                places += random.uniform(-SHIFTED_M, SHIFTED_M, size=len(places))
+                found.append(start + np.outer(places / side, end - start))
+        return np.concatenate(found)
 
     def _keyframe(self, index: int, motion: Array, pose: Array, things: Array) -> Keyframe:
         covariance = odometry_covariance(float(np.hypot(*motion[:2])), abs(float(motion[2])), self.configuration.odometry)
