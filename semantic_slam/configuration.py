@@ -340,6 +340,11 @@ class HistoryConfiguration:
         minimum=0,
     )
 
+    @property
+    def is_on(self) -> bool:
+        """Whether poses of long ago are summarised."""
+        return self.horizon_keyframes > 0
+
 
 @dataclass(frozen=True)
 class MovingConfiguration:

@@ -75,7 +75,7 @@ def held(engine: Engine) -> dict[str, int]:
         "variables": int(isam.getLinearizationPoint().size()),
         "slots": int(graph.size()),
         "factors": int(graph.nrFactors()),
-        "steps": len(engine.pool._backends[0].steps),
+        "steps": engine.pool.num_steps_kept,
         "lineage": len(next(iter(engine.live.values())).lineage),
     }
 

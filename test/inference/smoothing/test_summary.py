@@ -1,0 +1,96 @@
+"""Poses of long ago marginalised out: nothing is lost where all is linear, and little where it is not."""
+
+from typing import Any
+
+import gtsam
+import numpy as np
+import pytest
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.planar_observation import PlanarObservation
+from semantic_slam.inference.models.visibility import PlanarVisibility
+from semantic_slam.inference.smoothing.factor_table import NONE_ADDED
+from semantic_slam.inference.smoothing.past import without_past
+from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
+from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.spaces import Spaces
+
+SPACES = Spaces.same(PlanarPositions())
+MAKER = SemanticFactorMaker(SPACES, PlanarObservation(None, PlanarVisibility()), None)
+POSTS, KEYFRAMES, SEEN_ONCE = 3, 30, 9
+
+
+def noise(sigma: float) -> Any:
+    return gtsam.noiseModel.Isotropic.Sigma(2, sigma)
+
+
+def walk(*, horizon: int | None) -> Smoother:
+    """A point that walks among posts and measures them along map's axes; another post is seen by keyframe 3 alone.
+
+    With a ``horizon`` all but so many poses are summarised after every fifth keyframe.
+    """
+    random = np.random.default_rng(5)
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.PriorFactorPoint2(robot_key(-1), np.zeros(2), noise(0.1)))
+    values.insert(robot_key(-1), np.zeros(2))
+    for number in range(POSTS):
+        graph.add(gtsam.PriorFactorPoint2(object_key(number), np.zeros(2), noise(1e3)))
+        values.insert(object_key(number), np.zeros(2))
+    smoother = Smoother.of(SPACES, MAKER, graph, values)
+    for k in range(KEYFRAMES):
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        step = random.normal(size=2)
+        graph.add(gtsam.BetweenFactorPoint2(robot_key(k - 1), robot_key(k), step, noise(0.3)))
+        graph.add(gtsam.BetweenFactorPoint2(robot_key(k), object_key(k % POSTS), random.normal(size=2), noise(0.2)))
+        values.insert(robot_key(k), np.zeros(2))
+        if k == 3:
+            graph.add(gtsam.BetweenFactorPoint2(robot_key(k), object_key(SEEN_ONCE), np.ones(2), noise(0.2)))
+            values.insert(object_key(SEEN_ONCE), np.zeros(2))
+        smoother = smoother.updated(graph, values, NONE_ADDED)
+        if horizon is not None and k >= horizon and k % 5 == 0:
+            smoother = without_past(smoother, k + 1 - horizon, range(POSTS))
+    return smoother
+
+
+def test_in_a_linear_world_a_summary_is_the_whole_graph_without_its_past() -> None:
+    whole, ours = walk(horizon=None), walk(horizon=8)
+    keys = [robot_key(k) for k in range(KEYFRAMES - 8, KEYFRAMES)] + [object_key(n) for n in range(POSTS)]
+    assert ours.states(keys) == pytest.approx(whole.states(keys), abs=1e-9)
+    assert ours.joint_covariance(keys) == pytest.approx(whole.joint_covariance(keys), abs=1e-9)
+    assert not ours.has(robot_key(0))
+    assert not ours.has(object_key(SEEN_ONCE))  # nobody asks for it, and no pose that stays has seen it
+
+
+def configuration(**others: Any) -> Configuration:
+    settings: dict[str, Any] = {"association": "given", "semantic_model": {"kind": "none"}, **others}
+    return Configuration.of(**settings)
+
+
+def test_a_horizon_that_something_else_asks_beyond_is_refused() -> None:
+    beyond: list[dict[str, Any]] = [
+        {"history": {"horizon_keyframes": 5}},
+        {"history": {"horizon_keyframes": 100}, "association": "open", "revision": {"every_keyframes": 10}},
+        {"history": {"horizon_keyframes": 100}, "semantic_model": {"kind": "latent"}},
+        {
+            "history": {"horizon_keyframes": 100},
+            "open_world": {"iterate_updates": False},
+            "detection_errors": {"correlated_share": 0.5},
+        },
+    ]
+    for others in beyond:
+        with pytest.raises(InputError, match=r"history\.horizon_keyframes"):
+            Engine(configuration(**others))
+
+
+def test_a_path_is_told_from_its_start_though_its_beginning_is_summarised() -> None:
+    engine = Engine(configuration(history={"horizon_keyframes": 20}))
+    for index in range(32):
+        engine.process(Keyframe.planar(index, motion=(0.5, 0.0, 0.0)))
+    component = engine.pool.component(next(iter(engine.live)))  # type: ignore[attr-defined]
+    assert component.oldest == 10
+    assert component.path()[:, 0] == pytest.approx(0.5 * np.arange(1, 33), abs=1e-6)
