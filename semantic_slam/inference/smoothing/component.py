@@ -117,7 +117,10 @@ class Component:
         keys = [robot_key(keyframe) for keyframe in range(self.oldest, oldest)]
         frozen = self.states(keys)[:, : self.spaces.storage.robot]
         return replace(
-            self, smoother=without_past(self.smoother, oldest, self.every_id), past=(*self.past, frozen)
+            self,
+            smoother=without_past(self.smoother, oldest, self.every_id),
+            past=(*self.past, frozen),
+            tracked=None if self.tracked is None else self.tracked.with_thinned_trail(self.keyframe + 1 - oldest),
         )
 
     def states(self, keys: Sequence[int]) -> Array:

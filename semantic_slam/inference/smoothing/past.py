@@ -42,7 +42,7 @@ def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) 
     for slot in slots:
         if slot not in touched and slot not in semantic:
             kept.add(held.at(slot))
-    kept.add(summary.factor())
+    kept.add(summary.factor(smoother.spaces, values))
     rows = [row for row, slot in enumerate(smoother.factor_table.indices) if slot not in touched]
     factors = [held.at(smoother.factor_table.indices[row]) for row in rows]
     left = [key for key in values.keys() if key not in gone]  # noqa: SIM118

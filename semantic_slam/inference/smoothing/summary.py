@@ -5,8 +5,8 @@ linear at the estimate; by a QR factorisation, so that a summary is as good as t
 left is one dense factor over the pose of that keyframe, the objects that those before it have seen, and the newest bias
 of odometry. It has as many objects as there are, however long the drive: updates cost the same on any day.
 
-What is lost is of the second order: poses that are gone are not made linear anew when the map moves, and until the next
-summary GTSAM keeps the factor's slopes in the frames where they were made.
+It is a Gaussian of where these are as that pose sees them, and of that pose itself: what turns the whole map, as every
+loop does a little, bends none of it. What is lost is of the second order in what the rest of the map moves later on.
 """
 
 from collections.abc import Collection, Sequence
@@ -17,44 +17,38 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.linear_factors import unit_noise
-from semantic_slam.inference.states.keys import is_vector
+from semantic_slam.inference.states.keys import is_robot, is_vector
 from semantic_slam.inference.states.spaces import Spaces
 
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """A Gaussian over n variables of m dimensions together: |R d - e|^2 / 2 of the steps d from their ``points``."""
+    """A Gaussian over n variables of m dimensions together: |R (y - y') - e|^2 / 2 of their coordinates y."""
 
-    keys: tuple[int, ...]  # n, ascending
-    root: Array  # (m, m) R, upper triangular
+    keys: tuple[int, ...]  # n, ascending; of robots one alone
+    root: Array  # (m, m) R
     right: Array  # (m,) e
-    points: gtsam.Values  # n
+    coordinates: Array  # (m,) y'
 
-    def factor(self) -> Any:
-        """For GTSAM's nonlinear graphs."""
-        return gtsam.LinearContainerFactor(self._dense(self.root, self.right), self.points)
+    def factor(self, spaces: Spaces, values: gtsam.Values) -> Any:
+        """For GTSAM's nonlinear graphs, linear about the ``values``."""
+        return gtsam.LinearContainerFactor(self.linearised(spaces, values), values.extract(list(self.keys)))
 
     def is_in(self, factor: Any) -> bool:
         """Whether a factor is that of this summary: no other linear one is over the same variables."""
         return isinstance(factor, gtsam.LinearContainerFactor) and tuple(factor.keys()) == self.keys
 
     def linearised(self, spaces: Spaces, values: gtsam.Values) -> Any:
-        """For GTSAM's linear graphs, in steps from the ``values``, along the axes of the variables there."""
-        now, sizes = values.extract(list(self.keys)), self.points.dims()
-        apart = self.points.localCoordinates(now)
-        steps, slopes, end = np.zeros(len(self.right)), np.eye(len(self.right)), 0
-        for key in self.keys:
-            begin, end = end, end + sizes[key]
-            steps[begin:end] = apart.at(key)
-            slopes[begin:end, begin:end] = _slopes(spaces, key, self.points, now)
-        return self._dense(self.root @ slopes, self.right - self.root @ steps)
-
-    def _dense(self, root: Array, right: Array) -> Any:
-        """A linear factor, which GTSAM makes of many variables as a density of all of them alone."""
-        sizes = self.points.dims()
-        blocks = np.split(root, np.cumsum([sizes[key] for key in self.keys])[:-1], axis=1)
-        terms = list(zip(self.keys, blocks, strict=True))
+        """For GTSAM's linear graphs, in steps from the ``values``; many variables it takes as a density of them all."""
+        now, slopes, turns = _coordinates(spaces, self.keys, values)
+        apart = now - self.coordinates
+        apart[turns] = wrap_angle(apart[turns])
+        rows = np.linalg.qr(np.column_stack([self.root @ slopes, self.right - self.root @ apart]), mode="r")
+        sizes = values.extract(list(self.keys)).dims()
+        blocks = np.split(rows[: len(now), :-1], np.cumsum([sizes[key] for key in self.keys])[:-1], axis=1)
+        terms, right = list(zip(self.keys, blocks, strict=True)), rows[: len(now), -1]
         return gtsam.JacobianFactor(gtsam.GaussianConditional(terms, len(terms), right, unit_noise(len(right))))
 
 
@@ -72,24 +66,58 @@ def summary_of(
     if before is not None:
         graph.add(before.linearised(spaces, values))
     every = sorted(set(graph.keyVector()))
-    kept = [key for key in every if key not in gone]
+    kept = tuple(key for key in every if key not in gone)
     ordering = gtsam.Ordering()
     for key in (*(key for key in every if key in gone), *kept):
         ordering.push_back(key)
-    points = values.extract(kept)
-    size = sum(points.dims().values())
-    rows = np.linalg.qr(graph.augmentedJacobian(ordering), mode="r")
+    coordinates, slopes, _ = _coordinates(spaces, kept, values)
+    rows, size = np.linalg.qr(graph.augmentedJacobian(ordering), mode="r"), len(coordinates)
     first = rows.shape[1] - 1 - size
     left, rest = rows[first : first + size, first:], np.zeros((size, size + 1))
     rest[: len(left)] = left
-    return Summary(keys=tuple(kept), root=rest[:, :-1].copy(), right=rest[:, -1].copy(), points=points)
+    root = np.linalg.solve(slopes.T, rest[:, :-1].T).T
+    return Summary(keys=kept, root=root, right=rest[:, -1].copy(), coordinates=coordinates)
 
 
-def _slopes(spaces: Spaces, key: int, points: gtsam.Values, now: gtsam.Values) -> Array:
-    """(d, d) change of a variable's step from its point by a step from where it is now."""
-    space = None if is_vector(key) else spaces.of(key)
-    if space is None or space.heading is None:
-        return np.eye(points.dims()[key])
-    turn = space.state(now, key)[2] - space.state(points, key)[2]
-    cos, sin = np.cos(turn), np.sin(turn)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+def _coordinates(spaces: Spaces, keys: Sequence[int], values: gtsam.Values) -> tuple[Array, Array, list[int]]:
+    """(m,) coordinates of variables, their (m, m) slopes by steps from the ``values``, and which of them are angles.
+
+    Those of a robot that turns are its own, and those of the objects are as it sees them.
+    """
+    sizes = values.extract(list(keys)).dims()
+    ends = np.cumsum([sizes[key] for key in keys]).tolist()
+    parts = {key: slice(end - sizes[key], end) for key, end in zip(keys, ends, strict=True)}
+    found, slopes = np.zeros(ends[-1]), np.eye(ends[-1])
+    for key, part in parts.items():
+        state = values.atVector(key) if is_vector(key) else spaces.of(key).state(values, key)
+        found[part] = state
+        if _turns(spaces, key):
+            slopes[part, part][:2, :2] = _rotation(state[2])
+    robot = next((key for key in keys if is_robot(key) and _turns(spaces, key)), None)
+    if robot is not None:
+        for key, part in parts.items():
+            if not is_vector(key) and key != robot:
+                _see(found, slopes, parts[robot], part)
+    turns = [part.start + 2 for key, part in parts.items() if _turns(spaces, key)]
+    return found, slopes, turns
+
+
+def _turns(spaces: Spaces, key: int) -> bool:
+    """Whether a variable is a pose."""
+    return not is_vector(key) and spaces.of(key).heading is not None
+
+
+def _see(found: Array, slopes: Array, robot: slice, part: slice) -> None:
+    """Turn an object's coordinates in map, and their slopes, into those that a robot sees."""
+    back = _rotation(found[robot][2]).T
+    found[part.start : part.start + 2] = seen = back @ (found[part][:2] - found[robot][:2])
+    slopes[part, part][:2] = back @ slopes[part, part][:2]
+    slopes[part, robot][:2] = [[-1.0, 0.0, seen[1]], [0.0, -1.0, -seen[0]]]
+    if part.stop - part.start > 2:
+        found[part.start + 2] -= found[robot][2]
+        slopes[part, robot][2, 2] = -1.0
+
+
+def _rotation(angle_rad: float) -> Array:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cos, -sin], [sin, cos]])
