@@ -5,6 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from semantic_slam_lab.soak.comparison import compared
+from semantic_slam_lab.soak.measures import held
+from semantic_slam_lab.soak.robots import robot
+from semantic_slam_lab.soak.tour import Tour
 
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.engine import Engine
@@ -12,10 +16,6 @@ from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.hypotheses import redistributed
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam_lab.soak.comparison import compared
-from semantic_slam_lab.soak.measures import held
-from semantic_slam_lab.soak.robots import robot
-from semantic_slam_lab.soak.tour import Tour
 
 HORIZON = 24
 

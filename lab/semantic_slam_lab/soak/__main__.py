@@ -26,8 +26,10 @@ def _command() -> None:
     configuration = robot(arguments.robot, arguments.horizon)
     if arguments.against_full:
         for number, row in enumerate(compared(configuration, arguments.keyframes, arguments.seed, EVERY), start=1):
-            print(f"{EVERY * number:6d} keyframes: shift {row.shift:.3f} sigma, sigmas {row.least_ratio:.4f}"
-                  f" to {row.largest_ratio:.4f} of the whole graph's")
+            print(
+                f"{EVERY * number:6d} keyframes: shift {row.shift:.3f} sigma, sigmas {row.least_ratio:.4f}"
+                f" to {row.largest_ratio:.4f} of the whole graph's"
+            )
         return
     measures = soaked(configuration, arguments.keyframes, arguments.seed)
     for line in measures.lines():

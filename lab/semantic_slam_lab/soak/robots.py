@@ -1,6 +1,7 @@
 """The robots that tour: shipped configurations, each given keyframes ready made."""
 
 from dataclasses import replace
+from typing import Any
 
 from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.shipped import configuration_file
@@ -8,7 +9,7 @@ from semantic_slam.shipped import configuration_file
 ROBOTS = {"given": "victoria_park", "open": "open_world", "uncalibrated": "uncalibrated"}
 """Name -> shipped configuration: identities given; no map; no map and nobody calibrated it."""
 
-WHEELS = {"sigma_translation_per_m": 0.02, "sigma_rotation_per_m": 0.01, "sigma_rotation_per_rad": 0.02}
+WHEELS: dict[str, Any] = {"sigma_translation_per_m": 0.02, "sigma_rotation_per_m": 0.01, "sigma_rotation_per_rad": 0.02}
 """Of the robot without a map: things that all look alike do not place worse odometry once about the building."""
 
 

@@ -70,7 +70,9 @@ class Tour:
         return np.concatenate(found)
 
     def _keyframe(self, index: int, motion: Array, pose: Array, things: Array) -> Keyframe:
-        covariance = odometry_covariance(float(np.hypot(*motion[:2])), abs(float(motion[2])), self.configuration.odometry)
+        covariance = odometry_covariance(
+            float(np.hypot(*motion[:2])), abs(float(motion[2])), self.configuration.odometry
+        )
         sigmas = np.sqrt(np.diag(covariance))
         told = se2.compose(motion, se2.exp(sigmas * self._random.normal(size=3)))
         return Keyframe.planar(index, motion=told, detections=self._detections(pose, things), motion_sigmas=sigmas)

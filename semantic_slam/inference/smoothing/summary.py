@@ -45,7 +45,7 @@ class Summary:
         now, slopes, turns = _coordinates(spaces, self.keys, values)
         apart = now - self.coordinates
         apart[turns] = wrap_angle(apart[turns])
-        rows = np.linalg.qr(np.column_stack([self.root @ slopes, self.right - self.root @ apart]), mode="r")
+        rows = _triangle(np.column_stack([self.root @ slopes, self.right - self.root @ apart]))
         sizes = values.extract(list(self.keys)).dims()
         blocks = np.split(rows[: len(now), :-1], np.cumsum([sizes[key] for key in self.keys])[:-1], axis=1)
         terms, right = list(zip(self.keys, blocks, strict=True)), rows[: len(now), -1]
@@ -71,12 +71,17 @@ def summary_of(
     for key in (*(key for key in every if key in gone), *kept):
         ordering.push_back(key)
     coordinates, slopes, _ = _coordinates(spaces, kept, values)
-    rows, size = np.linalg.qr(graph.augmentedJacobian(ordering), mode="r"), len(coordinates)
+    rows, size = _triangle(graph.augmentedJacobian(ordering)), len(coordinates)
     first = rows.shape[1] - 1 - size
     left, rest = rows[first : first + size, first:], np.zeros((size, size + 1))
     rest[: len(left)] = left
     root = np.linalg.solve(slopes.T, rest[:, :-1].T).T
-    return Summary(keys=kept, root=root, right=rest[:, -1].copy(), coordinates=coordinates)
+    return Summary(keys=kept, root=np.asarray(root, dtype=float), right=rest[:, -1].copy(), coordinates=coordinates)
+
+
+def _triangle(rows: Array) -> Array:
+    """The upper triangle R of rows = Q R."""
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=float)
 
 
 def _coordinates(spaces: Spaces, keys: Sequence[int], values: gtsam.Values) -> tuple[Array, Array, list[int]]:

@@ -9,7 +9,6 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
 
-
 TRAIL_CELL, LOOKS_FROM_A_PLACE = np.array([0.5, 0.5, 0.5]), 4
 """Metres and radians within which poses of long ago are one place, and how many looks from one count."""
 
