@@ -16,5 +16,5 @@ class ForgetfulPool(InProcessPool):
         """Round one, of the backends that are left."""
         if keyframe.index == self._dies_at and 0 in self.backend_ids:
             self.backend_ids = self.backend_ids[1:]
-            self.backends = self.backends[1:]
+            self._backends = self._backends[1:]
         return super().expand(keyframe)

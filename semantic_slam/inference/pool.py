@@ -12,37 +12,37 @@ class InProcessPool:
 
     def __init__(self, number: int, problem: Problem | None = None):
         self.backend_ids = tuple(range(number))
-        self.backends = [Backend(n, problem) for n in self.backend_ids]
+        self._backends = [Backend(n, problem) for n in self.backend_ids]
 
     def start(self, run: RunConfiguration) -> None:
         """Begin a run."""
-        for backend in self.backends:
+        for backend in self._backends:
             backend.start(run)
-        first = self.backends[0]
+        first = self._backends[0]
         if first.problem.history.is_on:
-            for backend in self.backends:
+            for backend in self._backends:
                 backend.share(first.trunks)
 
     def tell(self, keyframe: Keyframe) -> None:
         """Let the backends know a keyframe that they do not; nobody answers."""
-        for backend in self.backends:
+        for backend in self._backends:
             backend.learn(keyframe)
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
-        return [backend.expand(keyframe) for backend in self.backends]
+        return [backend.expand(keyframe) for backend in self._backends]
 
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: the survivors forked, updated and reported."""
-        answers = [backend.commit(commit) for backend in self.backends]
+        answers = [backend.commit(commit) for backend in self._backends]
         return [answer for answer in answers if answer is not None]
 
     @property
     def num_steps_kept(self) -> int:
         """Keyframes that the backends can replay."""
-        return max(len(backend.steps) - backend.steps.first for backend in self.backends)
+        return max(len(backend.steps) - backend.steps.first for backend in self._backends)
 
     def component(self, number: int) -> Component:
         """The component of a live hypothesis, whichever backend holds it. Raises KeyError."""
-        held = next((backend.held for backend in self.backends if number in backend.held), {})
+        held = next((backend.held for backend in self._backends if number in backend.held), {})
         return held[number].component

@@ -43,7 +43,7 @@ def test_the_components_of_a_backend_that_is_gone_are_rebuilt_from_checkpoints_t
 ) -> None:
     engine, _ = toured
     assert isinstance(engine.pool, InProcessPool)
-    gone, other = engine.pool.backends
+    gone, other = engine.pool._backends
     replayed, expand = [], Expander.expand
 
     def counted(own: Expander, step: Step, *others: Any) -> Expansion:

@@ -83,7 +83,7 @@ class StudyPool(InProcessPool):
 
     def component(self, number: int) -> Component:
         """The component of a hypothesis."""
-        return self.backends[0].held[number].component
+        return self._backends[0].held[number].component
 
 
 def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> Outcome:
