@@ -1,7 +1,6 @@
 """A smoother without the poses of long ago: what they told stays, as a summary over what is left."""
 
 from collections.abc import Collection
-from dataclasses import replace
 from typing import Any
 
 import gtsam
@@ -33,21 +32,17 @@ def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) 
     touched = {slot for slot in slots if not gone.isdisjoint(keys[slot])}
     gone |= _forgotten(keys, touched, object_ids)
     touched = {slot for slot in slots if not gone.isdisjoint(keys[slot])}
-    told = [held.at(slot) for slot in sorted(touched)]
-    if smoother.summary is not None:
-        told = [factor for factor in told if not smoother.summary.is_in(factor)]
-    summary = summary_of(smoother.spaces, told, smoother.summary, values, gone)
+    summary = summary_of(smoother.spaces, [held.at(slot) for slot in sorted(touched)], values, gone)
     semantic = set(smoother.factor_table.indices)
     kept = gtsam.NonlinearFactorGraph()
     for slot in slots:
         if slot not in touched and slot not in semantic:
             kept.add(held.at(slot))
-    kept.add(summary.factor(smoother.spaces, values))
+    kept.add(summary.factor(smoother.spaces))
     rows = [row for row, slot in enumerate(smoother.factor_table.indices) if slot not in touched]
     factors = [held.at(smoother.factor_table.indices[row]) for row in rows]
     left = [key for key in values.keys() if key not in gone]  # noqa: SIM118
-    restarted = smoother.restarted(kept, values.extract(left), factors, _taken(smoother.factor_table, rows))
-    return replace(restarted, summary=summary)
+    return smoother.restarted(kept, values.extract(left), factors, _taken(smoother.factor_table, rows))
 
 
 def _is_past(key: int, oldest: int) -> bool:

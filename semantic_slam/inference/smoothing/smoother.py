@@ -34,7 +34,6 @@ from semantic_slam.inference.smoothing.linear_measurements import LinearFactors,
 from semantic_slam.inference.smoothing.measured import Measured
 from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.smoothing.summary import Summary
 from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_robot, is_vector, letter_of, number_of
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -64,7 +63,6 @@ class Smoother:
     in_charts: LinearFactors | None = None  # its measurements where iSAM2 holds them linear
     steps: int = 0  # updates since it began to be updated once per keyframe
     single_steps: bool = False  # updated once per keyframe
-    summary: Summary | None = None  # of the poses that were marginalised out; None: there are all
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
@@ -323,7 +321,6 @@ class Smoother:
             factor_table=made,
             num_descriptors=descriptors,
             single_steps=self.single_steps,
-            summary=self.summary,
             last=last,
         )
 
@@ -362,7 +359,6 @@ class Smoother:
             factor_table=made,
             num_descriptors=descriptors,
             single_steps=self.single_steps,
-            summary=self.summary,
             last=last,
         )
 

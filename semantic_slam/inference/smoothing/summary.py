@@ -32,30 +32,34 @@ class Summary:
     right: Array  # (m,) e
     coordinates: Array  # (m,) y'
 
-    def factor(self, spaces: Spaces, values: gtsam.Values) -> Any:
-        """For GTSAM's nonlinear graphs, linear about the ``values``."""
-        return gtsam.LinearContainerFactor(self.linearised(spaces, values), values.extract(list(self.keys)))
+    def factor(self, spaces: Spaces) -> Any:
+        """For GTSAM's nonlinear graphs; a callback, for GTSAM keeps a linear factor's slopes in frames that turn."""
 
-    def is_in(self, factor: Any) -> bool:
-        """Whether a factor is that of this summary: no other linear one is over the same variables."""
-        return isinstance(factor, gtsam.LinearContainerFactor) and tuple(factor.keys()) == self.keys
+        def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            apart, slopes = self._apart(spaces, values)
+            if jacobians is not None:
+                for number, block in enumerate(self._blocks(self.root @ slopes, values)):
+                    jacobians[number] = block
+            return np.asarray(self.root @ apart - self.right)
 
-    def linearised(self, spaces: Spaces, values: gtsam.Values) -> Any:
-        """For GTSAM's linear graphs, in steps from the ``values``; many variables it takes as a density of them all."""
+        return gtsam.CustomFactor(unit_noise(len(self.right)), list(self.keys), error)
+
+    def _apart(self, spaces: Spaces, values: gtsam.Values) -> tuple[Array, Array]:
+        """(m,) coordinates at some values from y', and their (m, m) slopes."""
         now, slopes, turns = _coordinates(spaces, self.keys, values)
         apart = now - self.coordinates
         apart[turns] = wrap_angle(apart[turns])
-        rows = _triangle(np.column_stack([self.root @ slopes, self.right - self.root @ apart]))
+        return apart, slopes
+
+    def _blocks(self, columns: Array, values: gtsam.Values) -> list[Array]:
+        """The columns of each variable."""
         sizes = values.extract(list(self.keys)).dims()
-        blocks = np.split(rows[: len(now), :-1], np.cumsum([sizes[key] for key in self.keys])[:-1], axis=1)
-        terms, right = list(zip(self.keys, blocks, strict=True)), rows[: len(now), -1]
-        return gtsam.JacobianFactor(gtsam.GaussianConditional(terms, len(terms), right, unit_noise(len(right))))
+        ends = np.cumsum([sizes[key] for key in self.keys])[:-1]
+        return [np.asfortranarray(block) for block in np.split(columns, ends, axis=1)]
 
 
-def summary_of(
-    spaces: Spaces, factors: Sequence[Any], before: Summary | None, values: gtsam.Values, gone: Collection[int]
-) -> Summary:
-    """What nonlinear ``factors``, linear at the ``values``, and a summary ``before`` say without variables ``gone``.
+def summary_of(spaces: Spaces, factors: Sequence[Any], values: gtsam.Values, gone: Collection[int]) -> Summary:
+    """What nonlinear ``factors``, linear at the ``values``, say without the variables that are ``gone``.
 
     Every one of them is over a variable that goes.
     """
@@ -63,8 +67,6 @@ def summary_of(
     for factor in factors:
         touched.add(factor)
     graph = touched.linearize(values)
-    if before is not None:
-        graph.add(before.linearised(spaces, values))
     every = sorted(set(graph.keyVector()))
     kept = tuple(key for key in every if key not in gone)
     ordering = gtsam.Ordering()
