@@ -16,7 +16,9 @@ from semantic_slam.inference.smoothing.factor_table import NONE_ADDED
 from semantic_slam.inference.smoothing.past import without_past
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.smoothing.summary import summary_of
 from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -64,6 +66,47 @@ def test_in_a_linear_world_a_summary_is_the_whole_graph_without_its_past() -> No
     assert ours.joint_covariance(keys) == pytest.approx(whole.joint_covariance(keys), abs=1e-9)
     assert not ours.has(robot_key(0))
     assert not ours.has(object_key(SEEN_ONCE))  # nobody asks for it, and no pose that stays has seen it
+
+
+def ring() -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """Poses about two posts, of a map that may lie anywhere and turn."""
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    wide = gtsam.noiseModel.Diagonal.Sigmas(np.array([100.0, 100.0, 10.0]))
+    graph.add(gtsam.PriorFactorPose2(robot_key(0), gtsam.Pose2(), wide))
+    sharp, pose, step = gtsam.noiseModel.Isotropic.Sigma(3, 0.01), gtsam.Pose2(), gtsam.Pose2(1.0, 0.2, 0.3)
+    for k in range(4):
+        values.insert(robot_key(k), pose)
+        for number in range(2):
+            post = gtsam.Pose2(2.0, 3.0 * number - 1.0, 0.5)
+            graph.add(gtsam.BetweenFactorPose2(robot_key(k), object_key(number), pose.between(post), sharp))
+        if k:
+            graph.add(gtsam.BetweenFactorPose2(robot_key(k - 1), robot_key(k), step, sharp))
+        pose = pose.compose(step)
+    for number in range(2):
+        values.insert(object_key(number), gtsam.Pose2(2.0, 3.0 * number - 1.0, 0.5))
+    return graph, values
+
+
+def test_what_turns_the_whole_map_bends_no_summary() -> None:
+    graph, values = ring()
+    gone, kept = [robot_key(k) for k in range(3)], [robot_key(3), object_key(0), object_key(1)]
+    factor = summary_of(Spaces.same(PlanarPoses()), [graph.at(i) for i in range(graph.size())], values, gone).factor(
+        Spaces.same(PlanarPoses())
+    )
+    turn, turned = gtsam.Pose2(3.0, -5.0, 2.0), gtsam.Values()
+    for key in kept:
+        turned.insert(key, turn.compose(values.atPose2(key)))
+    assert factor.error(values) == pytest.approx(0.0, abs=1e-12)
+    assert factor.error(turned) < 0.1  # what is known of where the map is: next to nothing
+    jacobian, right = factor.linearize(turned).jacobian()
+    assert factor.error(turned) == pytest.approx(0.5 * right @ right)
+    by_difference = np.empty_like(jacobian)
+    for column in range(jacobian.shape[1]):
+        step = gtsam.VectorValues()
+        for place, key in enumerate(factor.keys()):
+            step.insert(key, 1e-6 * np.eye(9)[column, 3 * place : 3 * place + 3])
+        by_difference[:, column] = (right - factor.linearize(turned.retract(step)).jacobian()[1]) / 1e-6
+    assert jacobian == pytest.approx(by_difference, abs=1e-3)
 
 
 def configuration(**others: Any) -> Configuration:
