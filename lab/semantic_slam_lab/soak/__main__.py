@@ -1,8 +1,5 @@
 """``python -m semantic_slam_lab.soak``: runs the engine for a day's keyframes, and says what each costs and leaves."""
 
-import json
-from pathlib import Path
-
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam_lab.soak.comparison import compared
 from semantic_slam_lab.soak.measures import EVERY, soaked
@@ -21,7 +18,6 @@ def _command() -> None:
     parser.add_argument("--horizon", type=int, default=0, help="history.horizon_keyframes; 0: off")
     parser.add_argument("--against-full", action="store_true", help="hold the summary against the whole graph")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=None, help="JSON file of the measures")
     arguments = parser.parse_args()
     configuration = robot(arguments.robot, arguments.horizon)
     if arguments.against_full:
@@ -31,11 +27,10 @@ def _command() -> None:
                 f" to {row.largest_ratio:.4f} of the whole graph's"
             )
         return
-    measures = soaked(configuration, arguments.keyframes, arguments.seed)
-    for line in measures.lines():
-        print(line)
-    if arguments.out is not None:
-        arguments.out.write_text(json.dumps(measures.to_dict(), indent=1))
+    for number, measured in enumerate(soaked(configuration, arguments.keyframes, arguments.seed)):
+        if number == 0:
+            print("  ".join(f"{name:>13}" for name in measured))
+        print("  ".join(f"{value:13.6g}" for value in measured.values()), flush=True)
 
 
 if __name__ == "__main__":

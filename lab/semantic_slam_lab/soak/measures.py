@@ -3,10 +3,8 @@
 import gc
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -20,27 +18,13 @@ EVERY = 100
 """Keyframes from one row to the next."""
 
 
-@dataclass
-class Measures:
-    """One row for every :data:`EVERY` keyframes."""
-
-    rows: list[dict[str, float]] = field(default_factory=list)
-
-    def lines(self) -> Iterator[str]:
-        """A table."""
-        names = list(self.rows[0])
-        yield "  ".join(f"{name:>12}" for name in names)
-        for row in self.rows:
-            yield "  ".join(f"{row[name]:12.6g}" for name in names)
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
+Row = dict[str, float]
+"""What is measured of :data:`EVERY` keyframes, by name."""
 
 
-def soaked(configuration: Configuration, num_keyframes: int, seed: int) -> Measures:
-    """Run the engine over the first keyframes of a tour."""
-    engine, measures = Engine(configuration), Measures()
+def soaked(configuration: Configuration, num_keyframes: int, seed: int) -> Iterator[Row]:
+    """Run the engine over the first keyframes of a tour; a row for every :data:`EVERY` of them, as it goes."""
+    engine = Engine(configuration)
     spent, errors, hypotheses = [], [], []
     tour = islice(Tour(configuration, seed).keyframes(), num_keyframes)
     for number, seen in enumerate(tqdm(tour, total=num_keyframes, unit="keyframe"), start=1):
@@ -50,19 +34,17 @@ def soaked(configuration: Configuration, num_keyframes: int, seed: int) -> Measu
         errors.append(float(np.hypot(*(belief.poses[0, :2] - seen.pose[:2]))))
         hypotheses.append(len(belief.hypothesis_ids))
         if number % EVERY == 0:
-            measures.rows.append(
-                {
-                    "keyframes": number,
-                    "cpu_ms": float(np.mean(spent[-EVERY:])),
-                    "cpu_ms_p95": float(np.percentile(spent[-EVERY:], 95)),
-                    "rss_mb": rss_mb(),
-                    "hypotheses": float(np.mean(hypotheses[-EVERY:])),
-                    "objects": len(belief.object_ids),
-                    "error_m": float(np.mean(errors[-EVERY:])),
-                    **held(engine),
-                }
-            )
-    return measures
+            yield {
+                "keyframes": number,
+                "cpu_ms": float(np.mean(spent)),
+                "cpu_ms_median": float(np.median(spent)),
+                "rss_mb": rss_mb(),
+                "hypotheses": float(np.mean(hypotheses)),
+                "objects": len(belief.object_ids),
+                "error_m": float(np.mean(errors)),
+                **held(engine),
+            }
+            spent, errors, hypotheses = [], [], []
 
 
 def held(engine: Engine) -> dict[str, int]:

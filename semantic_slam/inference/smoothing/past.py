@@ -1,6 +1,7 @@
 """A smoother without the poses of long ago: what they told stays, as a summary over what is left."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import Any
 
 import gtsam
@@ -42,7 +43,8 @@ def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) 
     rows = [row for row, slot in enumerate(smoother.factor_table.indices) if slot not in touched]
     factors = [held.at(smoother.factor_table.indices[row]) for row in rows]
     left = [key for key in values.keys() if key not in gone]  # noqa: SIM118
-    return smoother.restarted(kept, values.extract(left), factors, _taken(smoother.factor_table, rows))
+    restarted = smoother.restarted(kept, values.extract(left), factors, _taken(smoother.factor_table, rows))
+    return replace(restarted, is_summarised=True)
 
 
 def _is_past(key: int, oldest: int) -> bool:

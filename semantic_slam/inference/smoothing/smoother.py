@@ -41,6 +41,8 @@ FEW_VARIABLES = 200
 """Up to which reading the whole estimate once costs less than reading parts of it."""
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
+MOST_JOINT_SUMMARISED = 200
+"""The same where the past is summarised: all objects are then in one clique, through which every single one goes."""
 CONVERGED = 1.5
 """Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
 the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
@@ -63,6 +65,7 @@ class Smoother:
     in_charts: LinearFactors | None = None  # its measurements where iSAM2 holds them linear
     steps: int = 0  # updates since it began to be updated once per keyframe
     single_steps: bool = False  # updated once per keyframe
+    is_summarised: bool = False  # its past is one factor over all objects
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
@@ -196,8 +199,8 @@ class Smoother:
 
         The next prediction asks for that joint covariance, too.
         """
-        layout = self.spaces.layout
-        if len(keys) > MOST_JOINT:
+        layout, most = self.spaces.layout, MOST_JOINT_SUMMARISED if self.is_summarised else MOST_JOINT
+        if len(keys) > most:
             return layout.stacked_squares(self._covariance(keys[0]), self.covariances(keys[1:]))
         blocks: Array = layout.diagonal(self.joint_covariance(keys)[None])[0].copy()
         return blocks
@@ -321,6 +324,7 @@ class Smoother:
             factor_table=made,
             num_descriptors=descriptors,
             single_steps=self.single_steps,
+            is_summarised=self.is_summarised,
             last=last,
         )
 
@@ -359,6 +363,7 @@ class Smoother:
             factor_table=made,
             num_descriptors=descriptors,
             single_steps=self.single_steps,
+            is_summarised=self.is_summarised,
             last=last,
         )
 
