@@ -161,6 +161,9 @@ class Smoother:
                 at = dict(zip(keys, ends, strict=True))
                 rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in wanted])
                 return np.asarray(covariance[np.ix_(rows, rows)])
+        return self._read(wanted)
+
+    def _read(self, wanted: Sequence[int]) -> Array:
         try:
             covariance = self.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
         except (RuntimeError, IndexError) as fault:
@@ -199,8 +202,10 @@ class Smoother:
 
         The next prediction asks for that joint covariance, too.
         """
-        layout, most = self.spaces.layout, MOST_JOINT_SUMMARISED if self.is_summarised else MOST_JOINT
-        if len(keys) > most:
+        layout = self.spaces.layout
+        if MOST_JOINT < len(keys) <= MOST_JOINT_SUMMARISED and self.is_summarised:
+            return np.asarray(layout.diagonal(self._read(keys)[None])[0]).copy()  # predictions read what they ask for
+        if len(keys) > MOST_JOINT:
             return layout.stacked_squares(self._covariance(keys[0]), self.covariances(keys[1:]))
         blocks: Array = layout.diagonal(self.joint_covariance(keys)[None])[0].copy()
         return blocks
