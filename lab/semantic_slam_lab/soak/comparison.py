@@ -39,7 +39,7 @@ def compared(configuration: Configuration, num_keyframes: int, seed: int, every:
 
 
 def difference(ours: HybridBelief, full: HybridBelief) -> Difference:
-    """Of the heaviest hypotheses' robots, and of the mixtures' objects."""
+    """How far the heaviest hypotheses' robots and the mixtures' objects are off."""
     rows = [full.object_ids.tolist().index(number) for number in ours.object_ids.tolist()]
     shifts, ratios = [], []
     for one, other, covariance, own in (

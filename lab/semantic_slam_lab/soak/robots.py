@@ -10,7 +10,7 @@ ROBOTS = {"given": "victoria_park", "open": "open_world", "uncalibrated": "uncal
 """Name -> shipped configuration: identities given; no map; no map and nobody calibrated it."""
 
 WHEELS: dict[str, Any] = {"sigma_translation_per_m": 0.02, "sigma_rotation_per_m": 0.01, "sigma_rotation_per_rad": 0.02}
-"""Of the robot without a map: things that all look alike do not place worse odometry once about the building."""
+"""Odometry of the robot without a map: things that look alike do not place it where it is worse for a whole round."""
 
 
 def robot(name: str, horizon_keyframes: int = 0) -> Configuration:

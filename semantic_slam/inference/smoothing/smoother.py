@@ -42,7 +42,7 @@ FEW_VARIABLES = 200
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
 MOST_JOINT_SUMMARISED = 200
-"""The same where the past is summarised: all objects are then in one clique, through which every single one goes."""
+"""States up to which it does where the past is summarised: every single one then goes through a clique of all."""
 CONVERGED = 1.5
 """Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
 the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
