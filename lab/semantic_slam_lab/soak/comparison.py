@@ -39,17 +39,17 @@ def compared(configuration: Configuration, num_keyframes: int, seed: int, every:
 
 
 def difference(ours: HybridBelief, full: HybridBelief) -> Difference:
-    """How far the heaviest hypotheses' robots and the mixtures' objects are off."""
-    rows = [full.object_ids.tolist().index(number) for number in ours.object_ids.tolist()]
+    """How far the heaviest hypotheses' robots are off, and the mixtures' objects that both state."""
+    _, own, rows = np.intersect1d(ours.object_ids, full.object_ids, return_indices=True)
     shifts, ratios = [], []
-    for one, other, covariance, own in (
+    for one, other, covariance, stated in (
         (ours.poses[:1], full.poses[:1], full.pose_covariances[:1], ours.pose_covariances[:1]),
-        (ours.object_poses, full.object_poses[rows], full.object_covariances[rows], ours.object_covariances),
+        (ours.object_poses[own], full.object_poses[rows], full.object_covariances[rows], ours.object_covariances[own]),
     ):
         for axis in PLACE:
             sigma = np.sqrt(covariance[:, axis, axis])
             shifts.append(np.abs(one[:, axis] - other[:, axis]) / sigma)
-            ratios.append(np.sqrt(own[:, axis, axis]) / sigma)
+            ratios.append(np.sqrt(stated[:, axis, axis]) / sigma)
     turn = wrap_angle(_yaw(ours.poses[:1]) - _yaw(full.poses[:1]))
     sigma = np.sqrt(full.pose_covariances[:1, HEADING, HEADING])
     shifts.append(np.abs(turn) / sigma)
