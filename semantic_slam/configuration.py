@@ -335,8 +335,8 @@ class RevisionConfiguration:
 class HistoryConfiguration:
     horizon_keyframes: int = parameter(
         0,
-        "newest keyframes whose poses stay variables, for drives of hours: three rounds of the building, or more; older"
-        " ones are summarised in one Gaussian of what they saw, and the path keeps them as they were then; 0: all stay",
+        "newest keyframes whose poses stay variables, for drives of hours: more than the longest loop has; older ones"
+        " are summarised in one Gaussian of what they saw, and the path keeps them as they were then; 0: all stay",
         minimum=0,
     )
 
