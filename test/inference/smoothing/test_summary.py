@@ -1,5 +1,6 @@
 """Poses of long ago marginalised out: nothing is lost where all is linear, and little where it is not."""
 
+from dataclasses import replace
 from typing import Any
 
 import gtsam
@@ -9,6 +10,7 @@ import pytest
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.visibility import PlanarVisibility
@@ -17,10 +19,13 @@ from semantic_slam.inference.smoothing.past import without_past
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.summary import summary_of
+from semantic_slam.inference.smoothing.tracking import tracked_before
+from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.states.tracked_objects import LOOKS_FROM_A_PLACE
 
 SPACES = Spaces.same(PlanarPositions())
 MAKER = SemanticFactorMaker(SPACES, PlanarObservation(None, PlanarVisibility()), None)
@@ -137,3 +142,29 @@ def test_a_path_is_told_from_its_start_though_its_beginning_is_summarised() -> N
     component = engine.pool.component(next(iter(engine.live)))  # type: ignore[attr-defined]
     assert component.oldest == 10
     assert component.path()[:, 0] == pytest.approx(0.5 * np.arange(1, 33), abs=1e-6)
+
+
+def hypotheses_after(horizon: int) -> list[int]:
+    """How many there are after each keyframe of a drive with one detection so far off that its name may be wrong."""
+    engine, found = Engine(configuration(history={"horizon_keyframes": horizon})), []
+    for k in range(30):
+        x, off = 0.2 * k, 0.5 if k == 4 else 0.0
+        seen = [Detection.at(3.0 - x + off, 1.5, track_id="a"), Detection.at(4.0 - x, -1.5, track_id="b")]
+        belief = engine.process(Keyframe.planar(k, motion=(0.2, 0.0, 0.0), detections=seen))
+        found.append(len(belief.hypothesis_ids))
+    return found
+
+
+def test_histories_that_differ_in_what_is_summarised_alone_become_one() -> None:
+    assert hypotheses_after(0)[-1] == 2
+    counts = hypotheses_after(20)
+    assert set(counts[4:24]) == {2}
+    assert set(counts[24:]) == {1}
+
+
+def test_of_a_trail_of_long_ago_the_newest_looks_from_each_place_count() -> None:
+    places = np.tile([0.0, 5.0], 50)
+    tracked = tracked_before(Spaces.same(PlanarPoses()), GaussianPrior(mean=np.zeros(3), covariance=np.eye(3)), [], 0)
+    trail = np.column_stack([places, np.zeros(100), 1e-3 * np.arange(100)])
+    thinned = replace(tracked, trail=trail).with_thinned_trail(2).trail
+    assert thinned == pytest.approx(trail[-2 * LOOKS_FROM_A_PLACE :])
