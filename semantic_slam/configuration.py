@@ -333,6 +333,21 @@ class RevisionConfiguration:
 
 
 @dataclass(frozen=True)
+class HistoryConfiguration:
+    horizon_keyframes: int = parameter(
+        0,
+        "newest keyframes whose poses stay variables, for drives of hours: more than the longest loop has; older ones"
+        " are summarised in one Gaussian of what they saw, and the path keeps them as they were then; 0: all stay",
+        minimum=0,
+    )
+
+    @property
+    def is_on(self) -> bool:
+        """Whether poses of long ago are summarised."""
+        return self.horizon_keyframes > 0
+
+
+@dataclass(frozen=True)
 class MovingConfiguration:
     share: float = parameter(
         0.0,
@@ -541,6 +556,7 @@ class Configuration:
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
+    history: HistoryConfiguration = field(default_factory=HistoryConfiguration)
     moving: MovingConfiguration = field(default_factory=MovingConfiguration)
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
     initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)

@@ -22,12 +22,14 @@ from semantic_slam.inference.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.displaced_marginals import displaced_marginals
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, certain
+from semantic_slam.inference.smoothing.horizon import apart
 from semantic_slam.inference.smoothing.trunks import Trunks
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep, as_followed, next_id
@@ -52,9 +54,17 @@ class Backend:
         self.registry = ObjectRegistry(self.problem.objects, self.problem.class_shares, self.problem.displaced)
         self.association: AssociationStrategy = self.problem.association(self.problem, self.registry)
         self.expander = Expander(self.problem, self.association)
-        self.steps: list[Step] = []
-        self._trunks = Trunks()
+        self.steps = KeptSteps()
+        self.trunks = Trunks(apart(self.problem.history) if self.problem.history.is_on else None)
+        self._forgets = False
         self._stand_before(0)
+
+    def share(self, trunks: Trunks) -> None:
+        """Rebuild components from ``trunks``, which all backends of a run keep together.
+
+        Keyframes before the oldest of these are forgotten.
+        """
+        self.trunks, self._forgets = trunks, True
 
     def _stand_before(self, index: int) -> None:
         """Hold what there is before a keyframe without those before it: the roots of all hypotheses, or nothing."""
@@ -165,9 +175,11 @@ class Backend:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
         lineage, beginning = as_followed(lineage), self.problem.beginning(lineage)
         numbers = [ROOT_ID + beginning]
-        for step, taken in zip(self.steps[:length], lineage, strict=True):
-            numbers.append(next_id(numbers[-1], step.stamp_ns, taken))
-        begin, component = self._trunks.deepest(numbers) or (0, self.association.root(beginning))
+        for stamp_ns, taken in zip(self.steps.stamps_ns[:length], lineage, strict=True):
+            numbers.append(next_id(numbers[-1], stamp_ns, taken))
+        begin, component = self.trunks.deepest(numbers) or (0, self.association.root(beginning))
+        if begin < self.steps.first:
+            raise LostComponentError("a history parted from the others before the oldest checkpoint")
         for at in range(begin, length):
             step, child = self.steps[at], numbers[at + 1]
             expansion = self.expander.expand(
@@ -176,22 +188,25 @@ class Backend:
             if child not in expansion.ids:
                 raise LostComponentError("a lineage names an impossible continuation")
             rows = [expansion.ids.index(child)]
-            nobodys = at > begin and not self._trunks.is_due(at)
+            nobodys = at > begin and not self.trunks.is_due(at)
             component = certain(self.expander.grow(step, expansion, rows, in_place=nobodys)[0])
-            if self._trunks.is_due(at + 1):
-                self._trunks.keep(child, component)
-        if self._trunks.is_due(length):
+            if self.trunks.is_due(at + 1):
+                self.trunks.keep(child, component)
+        if self.trunks.is_due(length):
             return component.fork()
         return component
 
     def _keep_trunk(self) -> None:
-        """Keep the heaviest component for histories that are revised later, now and then."""
+        """Keep the heaviest component for histories that are revised later, or rebuilt elsewhere, now and then."""
         revision, count = self.problem.revision, self.committed + 1
-        if revision.every_keyframes == 0 or count > revision.horizon:
-            self._trunks.forget()
-        elif self._trunks.is_due(count) and self.held:
+        is_revised = revision.every_keyframes > 0 and count <= revision.horizon
+        if not (is_revised or self.problem.history.is_on):
+            self.trunks.forget()
+        elif self.trunks.is_due(count) and self.held:
             heaviest = max(sorted(self.held), key=lambda number: self.held[number].log_weight)
-            self._trunks.keep(heaviest, self.held[heaviest].component.fork())
+            self.trunks.keep(heaviest, self.held[heaviest].component.fork())
+        if self._forgets:
+            self.steps.forget_before(self.trunks.oldest)
 
     def _candidates(self, step: Step, expansion: Expansion, parents: list[int]) -> Candidates:
         rows, robot, landmark = expansion.assignments, self.problem.spaces.robot, self.problem.spaces.landmark

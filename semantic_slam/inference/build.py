@@ -26,6 +26,7 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection, Pla
 from semantic_slam.inference.protocol import RunConfiguration, sha256_of
 from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
+from semantic_slam.inference.smoothing.horizon import check_horizon
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.gaussian import JointPrior
 from semantic_slam.inference.states.identity import digest
@@ -77,6 +78,7 @@ def make_run_configuration(
     _check_detections(configuration, association)
     _check_revision(configuration, association)
     _check_moving(configuration, association)
+    check_horizon(configuration)
     latent = load_latent_model(configuration.semantic_model)
     described = latent or load_embedding_model(configuration.semantic_model)
     if described is not None:  # so that backends, reports and queries know the space of the descriptors
@@ -282,6 +284,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         open_world=configuration.open_world,
         detection_errors=configuration.detection_errors,
         revision=configuration.revision,
+        history=configuration.history,
         moving=_moving(configuration, association),
         clutter=clutter,
         unmapped_ids=frozenset(item.object_id for item in unmapped),

@@ -36,6 +36,7 @@ from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.revision import Revision, log_mass, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
+from semantic_slam.inference.summarised_copies import SummarisedCopies
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -81,7 +82,7 @@ class Engine:
         self.hypotheses = Hypotheses(self.problem.log_root_weights, pool.backend_ids[0])
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         merges = self.association.merges_copies
-        self.copies = Copies(self.problem) if merges else Distinct()
+        self.copies = Copies(self.problem) if merges else self._copies_of_known_objects()
         self.alternatives = Alternatives(list(self.hypotheses.live)) if merges else NoAlternatives()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
@@ -93,6 +94,9 @@ class Engine:
         )
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
+
+    def _copies_of_known_objects(self) -> Distinct | SummarisedCopies:
+        return SummarisedCopies(self.problem) if self.problem.history.is_on else Distinct()
 
     @property
     def live(self) -> dict[int, Hypothesis]:

@@ -16,7 +16,9 @@ from semantic_slam.inference.reassociation.solved import RevisedComponent
 from semantic_slam.inference.semantics.interface import SemanticEvidence
 from semantic_slam.inference.smoothing.component import WeightedComponent
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, grow
+from semantic_slam.inference.smoothing.horizon import oldest_kept
 from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.problem import Problem
@@ -112,7 +114,9 @@ class Expander:
         """
         parents = [expansion.parents.components[parent] for parent in expansion.assignments.parents[list(rows)]]
         max_fresh = self.problem.open_world.max_joint_objects
-        return grow(parents, step.motion, expansion.updates(rows), in_place=in_place, max_fresh=max_fresh)
+        grown = grow(parents, step.motion, expansion.updates(rows), in_place=in_place, max_fresh=max_fresh)
+        oldest = oldest_kept(self.problem.history, step.index)
+        return grown if oldest is None else [_without_past(outcome, oldest) for outcome in grown]
 
     def _with_revised(
         self, step: Step, parents: Parents, path: LineageStep | None
@@ -141,6 +145,15 @@ class Expander:
         if not len(keyframe.used):
             return SemanticEvidence.silent(len(candidates.assignments))
         return self.problem.semantics.weigh(keyframe.semantic_input(candidates))
+
+
+def _without_past(outcome: Outcome, oldest: int) -> Outcome:
+    if isinstance(outcome, LostComponentError):
+        return outcome
+    try:
+        return outcome.without_past(oldest)
+    except LostComponentError as fault:
+        return fault
 
 
 def _log_psi(rows: Assignments, semantics: SemanticEvidence, factors: Array) -> Array:

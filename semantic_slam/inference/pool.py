@@ -18,6 +18,10 @@ class InProcessPool:
         """Begin a run."""
         for backend in self._backends:
             backend.start(run)
+        first = self._backends[0]
+        if first.problem.history.is_on:
+            for backend in self._backends:
+                backend.share(first.trunks)
 
     def tell(self, keyframe: Keyframe) -> None:
         """Let the backends know a keyframe that they do not; nobody answers."""
@@ -32,6 +36,11 @@ class InProcessPool:
         """Round two: the survivors forked, updated and reported."""
         answers = [backend.commit(commit) for backend in self._backends]
         return [answer for answer in answers if answer is not None]
+
+    @property
+    def num_steps_kept(self) -> int:
+        """Keyframes that the backends can replay."""
+        return max(len(backend.steps) - backend.steps.first for backend in self._backends)
 
     def component(self, number: int) -> Component:
         """The component of a live hypothesis, whichever backend holds it. Raises KeyError."""

@@ -20,7 +20,6 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
-from semantic_slam.inference.states.keys import robot_key
 from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.maps.checks import MOST_OBJECTS
 from semantic_slam.maps.from_belief import mapped_rows, saved_map_of_belief
@@ -128,7 +127,7 @@ def _looks(engine: Engine, component: Component) -> Looks:
     world = engine.problem.open_world
     if world.learn_region:
         return Looks()
-    path = component.states([robot_key(k) for k in range(component.keyframe + 1)])[:, :3]
+    path = component.path()[:, :3]
     return Looks(
         path=path, region=np.array([world.direction_rad, world.field_of_view_rad, world.min_range_m, world.max_range_m])
     )

@@ -19,6 +19,7 @@ from semantic_slam.inference.models.odometry_bias import CLOCK
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.local_map import LocalMap
+from semantic_slam.inference.smoothing.past import without_past
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_after
@@ -53,6 +54,7 @@ class Component:
     elsewhere: frozenset[int] = frozenset()  # objects of a map on which the robot is not placed: no detection is of one
     settings: NoiseSettings | None = None  # that number's; None: all as told
     movers: Movers | None = None  # objects that move, or may; None: nothing does
+    past: tuple[Array, ...] = ()  # (n, s) states of the first keyframes' robots, as they were when they were summarised
 
     @classmethod
     def root(
@@ -95,6 +97,31 @@ class Component:
     def newest_robot(self) -> Array:
         """(s,) estimate of the robot at the newest keyframe."""
         return np.asarray(self.states([robot_key(self.keyframe)])[0, : self.spaces.storage.robot])
+
+    @property
+    def oldest(self) -> int:
+        """Keyframe of the oldest robot pose that is still estimated; -1: all are."""
+        return sum(len(part) for part in self.past) - 1
+
+    def path(self) -> Array:
+        """(1 + k, s) robot at every keyframe from the first one on; what was summarised is as it was then."""
+        keys = [robot_key(keyframe) for keyframe in range(self.oldest, self.keyframe + 1)]
+        parts = [*self.past, self.states(keys)[:, : self.spaces.storage.robot]]
+        return np.concatenate(parts)[1:]
+
+    def without_past(self, oldest: int) -> "Component":
+        """The component with the poses before keyframe ``oldest`` summarised. Raises LostComponentError.
+
+        No window may reach back so far.
+        """
+        keys = [robot_key(keyframe) for keyframe in range(self.oldest, oldest)]
+        frozen = self.states(keys)[:, : self.spaces.storage.robot]
+        return replace(
+            self,
+            smoother=without_past(self.smoother, oldest, self.every_id),
+            past=(*self.past, frozen),
+            tracked=None if self.tracked is None else self.tracked.with_thinned_trail(self.keyframe + 1 - oldest),
+        )
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, s) estimates, as wide as the wider of robots and objects."""

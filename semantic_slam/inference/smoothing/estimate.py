@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import gtsam
 import numpy as np
@@ -18,7 +17,7 @@ from semantic_slam.inference.states.spaces import Spaces
 class Estimate:
     """n poses and m descriptors, whose keys come first."""
 
-    keys: tuple[int, ...]  # (m + n,) ascending
+    keys: Index  # (m + n,) ascending
     descriptors: Array  # (m, L)
     poses: Array  # (n, s)
     storage: Layout  # of robots and objects
@@ -27,7 +26,7 @@ class Estimate:
     def of(cls, spaces: Spaces, values: gtsam.Values, num_descriptors: int) -> "Estimate":
         """The estimate in GTSAM's values, whose other variables come before these."""
         descriptors = gtsam.utilities.extractVectors(values, DESCRIPTOR) if num_descriptors else np.zeros((0, 0))
-        poses, keys = spaces.states(values), tuple(values.keys())
+        poses, keys = spaces.states(values), np.array(values.keys(), dtype=int)
         return cls(
             keys=keys[len(keys) - len(poses) - len(descriptors) :],
             descriptors=descriptors,
@@ -37,29 +36,16 @@ class Estimate:
 
     def states(self, keys: Sequence[int]) -> Array:
         """(B, s) estimated states of robots and objects by their keys. Raises KeyError."""
-        return np.asarray(self.poses[_rows(self.keys, tuple(keys)) - len(self.descriptors)])
+        wanted = np.array(keys, dtype=int)
+        rows = np.searchsorted(self.keys, wanted)
+        if rows.max(initial=-1) >= len(self.keys) or (self.keys[rows] != wanted).any():
+            raise KeyError(f"no variables {sorted(set(wanted.tolist()) - set(self.keys.tolist()))}")
+        return np.asarray(self.poses[rows - len(self.descriptors)])
 
     def points(self, keys: Index) -> LinearisationPoints:
         """Linearisation points of some semantic measurements' variables, (B, 2) keys or with descriptors (B, 3)."""
-        rows = np.searchsorted(_ascending(self.keys), keys)
+        rows = np.searchsorted(self.keys, keys)
         states = self.storage.joined(self.poses[rows[:, :2] - len(self.descriptors)])
         if len(self.descriptors):
             states = np.concatenate([states, self.descriptors[rows[:, 2]]], axis=1)
         return LinearisationPoints(states, self.storage)
-
-
-@lru_cache(maxsize=256)
-def _ascending(keys: tuple[int, ...]) -> Index:
-    """Ascending keys as an array, which smoothers of one keyframe share."""
-    return np.array(keys, dtype=int)
-
-
-@lru_cache(maxsize=1024)
-def _rows(keys: tuple[int, ...], wanted: tuple[int, ...]) -> Index:
-    """Rows of the ``wanted`` keys among ascending ``keys``. Raises KeyError."""
-    known = _ascending(keys)
-    rows = np.searchsorted(known, wanted)
-    lacking = set(wanted) - set(keys)
-    if lacking:
-        raise KeyError(f"no variables {sorted(lacking)}")
-    return rows

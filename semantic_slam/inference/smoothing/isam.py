@@ -62,12 +62,13 @@ def new_isam(spaces: Spaces, descriptor_threshold: Array, factorization: str = "
     return gtsam.ISAM2(parameters)
 
 
-def single_step_isam(spaces: Spaces, *, errors_repeat: bool) -> gtsam.ISAM2:
+def single_step_isam(spaces: Spaces, *, errors_repeat: bool, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
     """An empty one for one update per keyframe: relinearised seldom, back-substituted to millimetres.
 
     Where ``errors_repeat`` it relinearises nothing: measurements are made linear in charts that stay.
     """
     parameters = gtsam.ISAM2Params()
+    parameters.setFactorization(factorization)
     parameters.relinearizeSkip = NEVER if errors_repeat else STEPPED_SKIP
     thresholds = gtsam.ISAM2ThresholdMap()
     for symbol, space in (("x", spaces.robot), ("o", spaces.landmark)):

@@ -41,6 +41,8 @@ FEW_VARIABLES = 200
 """Up to which reading the whole estimate once costs less than reading parts of it."""
 MOST_JOINT = 24
 """States up to which their joint covariance costs less than those of single states."""
+MOST_JOINT_SUMMARISED = 200
+"""States up to which it does where the past is summarised: every single one then goes through a clique of all."""
 CONVERGED = 1.5
 """Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
 the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
@@ -62,6 +64,8 @@ class Smoother:
     num_descriptors: int = 0  # variables E(n)
     in_charts: LinearFactors | None = None  # its measurements where iSAM2 holds them linear
     steps: int = 0  # updates since it began to be updated once per keyframe
+    single_steps: bool = False  # updated once per keyframe
+    is_summarised: bool = False  # its past is one factor over all objects
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
@@ -157,6 +161,9 @@ class Smoother:
                 at = dict(zip(keys, ends, strict=True))
                 rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in wanted])
                 return np.asarray(covariance[np.ix_(rows, rows)])
+        return self._read(wanted)
+
+    def _read(self, wanted: Sequence[int]) -> Array:
         try:
             covariance = self.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
         except (RuntimeError, IndexError) as fault:
@@ -196,6 +203,8 @@ class Smoother:
         The next prediction asks for that joint covariance, too.
         """
         layout = self.spaces.layout
+        if MOST_JOINT < len(keys) <= MOST_JOINT_SUMMARISED and self.is_summarised:
+            return np.asarray(layout.diagonal(self._read(keys)[None])[0]).copy()  # predictions read what they ask for
         if len(keys) > MOST_JOINT:
             return layout.stacked_squares(self._covariance(keys[0]), self.covariances(keys[1:]))
         blocks: Array = layout.diagonal(self.joint_covariance(keys)[None])[0].copy()
@@ -283,7 +292,14 @@ class Smoother:
         if errors_repeat:
             charts = Charts.of(self.spaces, values)
             factors = LinearFactors(charts=charts, model=self.semantics.model, num_slots=graph.size())
-        return replace(self, owned=OwnedIsam(isam), num_variables=values.size(), in_charts=factors, _known={})
+        return replace(
+            self,
+            owned=OwnedIsam(isam),
+            num_variables=values.size(),
+            in_charts=factors,
+            single_steps=True,
+            _known={},
+        )
 
     def updated(
         self,
@@ -312,6 +328,8 @@ class Smoother:
             num_variables=size,
             factor_table=made,
             num_descriptors=descriptors,
+            single_steps=self.single_steps,
+            is_summarised=self.is_summarised,
             last=last,
         )
 
@@ -331,11 +349,11 @@ class Smoother:
         for factor in factors:
             graph.add(factor)
         last = _last(values.keys())
-        isam = new_isam(self.spaces, self.semantics.descriptor_threshold)
+        isam = self._empty_isam()
         try:
             result = isam.update(graph, values, [], _groups(last))
         except RuntimeError:
-            isam = new_isam(self.spaces, self.semantics.descriptor_threshold, "QR")
+            isam = self._empty_isam("QR")
             result = isam.update(graph, values, [], _groups(last))
         if not np.isfinite(isam.getDelta().vector()).all():
             raise RuntimeError("the system is not finite")
@@ -349,8 +367,16 @@ class Smoother:
             num_variables=values.size(),
             factor_table=made,
             num_descriptors=descriptors,
+            single_steps=self.single_steps,
+            is_summarised=self.is_summarised,
             last=last,
         )
+
+    def _empty_isam(self, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
+        """One to begin anew with."""
+        if self.single_steps:
+            return single_step_isam(self.spaces, errors_repeat=False, factorization=factorization)
+        return new_isam(self.spaces, self.semantics.descriptor_threshold, factorization)
 
     def converged(self) -> bool:
         """Whether all variables are about where they were linearised.

@@ -14,13 +14,19 @@ MOST = 12
 class Trunks:
     """Components by the id of their hypothesis; nobody updates them in place."""
 
-    def __init__(self) -> None:
+    def __init__(self, apart: int | None = None) -> None:
+        """``apart``: keyframes from one to the next."""
+        self._apart = APART if apart is None else apart
         self._kept: OrderedDict[int, Component] = OrderedDict()
 
-    @staticmethod
-    def is_due(num_keyframes: int) -> bool:
+    def is_due(self, num_keyframes: int) -> bool:
         """Whether a component after so many keyframes is one to keep."""
-        return num_keyframes % APART == 0
+        return num_keyframes % self._apart == 0
+
+    @property
+    def oldest(self) -> int:
+        """Keyframes that the oldest component has behind it, 0 where none is kept."""
+        return min((component.keyframe + 1 for component in self._kept.values()), default=0)
 
     def keep(self, number: int, component: Component) -> None:
         """Keep a component, and forget the one that was asked for longest ago where they are too many."""

@@ -70,6 +70,11 @@ def bias_key(keyframe: int) -> int:
     return int(gtsam.symbol(BIAS_LETTER, max(keyframe, 0) // STRETCH))
 
 
+def is_bias(key: int) -> bool:
+    """Whether a GTSAM key is a bias of odometry."""
+    return letter_of(key) == BIAS_LETTER
+
+
 def begins_stretch(keyframe: int) -> bool:
     """Whether the bias of the motion to this keyframe is a new one."""
     return keyframe > 0 and keyframe % STRETCH == 0

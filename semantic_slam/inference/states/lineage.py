@@ -15,7 +15,7 @@ Reassigned = tuple[int, int, int, int]
 """Keyframe and detection of long ago, the object that it is taken to be of from now on, and that before."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class LineageStep:
     """What one keyframe added to a hypothesis."""
 

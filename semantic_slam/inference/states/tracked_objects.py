@@ -9,6 +9,9 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
 
+TRAIL_CELL, LOOKS_FROM_A_PLACE = np.array([0.5, 0.5, 0.5]), 4
+"""Metres and radians within which poses of long ago are one place, and how many looks from one count."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class HypothesisObjects:
@@ -75,7 +78,7 @@ class TrackedStates:
     sigmas: Array  # (O,) largest standard deviation of a position then, metres
     robot: Array  # (s,)
     robot_covariance: Array  # (r, r)
-    trail: Array  # (T, s) robot at each keyframe, as estimated then
+    trail: Array  # (T, s) robot at each keyframe, as estimated then; where the past is summarised few of each place
     bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry
     errors: CarriedErrors | None = None  # of detections, that repeat; q components; None: q is 0
     carried_covariance: Array | None = None  # (r + p + q) square, of robot, bias and errors; None: p and q are 0
@@ -95,6 +98,18 @@ class TrackedStates:
     def clock(self) -> tuple[float, float]:
         """Mean and standard deviation of the last bias, that of odometry's clock, in those of its prior."""
         return float(self.bias[-1]), float(self.bias_sigmas[-1])
+
+    def with_thinned_trail(self, num_newest: int) -> "TrackedStates":
+        """The trail's newest poses, and of those before them the newest few of each place."""
+        places = np.floor(self.trail[:, :3] / TRAIL_CELL).astype(int)
+        _, cells = np.unique(places, axis=0, return_inverse=True)
+        order = np.argsort(cells, kind="stable")[::-1]  # cell by cell, the newest first
+        begins = np.flatnonzero(np.diff(cells[order], prepend=-1))
+        newer = np.arange(len(order)) - begins[np.searchsorted(begins, np.arange(len(order)), side="right") - 1]
+        kept = np.zeros(len(order), dtype=bool)
+        kept[order] = newer < LOOKS_FROM_A_PLACE
+        kept[len(kept) - num_newest :] = True
+        return replace(self, trail=self.trail[kept])
 
     @property
     def num_errors(self) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from semantic_slam.configuration import (
     ClosedWorldConfiguration,
     DetectionErrorsConfiguration,
+    HistoryConfiguration,
     OpenWorldConfiguration,
     PruningConfiguration,
     RevisionConfiguration,
@@ -70,6 +71,7 @@ class Problem:
     open_world: OpenWorldConfiguration = field(default_factory=OpenWorldConfiguration)
     detection_errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
+    history: HistoryConfiguration = field(default_factory=HistoryConfiguration)
     moving: Moving = field(default_factory=Moving)
     clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)

@@ -1,0 +1,73 @@
+"""A smoother without the poses of long ago: what they told stays, as a summary over what is left."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.factor_table import FactorTable
+from semantic_slam.inference.smoothing.smoother import Smoother, first_line
+from semantic_slam.inference.smoothing.summary import summary_of
+from semantic_slam.inference.states.keys import bias_key, is_bias, is_object, is_robot, number_of, robot_key
+
+
+def without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -> Smoother:
+    """Another smoother without the robot before keyframe ``oldest``; this one is left as it was.
+
+    Nor with objects other than ``object_ids`` that nothing has seen since. Raises LostComponentError.
+    """
+    try:
+        return _without_past(smoother, oldest, object_ids)
+    except RuntimeError as fault:
+        raise LostComponentError(f"the past could not be summarised ({first_line(fault)})") from None
+
+
+def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -> Smoother:
+    held, values = smoother.isam.getFactorsUnsafe(), smoother.isam.calculateEstimate()
+    slots = [slot for slot in range(held.size()) if held.exists(slot)]
+    keys = {slot: held.at(slot).keys() for slot in slots}
+    gone = {key for key in values.keys() if _is_past(key, oldest)}  # noqa: SIM118
+    touched = {slot for slot in slots if not gone.isdisjoint(keys[slot])}
+    gone |= _forgotten(keys, touched, object_ids)
+    touched = {slot for slot in slots if not gone.isdisjoint(keys[slot])}
+    summary = summary_of(smoother.spaces, [held.at(slot) for slot in sorted(touched)], values, gone)
+    semantic = set(smoother.factor_table.indices)
+    kept = gtsam.NonlinearFactorGraph()
+    for slot in slots:
+        if slot not in touched and slot not in semantic:
+            kept.add(held.at(slot))
+    kept.add(summary.factor(smoother.spaces))
+    rows = [row for row, slot in enumerate(smoother.factor_table.indices) if slot not in touched]
+    factors = [held.at(smoother.factor_table.indices[row]) for row in rows]
+    left = [key for key in values.keys() if key not in gone]  # noqa: SIM118
+    restarted = smoother.restarted(kept, values.extract(left), factors, _taken(smoother.factor_table, rows))
+    return replace(restarted, is_summarised=True)
+
+
+def _is_past(key: int, oldest: int) -> bool:
+    """Whether a variable is of the robot before keyframe ``oldest``, or of its odometry before that one's."""
+    if is_robot(key):
+        return key < robot_key(oldest)
+    return is_bias(key) and key < bias_key(oldest)
+
+
+def _forgotten(keys: dict[int, list[int]], touched: set[int], object_ids: Collection[int]) -> set[int]:
+    """Objects of no interest any more, of which nothing but what goes anyway tells."""
+    past = {key for slot in touched for key in keys[slot] if is_object(key) and number_of(key) not in object_ids}
+    others = (own for slot, own in keys.items() if slot not in touched and len(own) > 1)
+    return past - set[int]().union(*others)
+
+
+def _taken(table: FactorTable, rows: list[int]) -> Any:
+    """The table of some of its factors."""
+    if len(rows) == len(table):
+        return table
+    return FactorTable(
+        measurements=tuple(table.measurements[row] for row in rows),
+        points=table.points.take(rows),
+        keys=table.keys[rows],
+        exact=np.asarray(table.exact[rows]),
+    )

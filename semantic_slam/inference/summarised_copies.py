@@ -1,0 +1,81 @@
+"""Hypotheses of a closed world that differ in nothing but what is summarised, and no measurement will ever tell apart.
+
+Such a question of long ago has left two histories that go on alike for ever, and every new one doubles them: the
+heavier takes the other's weight.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Flags, Index
+from semantic_slam.inference.candidate_table import CandidateTable
+from semantic_slam.inference.object_table import ObjectTable
+from semantic_slam.inference.open_world.copies import Survivor
+from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
+from semantic_slam.inference.world.problem import Problem
+
+CLASS_APART = 0.1
+"""Difference of a class's probability from which on an object is not the same."""
+
+
+class SummarisedCopies:
+    """Finds them among the candidates of a keyframe; ``num_merged`` counts those of the newest one."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._settings = replace(problem.open_world, merge_ghosts=False)
+        self._horizon = problem.history.horizon_keyframes
+        self._recent: dict[int, tuple[LineageStep, ...]] = {}
+        self._objects: dict[int, ObjectTable] = {}
+        self.num_merged = 0
+
+    def merged(self, candidates: CandidateTable) -> CandidateTable:
+        """Candidates without copies."""
+        self.num_merged = 0
+        parents, numbers = np.unique(candidates.parent_ids, return_inverse=True)
+        if len(parents) < 2 or not all(int(number) in self._recent for number in parents):
+            return candidates
+        count = len(candidates.ids)
+        compared = MergeCandidates(
+            poses=candidates.poses,
+            objects=np.zeros((count, 0, 3)),
+            classes=self._histories(candidates),
+            confirms=np.zeros((count, 0), dtype=bool),
+            parents=numbers,
+            alike=self._alike([int(number) for number in parents]),
+        )
+        found = merge_copies(compared, candidates.log_weights, candidates.ids, self._settings)
+        self.num_merged = found.count
+        return candidates.take(found.kept, found.log_weights) if found.count else candidates
+
+    def remember(
+        self,
+        live: Mapping[int, Survivor],
+        objects: Mapping[int, ObjectTable],
+        reported: ReportedObjects,
+        registry: ObjectRegistry,
+    ) -> None:
+        """The recent past of those that go on, where it does not begin at the start, and their objects."""
+        lineages = {number: own.lineage for number, own in live.items()}
+        self._recent = {n: own[1 - self._horizon :] for n, own in lineages.items() if len(own) > self._horizon}
+        self._objects = dict(objects)
+
+    def _histories(self, candidates: CandidateTable) -> Index:
+        """(K, 1) numbers of different recent pasts."""
+        pasts = [(self._recent[int(parent)], candidates.step(row)) for row, parent in enumerate(candidates.parent_ids)]
+        known = {past: number for number, past in enumerate(dict.fromkeys(pasts))}
+        return np.array([[known[past]] for past in pasts])
+
+    def _alike(self, parents: list[int]) -> Flags:
+        """(P, P) whether two hypotheses have the same objects."""
+        tables = [self._objects[number] for number in parents]
+        return np.array([[self._same(one, other) for other in tables] for one in tables])
+
+    def _same(self, one: ObjectTable, other: ObjectTable) -> bool:
+        apart = np.linalg.norm(one.object_poses[:, :3] - other.object_poses[:, :3], axis=1)
+        both = np.isnan(one.object_poses[:, 0]) & np.isnan(other.object_poses[:, 0])
+        classes = np.abs(one.class_probabilities - other.class_probabilities).max(axis=1, initial=0.0)
+        return bool((both | (apart <= self._settings.merge_object_m)).all() and (classes <= CLASS_APART).all())

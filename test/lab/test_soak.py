@@ -1,0 +1,77 @@
+"""A long run holds no more than a short one, and what it has summarised is what the whole graph says."""
+
+from itertools import islice
+from typing import Any
+
+import numpy as np
+import pytest
+from semantic_slam_lab.soak.comparison import compared
+from semantic_slam_lab.soak.measures import held
+from semantic_slam_lab.soak.robots import robot
+from semantic_slam_lab.soak.tour import Tour
+
+from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.expander import Expander, Expansion
+from semantic_slam.inference.hypotheses import redistributed
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.pool import InProcessPool
+
+HORIZON = 24
+
+
+@pytest.fixture(scope="module")
+def toured() -> tuple[Engine, list[dict[str, int]]]:
+    """A run, and what it held after one and after two rounds of the building."""
+    engine, counts = Engine(robot("given", HORIZON), backends=2), []
+    for number, seen in enumerate(islice(Tour(robot("given")).keyframes(), 170), start=1):
+        engine.process(seen.keyframe)
+        if number in (84, 168):
+            counts.append(held(engine))
+    return engine, counts
+
+
+def test_what_a_run_holds_does_not_grow_with_its_keyframes(toured: tuple[Engine, list[dict[str, int]]]) -> None:
+    _, (before, after) = toured
+    for name in ("variables", "steps"):
+        assert after[name] == before[name]
+    assert after["slots"] <= 1.2 * before["slots"]  # as many detections as there are in so many keyframes
+
+
+def test_the_components_of_a_backend_that_is_gone_are_rebuilt_from_checkpoints_to_the_bit(
+    toured: tuple[Engine, list[dict[str, int]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, _ = toured
+    assert isinstance(engine.pool, InProcessPool)
+    gone, other = engine.pool._backends
+    replayed, expand = [], Expander.expand
+
+    def counted(own: Expander, step: Step, *others: Any) -> Expansion:
+        replayed.append(step.index)
+        return expand(own, step, *others)
+
+    monkeypatch.setattr(Expander, "expand", counted)
+    moved = redistributed(engine.live, [other.backend_id])
+    last = engine.hypotheses.num_keyframes - 1
+    other.commit(engine.hypotheses.commit(engine.run.run_id, last, moved, always_lineage=True))
+    assert moved.keys() == other.held.keys()
+    for number in moved:
+        ours, theirs = (backend.held[number].component.smoother for backend in (other, gone))
+        assert np.array_equal(ours.isam.getDelta().vector(), theirs.isam.getDelta().vector())
+        assert ours.isam.getLinearizationPoint().equals(theirs.isam.getLinearizationPoint(), 0.0)
+    assert last - min(replayed) < HORIZON
+
+
+def test_a_backend_that_shares_no_checkpoints_keeps_all_keyframes(toured: tuple[Engine, list[dict[str, int]]]) -> None:
+    engine, _ = toured
+    alone = Backend(0)
+    alone.start(engine.run)
+    for seen in islice(Tour(robot("given")).keyframes(), 60):
+        alone.learn(seen.keyframe)
+    assert alone.steps.first == 0
+
+
+def test_a_summary_is_off_by_less_than_a_fifth_of_a_standard_deviation() -> None:
+    for row in compared(robot("given", HORIZON), 100, seed=0, every=50):
+        assert row.shift <= 0.2
+        assert 0.95 <= row.least_ratio <= row.largest_ratio <= 1.05
