@@ -141,7 +141,8 @@ class Engine:
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize, over all parents at once, less while data are not explained; what goes is counted."""
         limits = widened(self.budget.limits(), self.explanation.unexplained)
-        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits)
+        positions = candidates.poses[:, :2]
+        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, positions)
         self.log_evidence += kept.log_mass
         return kept
 
