@@ -160,9 +160,15 @@ class PruningConfiguration:
     max_hypotheses: int = parameter(60, "hypotheses kept at most", minimum=1)
     place_m: float = parameter(
         0.0,
-        "hypotheses whose robots are farther apart are at different places, to which half of max_hypotheses goes in"
-        " turn: variants of one do not crowd out another; 0: the heaviest are kept, wherever they are",
+        "hypotheses whose robots are farther apart, or that began under different noises, are of different kinds, to"
+        " which half of max_hypotheses goes in turn: variants of one do not crowd out another; 0: all are of one kind",
         minimum=0.0,
+    )
+    kind_ratio: float = parameter(
+        1e6,
+        "place_m: a kind is kept from max weight / kind_ratio on, and of it what weighs its heaviest / ratio",
+        minimum=1.0,
+        maximum=1e300,
     )
 
 
