@@ -159,6 +159,18 @@ class PruningConfiguration:
         150.0, "a hypothesis is kept from max weight / ratio on (Sec. 4.4)", minimum=1.0, maximum=1e300
     )
     max_hypotheses: int = parameter(60, "hypotheses kept at most", minimum=1)
+    place_m: float = parameter(
+        0.0,
+        "hypotheses whose robots are farther apart, or that began under different noises, are of different kinds, to"
+        " which half of max_hypotheses goes in turn: variants of one do not crowd out another; 0: all are of one kind",
+        minimum=0.0,
+    )
+    kind_ratio: float = parameter(
+        1e6,
+        "place_m: a kind is kept from max weight / kind_ratio on, and of it what weighs its heaviest / ratio",
+        minimum=1.0,
+        maximum=1e300,
+    )
 
 
 @dataclass(frozen=True)
@@ -515,6 +527,11 @@ class PerceptionConfiguration:
         (1.0,),
         "association: open or given, iterate_updates: false, no classes: factors on the covariance of places, of which"
         " every hypothesis has one; evidence decides",
+    )
+    ranges_are: tuple[str, ...] = parameter(
+        ("distance",),
+        "what a detection's range is: distance, or depth along the sensor's axis, open_world.direction_rad; both, where"
+        " noise_factors may differ: evidence decides",
     )
     depth_to_width: float = parameter(
         0.5, "the centre lies this share of the apparent width behind the visible surface", minimum=0.0

@@ -21,7 +21,7 @@ from semantic_slam.inference.models.clutter import EvenClutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.moving import Moving
-from semantic_slam.inference.models.noise_settings import NoiseSettings
+from semantic_slam.inference.models.noise_settings import DEPTH, DISTANCE, NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.protocol import RunConfiguration, sha256_of
 from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
@@ -141,11 +141,17 @@ def _check_odometry(configuration: Configuration, association: type[AssociationS
 
 def _check_detections(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     factors, probabilities = configuration.perception.noise_factors, configuration.open_world.detection_probabilities
-    plain = _sees_places_in_single_steps(configuration)
-    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not (association.tracks_objects and plain)):
+    may_differ = association.tracks_objects and _sees_places_in_single_steps(configuration)
+    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not may_differ):
         raise InputError(
             "perception.noise_factors must be positive, and other than [1.0] only with association: open or given,"
             " open_world.iterate_updates: false and semantic_model.kind: none or detector"
+        )
+    kinds = configuration.perception.ranges_are
+    if not kinds or not {DISTANCE, DEPTH}.issuperset(kinds) or (kinds != (DISTANCE,) and not may_differ):
+        raise InputError(
+            "perception.ranges_are must be distance, depth or both, and other than [distance] only where"
+            " perception.noise_factors may be"
         )
     if probabilities and not 0.0 < min(probabilities) <= max(probabilities) < 1.0:
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")

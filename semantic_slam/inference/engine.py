@@ -30,7 +30,7 @@ from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
-from semantic_slam.inference.pruning import Pruned, prune, widened
+from semantic_slam.inference.pruning import Kinds, Pruned, prune, widened
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.replay import Lineage, Replay
@@ -145,7 +145,8 @@ class Engine:
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize, over all parents at once, less while data are not explained; what goes is counted."""
         limits = widened(self.budget.limits(), self.explanation.unexplained)
-        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits)
+        kinds = Kinds(positions=candidates.poses[:, :2], beginnings=self.hypotheses.beginnings(candidates))
+        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, kinds)
         self.log_evidence += kept.log_mass
         return kept
 

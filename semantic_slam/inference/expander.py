@@ -92,7 +92,8 @@ class Expander:
             replace(own, changes=revisions[parent].changes) if revisions[parent].changes else own
             for own, parent in zip(candidates.steps(keyframe.used, len(step.names)), rows.parents, strict=True)
         ]
-        gains = np.array([own.log_gain for own in revisions])
+        used = [step.detections[number] for number in keyframe.used]
+        gains = np.array([own.log_gain + own.component.log_change(used) for own in revisions])
         log_psi = _log_psi(rows, semantics, factors) + gains[rows.parents]
         return Expansion(
             parents=parents,

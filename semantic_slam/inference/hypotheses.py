@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.ownership import assign_owners
@@ -95,6 +96,11 @@ class Hypotheses:
     def num_keyframes(self) -> int:
         """Keyframes that are in their lineages."""
         return len(next(iter(self.live.values())).lineage)
+
+    def beginnings(self, candidates: CandidateTable) -> NDArray[np.int_]:
+        """(K,) the number under which the history of each candidate began."""
+        began = {n: own.lineage[0].mode if own.lineage else n - ROOT_ID for n, own in self.live.items()}
+        return np.array([began[n] for n in candidates.parent_ids.tolist()], dtype=int)
 
     def children(self, candidates: CandidateTable, pruned: Pruned, backend_ids: Sequence[int]) -> dict[int, Hypothesis]:
         """The candidates that survive, heaviest first, each with its parent's owner while that one has room."""

@@ -35,19 +35,62 @@ def widened(limits: PruningConfiguration, unexplained: float) -> PruningConfigur
     return replace(limits, ratio=float(np.exp(min(np.log(limits.ratio) / trusted, LARGEST_LOG_RATIO))))
 
 
-def prune(log_weights: Array, ids: NDArray[np.uint64], log_missing: Array, limits: PruningConfiguration) -> Pruned:
+@dataclass(frozen=True, kw_only=True)
+class Kinds:
+    """What K candidates differ in at large."""
+
+    positions: Array  # (K, 2) of the robot, metres
+    beginnings: NDArray[np.int_]  # (K,) under which noises, and from which start, each began
+
+    def of(self, order: NDArray[np.int_], place_m: float) -> NDArray[np.int_]:
+        """(K,) the kind of each in an ``order``: that of the first one that began alike and is within ``place_m``."""
+        kinds, left = np.zeros(len(order), dtype=int), np.arange(len(order))
+        positions, beginnings, number = self.positions[order], self.beginnings[order], 0
+        while len(left):
+            near = np.hypot(*(positions[left] - positions[left[0]]).T) <= place_m
+            near &= beginnings[left] == beginnings[left[0]]
+            kinds[left[near]] = number
+            left, number = left[~near], number + 1
+        return kinds
+
+
+def prune(
+    log_weights: Array,
+    ids: NDArray[np.uint64],
+    log_missing: Array,
+    limits: PruningConfiguration,
+    kinds: Kinds | None = None,
+) -> Pruned:
     """Keep what weighs at least max / ratio, at most ``max_hypotheses`` of them; ties break by id.
 
     ``log_weights`` (K,) are w psi over all parents, not normalised; ``log_missing`` is mass that was never
-    enumerated, in the same units. Raises SemanticSlamError when no candidate has any weight.
+    enumerated, in the same units. With ``kinds``, and a ``place_m``, what is of a kind is held against the heaviest of
+    that kind, and these against each other by ``kind_ratio``. Raises SemanticSlamError when nothing has any weight.
     """
     if len(log_weights) == 0 or not np.isfinite(log_weights.max()):
         raise SemanticSlamError("no candidate explains the measurements; check priors, noise and visibility parameters")
     order = np.lexsort((ids, -log_weights))
-    admitted = log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio)
-    kept = order[admitted][: limits.max_hypotheses]
+    if kinds is None or limits.place_m <= 0.0:
+        admitted = log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio)
+        kept = order[admitted][: limits.max_hypotheses]
+    else:
+        kept = order[_chosen(log_weights[order], kinds.of(order, limits.place_m), limits)]
     log_kept = float(np.logaddexp.reduce(log_weights[kept]))
     rest = np.concatenate([np.delete(log_weights, kept), log_missing, [-np.inf]])
     log_rest = float(np.logaddexp.reduce(rest))
     discarded = float(np.exp(log_rest - np.logaddexp(log_kept, log_rest)))
     return Pruned(kept=kept, log_weights=log_weights[kept] - log_kept, log_mass=log_kept, discarded=discarded)
+
+
+def _chosen(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfiguration) -> NDArray[np.int_]:
+    """(S,) rows that are kept, of weights (K,) in descending order; half of the room goes in turn to each kind."""
+    heaviest = log_weights[np.unique(kinds, return_index=True)[1]]
+    admitted = heaviest[kinds] >= log_weights[0] - np.log(max(limits.kind_ratio, limits.ratio))
+    admitted &= log_weights >= heaviest[kinds] - np.log(limits.ratio)
+    rows = np.flatnonzero(admitted)
+    if len(rows) <= limits.max_hypotheses:
+        return rows
+    turns = np.array([(kinds[rows[:at]] == kinds[row]).sum() for at, row in enumerate(rows)])
+    in_turn = rows[np.argsort(turns, kind="stable")[: limits.max_hypotheses // 2]]
+    others = np.setdiff1d(rows, in_turn)
+    return np.sort(np.concatenate([in_turn, others[: limits.max_hypotheses - len(in_turn)]]))

@@ -13,6 +13,7 @@ MEANINGS = {
     "odometry.clock_offset_s": "Seconds by which odometry is stamped later than detections of that instant.",
     "odometry.noise_factor": "Factor on the covariance of odometry.",
     "perception.noise_factor": "Factor on the covariance of a detection's place.",
+    "perception.ranges_are_depth": "Probability that a detection's range is its depth along the sensor's axis.",
     "open_world.detection_probability": "Of an object right at the sensor that nothing hides.",
     "open_world.detection_half_range_m": "Metres, at which it is half of that.",
     "open_world.miss_persistence": "Correlation from keyframe to keyframe of whether an object can be detected.",

@@ -1,4 +1,4 @@
-"""What one hypothesis takes a robot's noises to be; evidence decides between hypotheses that differ in it."""
+"""What one hypothesis takes a robot's sensors to be; evidence decides between hypotheses that differ in it."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -8,19 +8,33 @@ from semantic_slam.configuration import Configuration
 NAMES = {
     "odometry.noise_factor": "odometry_factor",
     "perception.noise_factor": "detection_factor",
+    "perception.ranges_are_depth": "ranges_are_depth",
 }
 """Name in the configuration -> field of :class:`NoiseSettings`."""
+DISTANCE, DEPTH = "distance", "depth"
+"""What a detection's range may be: to the object, or along the sensor's axis alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseSettings:
-    """Factors on covariances as they are told or configured."""
+    """Factors on covariances as they are told or configured, and what the ranges of detections are."""
 
     odometry_factor: float = 1.0
     detection_factor: float = 1.0
+    ranges_are_depth: bool = False
+    axis_rad: float = 0.0  # bearing in the body frame along which a depth is measured
+
+    @property
+    def as_told(self) -> bool:
+        """Whether detections are taken as they are told."""
+        return self.detection_factor == 1.0 and not self.ranges_are_depth
 
     @classmethod
     def grid(cls, configuration: Configuration) -> "tuple[NoiseSettings, ...]":
         """Every combination that the configuration asks for."""
-        factors = product(configuration.odometry.noise_factors, configuration.perception.noise_factors)
-        return tuple(cls(odometry_factor=odometry, detection_factor=detection) for odometry, detection in factors)
+        perception, axis = configuration.perception, configuration.open_world.direction_rad
+        factors = product(perception.ranges_are, configuration.odometry.noise_factors, perception.noise_factors)
+        return tuple(
+            cls(odometry_factor=odometry, detection_factor=detection, ranges_are_depth=kind == DEPTH, axis_rad=axis)
+            for kind, odometry, detection in factors
+        )

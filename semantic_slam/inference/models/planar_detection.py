@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.rows import Selection, take
+from semantic_slam.inference.models.depth_ranges import WIDEST_RAD, distance_per_depth
+from semantic_slam.inference.models.noise_settings import NoiseSettings
 
 ASSUMED_RANGE_M = 3.0
 """Range [m] that a bearing alone counts with where nearness to other detections matters."""
@@ -66,14 +69,38 @@ class PlanarDetection:
         return np.array(self.feature_covariance.diagonal())
 
     @cached_property
-    def _scaled(self) -> dict[float, "PlanarDetection"]:
+    def _taken(self) -> dict[NoiseSettings, "PlanarDetection"]:
         return {}
 
-    def scaled(self, factor: float) -> "PlanarDetection":
-        """The detection with its covariance times a factor: one object for each, whoever asks."""
-        if factor not in self._scaled:
-            self._scaled[factor] = replace(self, covariance=factor * self.covariance)
-        return self._scaled[factor]
+    def taken_as(self, settings: NoiseSettings) -> "PlanarDetection":
+        """The detection as a hypothesis takes it: one object for each, whoever asks."""
+        if settings not in self._taken:
+            scaled = replace(self, covariance=settings.detection_factor * self.covariance)
+            self._taken[settings] = scaled._along(settings.axis_rad) if settings.ranges_are_depth else scaled
+        return self._taken[settings]
+
+    def _along(self, axis_rad: float) -> "PlanarDetection":
+        """With the distance of what is as deep along the axis as the range says; far beside it as it is.
+
+        The bearing's error is one of the distance, too: d = z / cos b, so that dd/dz = 1 / cos b, dd/db = d tan b.
+        """
+        if not self.has_range or abs(self._off(axis_rad)) >= WIDEST_RAD:
+            return self
+        slope = self._per_depth(axis_rad)
+        distance = slope * self.range_m
+        change = np.array([[slope, distance * np.tan(self.bearing_rad - axis_rad)], [0.0, 1.0]])
+        return replace(self, range_m=distance, covariance=change @ self.covariance @ change.T)
+
+    def log_change(self, settings: NoiseSettings) -> float:
+        """Log density of the detection as measured, per that of :meth:`taken_as`: the distance's slope in the range."""
+        return log(self._per_depth(settings.axis_rad)) if settings.ranges_are_depth else 0.0
+
+    def _per_depth(self, axis_rad: float) -> float:
+        """Distance per depth, 1 for a bearing alone."""
+        return float(distance_per_depth(np.array(self._off(axis_rad)))) if self.has_range else 1.0
+
+    def _off(self, axis_rad: float) -> float:
+        return float(wrap_angle(self.bearing_rad - axis_rad))
 
     @property
     def place(self) -> Array:

@@ -155,12 +155,15 @@ def _looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> 
     """
     x, y = (points[:, None, axis] - trail[:, axis] for axis in (0, 1))
     squared = x * x + y * y
-    numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
-    bearing = region.off_centre(np.arctan2(y[numbers, times], x[numbers, times]) - trail[times, 2])
-    inside = np.abs(bearing) <= 0.5 * region.field_of_view_rad
+    numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.farthest_m**2))
+    bearing = np.arctan2(y[numbers, times], x[numbers, times]) - trail[times, 2]
+    inside = np.abs(region.off_centre(bearing)) <= 0.5 * region.field_of_view_rad
+    if region.axis_rad is not None:
+        range_m = np.sqrt(squared[numbers, times]) / region.per_range(bearing)
+        inside &= (range_m > region.min_range_m) & (range_m < region.max_range_m)
     numbers, times = numbers[inside], times[inside]
     if region.occluder_radius_m > 0.0 and len(hiding) and len(numbers):
-        near = np.hypot(*(hiding[:, None] - points).T).min(axis=0) < region.max_range_m
+        near = np.hypot(*(hiding[:, None] - points).T).min(axis=0) < region.farthest_m
         free = ~_hidden(region, points[numbers] - trail[times, :2], hiding[near] - trail[times, None, :2])
         numbers, times = numbers[free], times[free]
     return numbers, times, np.sqrt(squared[numbers, times])

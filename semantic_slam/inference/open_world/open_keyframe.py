@@ -201,7 +201,7 @@ class OpenKeyframe:
             curved += numbers[(part.column("bend") > LARGEST_BEND) & likely].tolist()
             parts.append(part)
         found = Assignments.joined(parts)
-        if curved and len(self.used) and not self._errors_repeat:
+        if curved and len(self.used) and self._suits_searches:
             found = found.with_rows(np.array(curved), self._searched(found.take(np.array(curved))))
         return replace(candidates, assignments=self._with_movers(found))
 
@@ -226,9 +226,11 @@ class OpenKeyframe:
         return rows.gaining(log_evidence=evidence, object_states=states, object_covariances=covariances)
 
     @property
-    def _errors_repeat(self) -> bool:
-        """Whether the small problems of own searches, whose detections err each on its own, would not do."""
-        return any(own.errors is not None for own in self.predictions)
+    def _suits_searches(self) -> bool:
+        """Whether the small problems of own searches do, in which detections are as told, and err each on its own."""
+        settings = [component.settings for component in self.parents.components]
+        are_told = all(own is None or own.as_told for own in settings)
+        return are_told and all(own.errors is None for own in self.predictions)
 
     @property
     def _linearised(self) -> list[LinearisedEvidence]:

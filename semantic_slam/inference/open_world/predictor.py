@@ -69,7 +69,7 @@ class Predictor:
         be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter where objects move.
         """
         motion, space, tracked = component.moved_by(motion), component.spaces.robot, tracked_states(component)
-        region, rates = self._region.reaching(sensed), component.objects.rates
+        region, rates = self._region.reaching(sensed).read_by(component.settings), component.objects.rates
         control = _control(component, motion)
         robot = space.compose(tracked.robot, control)
         transition = space.propagation(control)
@@ -132,7 +132,7 @@ class Predictor:
         tracked = tracked_states(component)
         sigma = float(position_sigmas(spread[None])[0])
         margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
-        reach = np.flatnonzero(distances(tracked.states, robot) < region.max_range_m + margin)
+        reach = np.flatnonzero(distances(tracked.states, robot) < region.farthest_m + margin)
         if component.elsewhere:
             reach = reach[~np.isin(component.objects.ids[reach], list(component.elsewhere))]
         return reach

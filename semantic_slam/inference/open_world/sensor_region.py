@@ -9,6 +9,8 @@ from scipy.special import ndtr
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.depth_ranges import WIDEST_RAD, covered, distance_per_depth, off_axis
+from semantic_slam.inference.models.noise_settings import NoiseSettings
 from semantic_slam.inference.models.sensed_region import SensedRegion
 
 NO_SCAN = np.zeros((0, 2))
@@ -19,17 +21,58 @@ LEAST_SIGMA = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class SensorRegion:
-    """Where the sensor detects: an annular sector about a direction of the body, seen from its origin."""
+    """Where the sensor detects: an annular sector about a direction of the body, seen from its origin.
+
+    Where its ranges are depths along ``axis_rad``, what lies between two lines across it instead.
+    """
 
     min_range_m: float
     max_range_m: float
     field_of_view_rad: float  # full angle
     direction_rad: float = 0.0  # bearing of the sector's middle in the body frame
     occluder_radius_m: float = 0.0  # of what stands in front; 0: nothing hides anything
+    axis_rad: float | None = None  # bearing along which ranges are depths; None: they are distances
 
     @property
     def area_m2(self) -> float:
-        return 0.5 * self.field_of_view_rad * (self.max_range_m**2 - self.min_range_m**2)
+        right, left = self._covered
+        return 0.5 * (left - right) * (self.max_range_m**2 - self.min_range_m**2)
+
+    @property
+    def farthest_m(self) -> float:
+        """Distance beyond which nothing lies inside."""
+        if self.axis_rad is None:
+            return self.max_range_m
+        widest = abs(float(wrap_angle(self.direction_rad - self.axis_rad))) + 0.5 * self.field_of_view_rad
+        return self.max_range_m / float(np.cos(min(widest, WIDEST_RAD)))
+
+    def per_range(self, bearings_rad: Array) -> Array:
+        """(...,) distance per range in a direction of the body frame."""
+        if self.axis_rad is None:
+            return np.ones(np.shape(bearings_rad))
+        return distance_per_depth(wrap_angle(bearings_rad - self.axis_rad))
+
+    def even_bearings(self, count: int) -> Array:
+        """(count,) bearings in the body frame, each for as much of the area."""
+        right, left = self._covered
+        spread = right + (left - right) * (np.arange(count) + 0.5) / count
+        return self.direction_rad + spread if self.axis_rad is None else self.axis_rad + off_axis(spread)
+
+    @property
+    def _covered(self) -> tuple[float, float]:
+        """Twice the area at a range of 1 between an axis and its rightmost bearing, and its leftmost."""
+        half = 0.5 * self.field_of_view_rad
+        if self.axis_rad is None:
+            return -half, half
+        middle = float(wrap_angle(self.direction_rad - self.axis_rad))
+        right, left = covered(np.array([middle - half, middle + half])).tolist()
+        return right, left
+
+    def read_by(self, settings: NoiseSettings | None) -> Self:
+        """The region as a hypothesis has it, by what it takes ranges to be."""
+        if settings is None or not settings.ranges_are_depth:
+            return self
+        return replace(self, axis_rad=settings.axis_rad)
 
     def reaching(self, sensed: SensedRegion | None) -> Self:
         """With the bounds that its detections have shown; as it is where they are not learned."""
@@ -54,11 +97,13 @@ class SensorRegion:
         across = np.stack([-radial[..., 1], radial[..., 0]], axis=-1)
         sigma_range = np.sqrt(np.einsum("...i,...ij,...j->...", radial, covariance, radial)) + LEAST_SIGMA
         sigma_across = np.sqrt(np.einsum("...i,...ij,...j->...", across, covariance, across)) + LEAST_SIGMA
-        inside = ndtr((self.max_range_m - distance) / sigma_range) - ndtr((self.min_range_m - distance) / sigma_range)
-        half = 0.5 * self.field_of_view_rad
+        half, turn = 0.5 * self.field_of_view_rad, np.arctan2(relative[..., 1], relative[..., 0])
+        slope = self.per_range(turn)
+        nearest, farthest = self.min_range_m * slope, self.max_range_m * slope
+        inside = ndtr((farthest - distance) / sigma_range) - ndtr((nearest - distance) / sigma_range)
         if half >= np.pi:
             return np.asarray(np.maximum(inside, 0.0))
-        bearing, sigma = self.off_centre(np.arctan2(relative[..., 1], relative[..., 0])), sigma_across / distance
+        bearing, sigma = self.off_centre(turn), sigma_across / distance
         return np.asarray(np.maximum(inside, 0.0) * (ndtr((half - bearing) / sigma) - ndtr((-half - bearing) / sigma)))
 
     def off_centre(self, bearings_rad: Array) -> Array:
@@ -66,7 +111,7 @@ class SensorRegion:
         return wrap_angle(bearings_rad - self.direction_rad)
 
     def holds(self, ranges_m: Array, bearings_rad: Array) -> Flags:
-        """(...,) whether places known exactly lie inside; NaN ranges are taken to."""
+        """(...,) whether what is measured exactly lies inside; NaN ranges are taken to."""
         outside = (ranges_m < self.min_range_m) | (ranges_m > self.max_range_m)
         return np.asarray(~outside & (np.abs(self.off_centre(bearings_rad)) <= 0.5 * self.field_of_view_rad))
 

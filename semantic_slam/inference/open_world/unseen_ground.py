@@ -38,6 +38,6 @@ def _all_over(region: SensorRegion, robot: Array) -> tuple[Array, Array]:
     """(P,) ranges and (P, 2) points in map, each for as much of the region."""
     centres = (np.arange(NUM_RINGS) + 0.5) / NUM_RINGS
     ranges = np.sqrt(region.min_range_m**2 + centres * (region.max_range_m**2 - region.min_range_m**2))
-    bearings = region.direction_rad + region.field_of_view_rad * ((np.arange(NUM_BEARINGS) + 0.5) / NUM_BEARINGS - 0.5)
-    turn, reach = (grid.ravel() for grid in np.meshgrid(bearings + robot[2], ranges))
+    bearing, range_m = (grid.ravel() for grid in np.meshgrid(region.even_bearings(NUM_BEARINGS), ranges))
+    turn, reach = bearing + robot[2], range_m * region.per_range(bearing)
     return reach, robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)

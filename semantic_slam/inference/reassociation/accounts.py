@@ -79,7 +79,7 @@ class StretchAccount:
     def _near(self) -> Flags:
         """(O,) whether the robot comes near them in the stretch, or sees them."""
         away = self.places[:, None] - self.path[self.begin :, :2]
-        reach = self.region.max_range_m + BEYOND_M
+        reach = self.region.farthest_m + BEYOND_M
         near = (np.hypot(away[..., 0], away[..., 1]) < reach).any(axis=1)
         return np.asarray(near | self.seen[:, self.begin :].any(axis=1))
 

@@ -52,7 +52,7 @@ class Reassociation:
     def revised(self, step: Step, component: Component, changes: Sequence[Reassigned]) -> RevisedComponent:
         """The component with ``changes``, from those alone. Raises LostComponentError."""
         atoms = Atoms.of(Sighted.of(component.smoother), changes, self._born)
-        return self._solver(step).revised(component, atoms)
+        return self._solver(step, component).revised(component, atoms)
 
     def _likelier(self, step: Step, component: Component) -> RevisedComponent | None:
         """A history that gains enough; None: none is found."""
@@ -72,7 +72,7 @@ class Reassociation:
         stretch = Stretch.of(sighted, component.objects, step.index - self._length(step.index), self._born)
         if not stretch.looks_strange(component):
             return ()
-        smoother = self._solver(step).parted(component, stretch.objects, stretch.started)
+        smoother = self._solver(step, component).parted(component, stretch.objects, stretch.started)
         rates = component.objects.rates
         log_new = float(np.log(rates.average(rates.birth_density * rates.probability)))
         joined = stretch.joined(stretch.best_joins(smoother, log_new))
@@ -85,8 +85,8 @@ class Reassociation:
             length *= 2
         return length
 
-    def _solver(self, step: Step) -> Solver:
-        region = sensor_region(self._problem.open_world).reaching(step.sensed)
+    def _solver(self, step: Step, component: Component) -> Solver:
+        region = sensor_region(self._problem.open_world).reaching(step.sensed).read_by(component.settings)
         return Solver(settings=self._problem.open_world, new_objects=self._problem.model.new_objects, region=region)
 
     def _born(self, keyframe: int, number: int) -> int:

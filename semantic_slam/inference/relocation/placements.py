@@ -97,7 +97,7 @@ class Placements:
 
     @cached_property
     def _regions(self) -> list[SensorRegion]:
-        region = sensor_region(self.problem.open_world)
+        region = sensor_region(self.problem.open_world).read_by(self.component.settings)
         return [region.reaching(step.sensed) for step in self.steps]
 
     @cached_property

@@ -38,7 +38,7 @@ class FirstAndMissed:
         num_mapped: int,
     ) -> Self:
         """``expected_births`` of the history of ``component``, on average over what it knows of the world."""
-        rates, region = DetectionRates.of(settings), sensor_region(settings)
+        rates, region = DetectionRates.of(settings), sensor_region(settings).read_by(component.settings)
         density = rates.birth_density / max(component.objects.rates.moments("birth_density")[0], 1e-9)
         return cls(
             rates=rates,

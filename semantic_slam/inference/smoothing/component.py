@@ -193,10 +193,16 @@ class Component:
         return float(self.tracked.states[row, 2]), float(self.tracked.covariances[row, 2, 2])
 
     def sensed(self, detections: Sequence[Any]) -> Sequence[Any]:
-        """Detections with the noise that this hypothesis takes them to have."""
-        if self.settings is None or self.settings.detection_factor == 1.0:
+        """Detections as this hypothesis takes them, with the noise that it takes them to have."""
+        if self.settings is None or self.settings.as_told:
             return detections
-        return [detection.scaled(self.settings.detection_factor) for detection in detections]
+        return [detection.taken_as(self.settings) for detection in detections]
+
+    def log_change(self, detections: Sequence[Any]) -> float:
+        """Log density of detections as they were measured, per that of what :meth:`sensed` makes of them."""
+        if self.settings is None or not self.settings.ranges_are_depth:
+            return 0.0
+        return float(sum(detection.log_change(self.settings) for detection in detections))
 
     def moved_by(self, motion: Motion) -> Motion:
         """Odometry with the noise, and by the clock, that this hypothesis takes it to have."""

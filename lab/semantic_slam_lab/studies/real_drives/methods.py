@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration, OdometryConfiguration, load_configuration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.models.noise_settings import DISTANCE
 from semantic_slam.shipped import configuration_file
 from semantic_slam_lab.studies.real_drives.drives import MRCLAM, Drive
 
@@ -26,7 +27,8 @@ def _with_noise_as_stated(base: Configuration) -> Configuration:
     told = replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
     sensor = replace(told.open_world, detection_probabilities=(), detection_half_ranges_m=())
     world = replace(sensor, birth_densities=(), clutters_per_frame=())
-    return replace(told, open_world=world, perception=replace(told.perception, noise_factors=(1.0,)))
+    perception = replace(told.perception, noise_factors=(1.0,), ranges_are=(DISTANCE,))
+    return replace(told, open_world=world, perception=perception)
 
 
 def _without_clusters(base: Configuration) -> Configuration:
@@ -55,10 +57,11 @@ ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
 
 @dataclass(frozen=True)
 class Chosen:
-    """The noises of odometry and detections that ours settled on: factors on their covariances."""
+    """What ours settled on: factors on the covariances of odometry and detections, and what ranges are."""
 
     odometry_factor: float = 1.0
     detection_factor: float = 1.0
+    ranges_are: str = DISTANCE
 
 
 AS_CONFIGURED = Chosen()
@@ -105,7 +108,7 @@ def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Config
         return base
     if switched := ABLATIONS.get(method):
         return switched(base)
-    perception = replace(base.perception, noise_factors=(chosen.detection_factor,))
+    perception = replace(base.perception, noise_factors=(chosen.detection_factor,), ranges_are=(chosen.ranges_are,))
     told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor), perception=perception)
     if method == GIVEN:
         return replace(base if chosen == AS_CONFIGURED else told, association=GIVEN)

@@ -32,7 +32,8 @@ COLUMNS = {
     "parked_recall": ("parked found", ".2f"),
     "moving_recall": ("movers called", ".2f"),
     "odometry_factor": ("odometry covariance ×", ".0f"),
-    "detection_factor": ("detections' covariance ×", ".0f"),
+    "detection_factor": ("detections' covariance ×", ".1f"),
+    "ranges_are_depth": ("ranges are depths", ".0f"),
     "cpu_s": ("CPU [s]", ".0f"),
     "real_time_factor": ("× real time", ".1f"),
 }

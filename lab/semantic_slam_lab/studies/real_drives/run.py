@@ -14,6 +14,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.noise_settings import DEPTH, DISTANCE
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam_lab.studies.real_drives import batch
@@ -110,6 +111,7 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
         **_times(record, seconds),
         "odometry_factor": chosen.odometry_factor * task.chosen.odometry_factor,
         "detection_factor": chosen.detection_factor,
+        "ranges_are_depth": float(chosen.ranges_are == DEPTH),
         "num_keyframes": len(record.beliefs),
         "detections_left_out": sum(n for reason, n in summary.dropped.items() if "outside the region" in reason),
     }
@@ -124,8 +126,10 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
 def _chosen(component: Component, configuration: Configuration) -> Chosen:
     """What the hypothesis takes the noises to be, or what the configuration says."""
     if component.settings is None:
-        return Chosen(detection_factor=configuration.perception.noise_factors[0])
-    return Chosen(component.settings.odometry_factor, component.settings.detection_factor)
+        perception = configuration.perception
+        return Chosen(detection_factor=perception.noise_factors[0], ranges_are=perception.ranges_are[0])
+    own = component.settings
+    return Chosen(own.odometry_factor, own.detection_factor, DEPTH if own.ranges_are_depth else DISTANCE)
 
 
 def _by_batch(task: Task, bag: Path, beliefs: Path) -> Outcome:

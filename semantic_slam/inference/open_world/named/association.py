@@ -4,6 +4,7 @@ Odometry's biases, errors that repeat and a sensor's region that is learned are 
 detection is of is what it says, up to a share of wrong names.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -55,12 +56,12 @@ class NamedAssociation(OpenAssociation):
             for component in parents.components
         ]
         pairs = [self.pairs_of(prediction) for prediction in predictions]
-        log_wrong = self._log_wrong(predictions[0].region, detections)
+        log_wrong = np.array([self._log_wrong(own.region, own.detections) for own in predictions])
         columns = np.where(known, np.searchsorted(named, identities), -1)
         columns[first] = len(named) + first
         if path is None:
-            both = zip(predictions, pairs, strict=True)
-            ranked = [self._likely(prediction, own, columns, log_wrong) for prediction, own in both]
+            every = zip(predictions, pairs, log_wrong, strict=True)
+            ranked = [self._likely(prediction, own, columns, wrong) for prediction, own, wrong in every]
         else:
             ranked = [RankedAssignments(_along(path, used, identities, columns), np.zeros(1), -np.inf)]
         return NamedKeyframe(
@@ -85,7 +86,7 @@ class NamedAssociation(OpenAssociation):
             return used
         return used[_first_of(told[used], np.arange(len(used)))]
 
-    def _log_wrong(self, region: SensorRegion, detections: list[object]) -> Array:
+    def _log_wrong(self, region: SensorRegion, detections: Sequence[Any]) -> Array:
         """(n,) log odds that a name is wrong, times the density of its detection if it is: even over the region."""
         clutter = EvenClutter(region.area_m2, region.field_of_view_rad)
         return log_odds_of_wrong_identity(self.problem) + clutter.log_place(detections)

@@ -22,7 +22,7 @@ class NamedKeyframe(OpenKeyframe):
     named: Index  # (n,) those detections
     identities: Index  # (n,) ids of the objects that they name
     first: Index  # (m,) which of the n are the first of their object, and start it
-    log_wrong: Array  # (n,) log odds that the name is wrong, times the density of the detection if it is
+    log_wrong: Array  # (P, n) log odds that the name is wrong, times the density of the detection if it is
 
     @property
     def used(self) -> Index:
@@ -44,7 +44,7 @@ class NamedKeyframe(OpenKeyframe):
         rows, log_wrong, clutter = candidates.assignments, self.log_wrong, self.problem.clutter
         if clutter is not None:
             log_wrong = log_wrong + clutter.log_scores(self.detections)
-        factors = np.where(rows.objects < 0, log_wrong, 0.0).sum(axis=1)
+        factors = np.where(rows.objects < 0, log_wrong[rows.parents], 0.0).sum(axis=1)
         factors += np.array([self._log_first(own.births) for own in self.predictions])[rows.parents]
         new = self.identities[self.first].tolist()
         updates = [ExistenceUpdate.starting(component.objects, new) for component in self.parents.components]

@@ -1,0 +1,30 @@
+"""Ranges that are depths along a sensor's axis: distances by them, and the ground that a span of depths covers.
+
+Beyond :data:`WIDEST_RAD` off the axis there are no depths: ranges are distances there.
+"""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+
+WIDEST_RAD = 1.2
+"""Angle off the axis up to which there are depths: no lens maps a plane beyond."""
+
+
+def distance_per_depth(off_axis_rad: Array) -> Array:
+    """(...,) by angles off the axis in [-pi, pi)."""
+    off = np.abs(off_axis_rad)
+    return np.where(off < WIDEST_RAD, 1.0 / np.cos(np.minimum(off, WIDEST_RAD)), 1.0)
+
+
+def covered(off_axis_rad: Array) -> Array:
+    """(...,) twice the area between the axis and an angle off it at a depth of 1; negative to the right."""
+    off = np.abs(off_axis_rad)
+    beyond = np.maximum(off - WIDEST_RAD, 0.0)
+    return np.asarray(np.sign(off_axis_rad) * (np.tan(np.minimum(off, WIDEST_RAD)) + beyond))
+
+
+def off_axis(area: Array) -> Array:
+    """(...,) the angle at which :func:`covered` is as given."""
+    size, most = np.abs(area), np.tan(WIDEST_RAD)
+    return np.asarray(np.sign(area) * (np.arctan(np.minimum(size, most)) + np.maximum(size - most, 0.0)))

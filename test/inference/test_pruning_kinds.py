@@ -1,0 +1,51 @@
+"""Hypotheses of other kinds, elsewhere or of other noises, are not crowded out by variants of the best one."""
+
+import numpy as np
+import pytest
+
+from semantic_slam.configuration import PruningConfiguration
+from semantic_slam.inference.pruning import Kinds, Pruned, prune
+
+WEIGHTS = np.log([8.0, 4.0, 2.0, 1.0, 0.5, 1e-5])
+POSITIONS = np.array([[0.0, 0.0], [0.1, 0.0], [5.0, 0.0], [0.2, 0.0], [5.0, 0.1], [9.0, 9.0]])
+
+
+def pruned(kinds: Kinds | None = None, **limits: float) -> Pruned:
+    settings = PruningConfiguration(
+        **{"ratio": 10.0, "max_hypotheses": 4, "place_m": 1.0, "kind_ratio": 100.0, **limits}
+    )
+    return prune(WEIGHTS, np.arange(6, dtype=np.uint64), np.array([-np.inf]), settings, kinds)
+
+
+def kinds(beginnings: tuple[int, ...] = (0,) * 6, positions: np.ndarray = POSITIONS) -> Kinds:
+    return Kinds(positions=positions, beginnings=np.array(beginnings))
+
+
+def test_half_of_the_room_goes_in_turn_to_each_kind() -> None:
+    """Of three at most: one slot in turn, which the heaviest has; of five, two, the second for the other place."""
+    assert pruned(kinds(), max_hypotheses=2).kept.tolist() == [0, 1]
+    assert pruned(kinds(positions=POSITIONS[[0, 1, 1, 3, 2, 5]]), max_hypotheses=4).kept.tolist() == [0, 1, 2, 4]
+
+
+def test_what_began_otherwise_is_of_another_kind_wherever_it_is() -> None:
+    at_one_place = np.zeros((6, 2))
+    assert pruned(kinds((0, 0, 0, 0, 1, 1), at_one_place)).kept.tolist() == [0, 1, 2, 4]
+
+
+def test_what_is_of_a_kind_is_held_against_the_heaviest_of_that_kind() -> None:
+    """0.5 of 2 at the other place, while 0.5 of 8 would have been too little, and 1e-5 of 8 is for any kind."""
+    assert pruned(kinds(), max_hypotheses=6).kept.tolist() == [0, 1, 2, 3, 4]
+    assert pruned(max_hypotheses=6).kept.tolist() == [0, 1, 2, 3]
+    assert pruned(kinds(), max_hypotheses=6, kind_ratio=1e7).kept.tolist() == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize("limits", [{"place_m": 0.0}, {"max_hypotheses": 1}])
+def test_without_a_place_or_room_the_heaviest_are_kept(limits: dict[str, float]) -> None:
+    np.testing.assert_array_equal(pruned(kinds(), **limits).kept, pruned(**limits).kept)
+
+
+def test_what_is_given_up_counts_as_discarded_whatever_kind_it_is_of() -> None:
+    total = np.exp(WEIGHTS).sum()
+    found = pruned(kinds((0, 0, 0, 0, 1, 1), np.zeros((6, 2))))
+    assert found.discarded == pytest.approx((1.0 + 1e-5) / total)
+    assert np.exp(found.log_weights).sum() == pytest.approx(1.0)
