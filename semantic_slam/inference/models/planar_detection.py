@@ -100,7 +100,7 @@ class PlanarDetection:
         return float(distance_per_depth(np.array(self._off(axis_rad)))) if self.has_range else 1.0
 
     def _off(self, axis_rad: float) -> float:
-        return float(wrap_angle(self.bearing_rad - axis_rad))
+        return float(wrap_angle(np.array(self.bearing_rad - axis_rad)))
 
     @property
     def place(self) -> Array:

@@ -43,7 +43,7 @@ class SensorRegion:
         """Distance beyond which nothing lies inside."""
         if self.axis_rad is None:
             return self.max_range_m
-        widest = abs(float(wrap_angle(self.direction_rad - self.axis_rad))) + 0.5 * self.field_of_view_rad
+        widest = abs(self._off_axis(self.axis_rad)) + 0.5 * self.field_of_view_rad
         return self.max_range_m / float(np.cos(min(widest, WIDEST_RAD)))
 
     def per_range(self, bearings_rad: Array) -> Array:
@@ -64,9 +64,13 @@ class SensorRegion:
         half = 0.5 * self.field_of_view_rad
         if self.axis_rad is None:
             return -half, half
-        middle = float(wrap_angle(self.direction_rad - self.axis_rad))
+        middle = self._off_axis(self.axis_rad)
         right, left = covered(np.array([middle - half, middle + half])).tolist()
         return right, left
+
+    def _off_axis(self, axis_rad: float) -> float:
+        """Bearing of its middle, from an axis, in [-pi, pi)."""
+        return float(wrap_angle(np.array(self.direction_rad - axis_rad)))
 
     def read_by(self, settings: NoiseSettings | None) -> Self:
         """The region as a hypothesis has it, by what it takes ranges to be."""
