@@ -79,9 +79,10 @@ def test_one_override_makes_numbers_given_of_the_configuration_for_a_robot_nobod
     seen = [Detection(range_m=2.0, bearing_rad=0.1, track_id="7"), Detection(bearing_rad=0.0)]
     belief = engine.process(Keyframe.planar(0, detections=seen))
     assert strategy_of(told) is NamedAssociation
-    assert len(belief.hypotheses) == 24  # one for each noise: nothing is missed, so that nothing else is to choose
+    noises = len(base.odometry.noise_factors) * len(base.perception.noise_factors) * len(base.perception.ranges_are)
+    assert len(belief.hypotheses) == noises  # one for each: nothing is missed, so that nothing else is to choose
     assert [known.name for known in belief.objects] == ["7"]
-    assert belief.associations.tolist() == [[0, -1]] * 6
+    assert belief.associations.tolist() == [[0, -1]] * noises
     np.testing.assert_array_equal(belief.existence, 1.0)
 
 
