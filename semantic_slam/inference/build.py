@@ -23,7 +23,7 @@ from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise_settings import DEPTH, DISTANCE, NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
-from semantic_slam.inference.protocol import RunConfiguration, sha256_of
+from semantic_slam.inference.protocol import RunConfiguration, told_of
 from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.smoothing.horizon import check_horizon
@@ -86,7 +86,7 @@ def make_run_configuration(
         configuration = replace(configuration, semantic_model=with_space)
     configuration = replace(configuration, semantic_model=noted(configuration.semantic_model))
     if association.counts_misses and not configuration.open_world.learn_region:
-        world = with_fitted_detection(configuration.open_world, configuration.semantic_model, sha256_of(source))
+        world = with_fitted_detection(configuration.open_world, configuration.semantic_model, told_of(source, "sha256"))
         configuration = replace(configuration, open_world=world)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""

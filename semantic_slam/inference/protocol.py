@@ -38,16 +38,16 @@ class RunConfiguration:
     @property
     def source_sha256(self) -> str:
         """Digest of the bag that the run is of, "" where that is not told."""
-        return sha256_of(self.source)
+        return told_of(self.source, "sha256")
 
 
-def sha256_of(source: str) -> str:
-    """Digest that the JSON of a run's source tells, "" where it tells none."""
+def told_of(source: str, name: str) -> str:
+    """What the JSON of a run's source tells under a name, "" where it tells nothing."""
     try:
         told = json.loads(source or "{}")
     except ValueError:
         return ""
-    return str(told.get("sha256") or "") if isinstance(told, dict) else ""
+    return str(told.get(name) or "") if isinstance(told, dict) else ""
 
 
 @dataclass(frozen=True, kw_only=True)

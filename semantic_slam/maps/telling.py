@@ -1,6 +1,5 @@
 """A map as a table, and as plain values."""
 
-import json
 from dataclasses import asdict
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.protocol import told_of
 from semantic_slam.maps.saved_map import SavedMap
 
 SCHEMA_VERSION = 1
@@ -17,9 +17,10 @@ def lines_of(known: SavedMap) -> list[str]:
     """Provenance, and a line for each object."""
     objects, told = known.objects, known.provenance
     together = "what they have in common" if known.has_cross_covariances else "each object by itself"
+    bag = told_of(told.source, "path") or "an unknown bag"
     lines = [
         f"map {known.map_id}: {len(objects)} objects, {len(known.hypotheses)} hypotheses, {together}",
-        f"run {told.run_id or 'not known'}, keyframe {told.keyframe}, of {_source(told.source)}"
+        f"run {told.run_id or 'not known'}, keyframe {told.keyframe}, of {bag}"
         + (f", started from map {told.started_from}" if told.started_from else ""),
         f"{'object':>10}  {'exists':>6}  {'x [m]':>8}  {'y [m]':>8}  {'sigma [m]':>9}  {'seen':>5}  class, name",
     ]
@@ -70,14 +71,6 @@ def _class_text(known: SavedMap, row: int) -> str:
         return ""
     best = int(np.argmax(known.objects.class_probabilities[row]))
     return f"{known.class_names[best]} {known.objects.class_probabilities[row, best]:.3f}, "
-
-
-def _source(text: str) -> str:
-    try:
-        told = json.loads(text or "{}")
-    except ValueError:
-        return "an unknown bag"
-    return str(told.get("path") or "an unknown bag") if isinstance(told, dict) else "an unknown bag"
 
 
 def _or_none(values: Array) -> Any:

@@ -69,15 +69,16 @@ class PlanarDetection:
         return np.array(self.feature_covariance.diagonal())
 
     @cached_property
-    def _taken(self) -> dict[NoiseSettings, "PlanarDetection"]:
+    def _taken(self) -> dict[tuple[float, bool, float], "PlanarDetection"]:
         return {}
 
     def taken_as(self, settings: NoiseSettings) -> "PlanarDetection":
         """The detection as a hypothesis takes it: one object for each, whoever asks."""
-        if settings not in self._taken:
+        key = (settings.detection_factor, settings.ranges_are_depth, settings.axis_rad)
+        if key not in self._taken:
             scaled = replace(self, covariance=settings.detection_factor * self.covariance)
-            self._taken[settings] = scaled._along(settings.axis_rad) if settings.ranges_are_depth else scaled
-        return self._taken[settings]
+            self._taken[key] = scaled._along(settings.axis_rad) if settings.ranges_are_depth else scaled
+        return self._taken[key]
 
     def _along(self, axis_rad: float) -> "PlanarDetection":
         """With the distance of what is as deep along the axis as the range says; far beside it as it is.
