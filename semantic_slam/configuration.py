@@ -316,6 +316,12 @@ class DetectionErrorsConfiguration:
     )
     motion_m: float = parameter(1.0, "metres driven after which errors repeat by a factor of 1 / e", minimum=1e-3)
     motion_rad: float = parameter(1.0, "radians turned after which errors repeat by a factor of 1 / e", minimum=1e-3)
+    sigma_range_offset_m: float = parameter(
+        0.0, "prior sigma of how much all ranges are too long; estimated where correlated_share > 0", minimum=0.0
+    )
+    sigma_yaw_rad: float = parameter(
+        0.0, "prior sigma of how far the sensor is turned about the vertical, likewise [rad]", minimum=0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -521,6 +527,12 @@ class PerceptionConfiguration:
     sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
     sigma_range_per_m: float = parameter(
         0.0, "standard deviation of the range to an object's centre per metre of it, besides sigma_range_m", minimum=0.0
+    )
+    sigma_range_scale: float = parameter(
+        0.0,
+        "standard deviation of a share by which all ranges are too long; association: open or given, without a map:"
+        " what is stated of robot and objects counts it",
+        minimum=0.0,
     )
     sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
     noise_factors: tuple[float, ...] = parameter(

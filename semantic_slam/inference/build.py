@@ -137,6 +137,12 @@ def _check_odometry(configuration: Configuration, association: type[AssociationS
             "detection_errors.correlated_share works only where updates are not iterated;"
             " set association: open, or given, and open_world.iterate_updates: false"
         )
+    errors = configuration.detection_errors
+    if (errors.sigma_range_offset_m or errors.sigma_yaw_rad) and errors.correlated_share <= 0.0:
+        raise InputError(
+            "detection_errors.sigma_range_offset_m and sigma_yaw_rad need detection_errors.correlated_share above 0;"
+            " set it, or both of them to 0"
+        )
 
 
 def _check_detections(configuration: Configuration, association: type[AssociationStrategy]) -> None:
@@ -257,8 +263,9 @@ def problem_of(run: RunConfiguration) -> Problem:
     is_relocated = bool(objects) and configuration.revision.lost_every_keyframes > 0
     return Problem(
         starts=Starts.of(robot) if is_relocated else None,
-        inferred_noise=InferredNoise.of(configuration.odometry, noises, DetectionRates.of(configuration.open_world)),
+        inferred_noise=InferredNoise.of(configuration, noises, DetectionRates.of(configuration.open_world)),
         noises=noises,
+        sigma_metre=configuration.perception.sigma_range_scale,
         spaces=sensing.spaces,
         model=sensing.model,
         reader=sensing.reader,

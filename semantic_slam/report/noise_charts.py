@@ -14,6 +14,8 @@ MEANINGS = {
     "odometry.noise_factor": "Factor on the covariance of odometry.",
     "perception.noise_factor": "Factor on the covariance of a detection's place.",
     "perception.ranges_are_depth": "Probability that a detection's range is its depth along the sensor's axis.",
+    "detection_errors.range_offset_m": "Metres by which all ranges are too long.",
+    "detection_errors.yaw_rad": "Radians by which all bearings are too far to the left.",
     "open_world.detection_probability": "Of an object right at the sensor that nothing hides.",
     "open_world.detection_half_range_m": "Metres, at which it is half of that.",
     "open_world.miss_persistence": "Correlation from keyframe to keyframe of whether an object can be detected.",

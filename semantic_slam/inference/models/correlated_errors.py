@@ -9,6 +9,10 @@ p being places relative to the robot, c the part that a whole frame has in commo
 rho = exp(-metres / m - radians / a) for the motion between two frames: Gauss-Markov along the drive. A robot at rest
 learns of a place no more than the variance of f lets it. What depends on earlier frames does so through the newest one
 with detections: exact while the same places are in view, and forgetful of what was out of view for a frame.
+
+What the sensor gets wrong all the way, so much of every range and a turn of its mount, stays: with g ~ N(0, I) in units
+of their standard deviations, H_i g is part of f_i. g is one entry more, behind those of the detections, and changes as
+the biases of odometry do.
 """
 
 from collections.abc import Sequence
@@ -23,11 +27,23 @@ from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import Linearisation
+from semantic_slam.inference.models.odometry_bias import CHANGE
 from semantic_slam.inference.states.carried_errors import CarriedErrors
-from semantic_slam.inference.states.keys import VECTOR_SIZES, letter_of, vector_parts
+from semantic_slam.inference.states.keys import STRETCH, VECTOR_SIZES, letter_of, vector_parts
 
 OWN_SHARE = 1e-4
 """Share of f that no two detections have in common: it keeps covariances regular where two stand at one place."""
+CHANGE_OF_SENSOR = CHANGE / np.sqrt(STRETCH)
+"""Standard deviation of the change of g from one frame to the next."""
+
+
+def sensor_slopes(settings: DetectionErrorsConfiguration, detections: Sequence[Any]) -> Array:
+    """H (2 D, 2) of the f of D detections by what the sensor gets wrong all the way; (2 D, 0) where nothing is."""
+    sigmas = np.array([settings.sigma_range_offset_m, settings.sigma_yaw_rad])
+    if not sigmas.any():
+        return np.zeros((2 * len(detections), 0))
+    whiten = np.array([own.whiten for own in detections]).reshape(-1, 2)
+    return np.asarray(whiten * sigmas / np.sqrt(settings.correlated_share))
 
 
 def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array) -> Array:
@@ -71,39 +87,79 @@ class WhiteResidual:
         )
 
 
+def _repeated(
+    settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, places: Array
+) -> tuple[Array, Array]:
+    """A (2 D, 2 n) and Q (2 D, 2 D) of the process alone."""
+    own = correlation(settings, places, places) + OWN_SHARE * np.eye(2 * len(places))
+    if carried is None:
+        return np.zeros((len(own), 0)), own
+    known = correlation(settings, carried.places, carried.places) + OWN_SHARE * np.eye(2 * len(carried.places))
+    cross = carried.left * correlation(settings, places, carried.places)
+    matrix = np.asarray(np.linalg.solve(known, cross.T).T, dtype=np.float64)
+    noise = own - matrix @ cross.T
+    return matrix, 0.5 * (noise + noise.T)
+
+
+def _with_sensor(matrix: Array, noise: Array, now: Array, before: Array | None) -> tuple[Array, Array]:
+    """The same of f + H g and g, H being ``now`` (2 D, d), and ``before`` (2 n, d) where there was a frame."""
+    size = now.shape[1]
+    if not size:
+        return matrix, noise
+    by_sensor = np.concatenate([now, np.eye(size)])
+    variance = 1.0 if before is None else CHANGE_OF_SENSOR**2
+    spread = variance * by_sensor @ by_sensor.T
+    spread[: len(noise), : len(noise)] += noise
+    if before is None:
+        return np.zeros((len(spread), 0)), spread
+    whole = np.zeros((len(spread), matrix.shape[1] + size))
+    whole[: len(matrix), : matrix.shape[1]] = matrix
+    whole[:, matrix.shape[1] :] = by_sensor
+    whole[: len(matrix), matrix.shape[1] :] -= matrix @ before
+    return whole, spread
+
+
 @dataclass(frozen=True, kw_only=True)
 class ErrorTransition:
-    """f of a frame's D detections given that of n before: f_k = A f + v, v ~ N(0, Q)."""
+    """f of a frame's D detections, and g, given those of n before: f_k = A f + v, v ~ N(0, Q); d is 2 where g is, or 0.
+
+    (f, g) is (2 D + d,).
+    """
 
     white: WhiteResidual
     before: int  # keyframe of those
-    matrix: Array  # A (2 D, 2 n)
-    noise: Array  # Q (2 D, 2 D)
-    mean: Array  # (2 D,) predicted
+    matrix: Array  # A (2 D + d, 2 n + d)
+    noise: Array  # Q (2 D + d, 2 D + d)
+    mean: Array  # (2 D + d,) predicted
     places: Array  # (D, 2)
+    by_sensor: Array  # H (2 D, d)
 
     @classmethod
-    def of(cls, settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, places: Array) -> Self:
-        """To detections at ``places`` (D, 2) [m] in the body frame, of the newest keyframe as ``carried`` is."""
-        white, own = (
-            WhiteResidual(settings),
-            correlation(settings, places, places) + OWN_SHARE * np.eye(2 * len(places)),
-        )
-        if carried is None:
-            nothing = np.zeros((2 * len(places), 0))
-            return cls(white=white, before=-1, matrix=nothing, noise=own, mean=np.zeros(len(own)), places=places)
-        known = correlation(settings, carried.places, carried.places) + OWN_SHARE * np.eye(2 * len(carried.places))
-        cross = carried.left * correlation(settings, places, carried.places)
-        matrix = np.asarray(np.linalg.solve(known, cross.T).T, dtype=np.float64)
-        noise = own - matrix @ cross.T
+    def of(
+        cls, settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
+    ) -> Self:
+        """To detections in the body frame, of the newest keyframe as ``carried`` is."""
+        places, by_sensor = np.array([own.place for own in detections]), sensor_slopes(settings, detections)
+        matrix, noise = _repeated(settings, carried, places)
+        matrix, noise = _with_sensor(matrix, noise, by_sensor, None if carried is None else carried.by_sensor)
         return cls(
-            white=white,
-            before=carried.keyframe,
+            white=WhiteResidual(settings),
+            before=-1 if carried is None else carried.keyframe,
             matrix=matrix,
-            noise=0.5 * (noise + noise.T),
-            mean=matrix @ carried.mean,
+            noise=noise,
+            mean=np.zeros(len(matrix)) if carried is None else matrix @ carried.mean,
             places=places,
+            by_sensor=by_sensor,
         )
+
+    @property
+    def count(self) -> int:
+        """Entries of two components."""
+        return len(self.mean) // 2
+
+    def after(self, keyframe: int, mean: Array) -> CarriedErrors:
+        """The errors of this frame, ``keyframe``, of this ``mean``."""
+        return CarriedErrors(keyframe=keyframe, places=self.places, by_sensor=self.by_sensor, mean=mean)
 
     def factor(self, before: Sequence[int], now: Sequence[int]) -> Any:
         """GTSAM factor on the variables that hold f of n and of D detections, by their keys."""
@@ -132,13 +188,13 @@ class PredictedErrors:
 
     transition: ErrorTransition
     slopes: Array  # (D, 2) derivatives of the residuals
-    covariance: Array  # (2 D, 2 D)
-    cross: Array  # (r + M l, 2 D) with robot and objects
+    covariance: Array  # (2 D + d, 2 D + d)
+    cross: Array  # (r + M l, 2 D + d) with robot and objects
 
     @property
     def mean(self) -> Array:
         """(D, 2) expected."""
-        return self.transition.mean.reshape(-1, 2)
+        return self.transition.mean.reshape(-1, 2)[: len(self.slopes)]
 
     def rows(self, numbers: Sequence[int]) -> Index:
         """Components of some detections."""
@@ -150,11 +206,12 @@ class PredictedErrors:
         ``rows`` (M, r + l): of the robot and each object in ``cross``.
         """
         count, size = len(self.slopes), pairs.shape[-1]
-        blocks = self.covariance.reshape(count, 2, count, 2)[np.arange(count), :, np.arange(count)]
+        own = slice(2 * count)
+        blocks = self.covariance[own, own].reshape(count, 2, count, 2)[np.arange(count), :, np.arange(count)]
         found = np.empty((count, len(pairs), size + 2, size + 2))
         found[..., :size, :size] = pairs
         found[..., size:, size:] = blocks[:, None]
-        cross = np.moveaxis(self.cross[rows].reshape(len(pairs), size, count, 2), 2, 0)
+        cross = np.moveaxis(self.cross[rows][..., own].reshape(len(pairs), size, count, 2), 2, 0)
         found[..., :size, size:] = cross
         found[..., size:, :size] = np.swapaxes(cross, -1, -2)
         return found

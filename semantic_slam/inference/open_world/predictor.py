@@ -166,9 +166,8 @@ class Predictor:
         """The local map with the errors of these detections in place of earlier ones; as it is without detections."""
         if self.errors.correlated_share <= 0.0 or not detections:
             return local, None
-        places = np.array([detection.place for detection in detections])
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
-        transition = ErrorTransition.of(self.errors, carried, places)
+        transition = ErrorTransition.of(self.errors, carried, detections)
         local = local.with_errors(transition.matrix, transition.noise)
         return local, PredictedErrors(
             transition=transition,

@@ -59,7 +59,7 @@ def revised_tracking(component: Component, smoother: Smoother, ids: Index) -> Tr
     covariances[~known] = smoother.covariances([object_key(int(n)) for n in ids[~known]])
     errors = before.errors
     if errors is not None:
-        keys = error_keys(errors.keyframe, len(errors.places))
+        keys = error_keys(errors.keyframe, errors.count)
         errors = replace(errors, mean=np.concatenate([smoother.vector(key) for key in keys]))
     together = smoother.joint_covariance(carried_keys(keyframe, len(before.bias), errors))
     carried = len(before.bias) > 0 or errors is not None

@@ -14,7 +14,6 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import STRETCH
 from semantic_slam.inference.world.problem import Problem
@@ -104,22 +103,24 @@ def _errors(
     settings = problem.detection_errors
     if settings.correlated_share <= 0.0:
         return np.eye(2 * len(rows))
-    counts = np.array([len(frame) for frame in frames])
-    firsts = np.concatenate([[0], 2 * np.cumsum(counts)])
+    beside = 2 * any((settings.sigma_range_offset_m, settings.sigma_yaw_rad))
+    firsts = np.concatenate([[0], np.cumsum([2 * len(frame) + beside * bool(frame) for frame in frames])])
     repeated, carried = np.zeros((int(firsts[-1]), int(firsts[-1]))), None
     for k, frame in enumerate(frames):
         carried = None if carried is None else carried.moved(motions[k].control, settings)
         if not frame:
             continue
-        places, now = np.array([own.place for own in frame]), slice(int(firsts[k]), int(firsts[k + 1]))
-        step = ErrorTransition.of(settings, carried, places)
+        now, step = (
+            slice(int(firsts[k]), int(firsts[k + 1])),
+            ErrorTransition.of(settings, carried, frame),
+        )
         repeated[now, now] = step.noise
         if carried is not None:
             before = slice(int(firsts[carried.keyframe]), int(firsts[carried.keyframe + 1]))
             cross = step.matrix @ repeated[before, : now.start]
             repeated[now, : now.start], repeated[: now.start, now] = cross, cross.T
             repeated[now, now] += cross[:, before] @ step.matrix.T
-        carried = CarriedErrors(keyframe=k, places=places, mean=np.zeros(2 * len(places)))
+        carried = step.after(k, np.zeros(len(step.mean)))
     kept = np.array([firsts[k] + 2 * n + part for k, n in rows for part in range(2)], dtype=int)
     share = settings.correlated_share
     return np.asarray(share * repeated[np.ix_(kept, kept)] + (1.0 - share) * np.eye(len(kept)))

@@ -26,6 +26,7 @@ from semantic_slam.inference.smoothing.tracking import tracked_after
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior, JointPrior
 from semantic_slam.inference.states.keys import number_of, object_key, robot_key
+from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.inference.states.spaces import Spaces
@@ -54,6 +55,7 @@ class Component:
     elsewhere: frozenset[int] = frozenset()  # objects of a map on which the robot is not placed: no detection is of one
     settings: NoiseSettings | None = None  # that number's; None: all as told
     movers: Movers | None = None  # objects that move, or may; None: nothing does
+    metre: Metre | None = None  # how well it is known; None: for sure
     past: tuple[Array, ...] = ()  # (n, s) states of the first keyframes' robots, as they were when they were summarised
 
     @classmethod
@@ -150,7 +152,7 @@ class Component:
                 change = transport(before, after)
                 covariance[own] = change @ covariance[own]
                 covariance[:, own] = covariance[:, own] @ change.T
-        return states, covariance
+        return states, covariance if self.metre is None else self.metre.jointly_widened(states, covariance)
 
     def robot_and_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
         """(1 + n, s) states, the robot's first, and (1 + n, w, w) covariances of some of its objects.
@@ -168,7 +170,7 @@ class Component:
                     (row, slice(space.tangent_size), slice(space.tangent_size)),
                 )
                 states[at], covariances[block] = correction.applied(space, states[at], covariances[block])
-        return states, covariances
+        return states, covariances if self.metre is None else self.metre.widened(states, covariances)
 
     def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:
         """States and covariances of robot and objects as they are tracked, or else read from the smoother."""

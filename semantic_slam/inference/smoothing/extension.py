@@ -92,7 +92,7 @@ def _add_errors(
 ) -> None:
     """Add the errors of a keyframe's detections that repeat."""
     graph.add(shared.errors(errors))
-    keys = error_keys(keyframe, len(errors.places))
+    keys = error_keys(keyframe, errors.count)
     for key, part in zip(keys, vector_parts(keys), strict=True):
         values.insert(key, errors.mean[part])
 

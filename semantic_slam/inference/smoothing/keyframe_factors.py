@@ -24,7 +24,7 @@ class KeyframeFactors:
         self._spaces, self._model, self._keyframe = spaces, model, keyframe
         self._odometry: dict[int, Any] = {}
         self._geometry: dict[tuple[int, int], Any] = {}
-        self._errors: Any = None
+        self._errors: dict[bytes, Any] = {}
 
     @property
     def has_biases(self) -> bool:
@@ -64,7 +64,7 @@ class KeyframeFactors:
         return found
 
     def _sightings(self, observed: Sequence[AssociatedDetection], errors: ErrorTransition) -> Sightings:
-        places = [error_place(self._keyframe, len(errors.places), item.number) for item in observed]
+        places = [error_place(self._keyframe, errors.count, item.number) for item in observed]
         keys, firsts, sizes = (np.array(column) for column in zip(*places, strict=True))
         ranged = np.array([item.detection.has_range for item in observed], dtype=bool)
         return Sightings(
@@ -80,8 +80,12 @@ class KeyframeFactors:
         )
 
     def errors(self, transition: ErrorTransition) -> Any:
-        """Factor of the errors that repeat, from those of the newest frame before; all hypotheses have one."""
-        if self._errors is None:
+        """Factor of the errors that repeat, from those of the newest frame before.
+
+        Hypotheses share it that take the sensor to be as noisy, for what it gets wrong all the way counts in that.
+        """
+        name = transition.by_sensor.tobytes()
+        if name not in self._errors:
             before = error_keys(transition.before, transition.matrix.shape[1] // 2)
-            self._errors = transition.factor(before, error_keys(self._keyframe, len(transition.places)))
-        return self._errors
+            self._errors[name] = transition.factor(before, error_keys(self._keyframe, transition.count))
+        return self._errors[name]

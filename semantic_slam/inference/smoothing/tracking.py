@@ -82,9 +82,8 @@ def _errors_after(
     """The errors of the newest frame with detections."""
     if update.errors is None:
         return before.errors if update.carried_errors is None else update.carried_errors
-    keys = error_keys(keyframe, len(update.errors.places))
-    mean = np.concatenate([smoother.vector(key) for key in keys])
-    return CarriedErrors(keyframe=keyframe, places=update.errors.places, mean=mean)
+    keys = error_keys(keyframe, update.errors.count)
+    return update.errors.after(keyframe, np.concatenate([smoother.vector(key) for key in keys]))
 
 
 def _joint(
@@ -104,7 +103,7 @@ def _joint(
 
 def carried_keys(keyframe: int, num_biases: int, errors: CarriedErrors | None) -> list[int]:
     """The newest robot, the biases of its odometry, and the errors that repeat."""
-    repeated = [] if errors is None else error_keys(errors.keyframe, len(errors.places))
+    repeated = [] if errors is None else error_keys(errors.keyframe, errors.count)
     return [robot_key(keyframe), *[bias_key(keyframe)][:num_biases], *repeated]
 
 

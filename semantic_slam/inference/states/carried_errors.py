@@ -16,8 +16,14 @@ class CarriedErrors:
 
     keyframe: int  # of that frame
     places: Array  # (n, 2) metres, in the body frame of the newest keyframe
-    mean: Array  # (2 n,)
+    by_sensor: Array  # (2 n, d) slopes by what the sensor gets wrong all the way
+    mean: Array  # (2 n + d,), of which the last d are that
     left: float = 1.0  # correlation that the motion since has left
+
+    @property
+    def count(self) -> int:
+        """Entries of two components."""
+        return len(self.mean) // 2
 
     def moved(self, control: Array, settings: DetectionErrorsConfiguration) -> Self:
         """After a motion (3,): x, y [m], yaw [rad]."""

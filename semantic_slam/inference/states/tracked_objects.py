@@ -112,6 +112,15 @@ class TrackedStates:
         return replace(self, trail=self.trail[kept])
 
     @property
+    def sensor(self) -> Array | None:
+        """(d, 2) means and standard deviations of what the sensor always gets wrong; None where nothing is known."""
+        if self.errors is None or self.carried_covariance is None or not self.errors.by_sensor.size:
+            return None
+        first = len(self.errors.by_sensor)
+        spread = np.sqrt(np.diagonal(self.carried_covariance)[len(self.carried_covariance) - self.num_errors + first :])
+        return np.stack([self.errors.mean[first:], spread], axis=1)
+
+    @property
     def num_errors(self) -> int:
         """q."""
         return 0 if self.errors is None else len(self.errors.mean)

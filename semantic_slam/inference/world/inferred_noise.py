@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from semantic_slam.configuration import OdometryConfiguration
+from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models import odometry_bias
 from semantic_slam.inference.models.noise_settings import NAMES, NoiseSettings
@@ -15,28 +15,40 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states import detection_rates
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
+SENSOR_NAMES = ("detection_errors.range_offset_m", "detection_errors.yaw_rad")
+"""What a sensor gets wrong all the way, in the order of g (see ``correlated_errors``)."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class InferredNoise:
-    """N quantities: those that hypotheses differ in, and biases of odometry that are estimated with the poses."""
+    """N quantities: those that hypotheses differ in, and biases of odometry and sensor that are estimated."""
 
     settings: tuple[str, ...] = ()  # as the configuration names them
     rates: tuple[str, ...] = ()  # of what is detected and is there; each hypothesis is a mixture over them
     bias_means: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of the prior
     bias_sigmas: Array = field(default_factory=lambda: np.zeros(0))  # (p,) 0: that one is not estimated
+    sensor_sigmas: Array = field(default_factory=lambda: np.zeros(2))  # likewise, of what the sensor always gets wrong
 
     @classmethod
-    def of(cls, odometry: OdometryConfiguration, noises: Sequence[NoiseSettings | None], rates: DetectionRates) -> Self:
-        """What is left open by the configuration of odometry, and by noises and rates that a robot may have."""
+    def of(cls, configuration: Configuration, noises: Sequence[NoiseSettings | None], rates: DetectionRates) -> Self:
+        """What is left open by the configuration, and by noises and rates that a robot may have."""
+        odometry, errors = configuration.odometry, configuration.detection_errors
         differing = [name for name, own in NAMES.items() if len({getattr(one, own, None) for one in noises}) > 1]
         open_rates = [name for name, own in detection_rates.NAMES.items() if len(np.unique(getattr(rates, own))) > 1]
         means, sigmas = odometry_bias.bias_means(odometry), odometry_bias.bias_sigmas(odometry)
-        return cls(settings=tuple(differing), rates=tuple(open_rates), bias_means=means, bias_sigmas=sigmas)
+        return cls(
+            settings=tuple(differing),
+            rates=tuple(open_rates),
+            bias_means=means,
+            bias_sigmas=sigmas,
+            sensor_sigmas=np.array([errors.sigma_range_offset_m, errors.sigma_yaw_rad]),
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
         """(N,) as the configuration has them."""
         estimated = [name for name, sigma in zip(odometry_bias.NAMES, self.bias_sigmas, strict=False) if sigma > 0.0]
+        estimated += [name for name, sigma in zip(SENSOR_NAMES, self.sensor_sigmas, strict=True) if sigma > 0.0]
         return (*self.settings, *self.rates, *estimated)
 
     def moments(self, component: Component) -> Array:
@@ -49,7 +61,15 @@ class InferredNoise:
             tracked = component.tracked
             biases = self.bias_sigmas[:, None] * np.stack([tracked.bias, tracked.bias_sigmas], axis=1)
             biases[:, 0] += self.bias_means
-        return np.concatenate([np.reshape(settings, (-1, 2)), biases[self.bias_sigmas > 0.0]])
+        sensor = self._sensor(component)
+        parts = np.reshape(settings, (-1, 2)), biases[self.bias_sigmas > 0.0], sensor[self.sensor_sigmas > 0.0]
+        return np.concatenate(parts)
+
+    def _sensor(self, component: Component) -> Array:
+        """(2, 2) means and standard deviations of what the sensor always gets wrong, as far as detections tell."""
+        known = None if component.tracked is None else component.tracked.sensor
+        moments = np.array([[0.0, 1.0]] * 2) if known is None else known
+        return self.sensor_sigmas[:, None] * moments
 
     def marginals(self, weights: Array, moments: Array, sensed: SensedRegion | None) -> dict[str, Any]:
         """What a belief says of them, from (H,) weights and (H, N, 2) moments; and the region that was learned.

@@ -31,6 +31,7 @@ from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.gaussian import GaussianPrior, JointPrior
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.displaced_objects import Displaced
@@ -78,6 +79,7 @@ class Problem:
     unmapped_ids: frozenset[int] = frozenset()  # among ``objects``, of those that the map may lack
     displaced: Displaced = field(default_factory=Displaced)  # among them, of those that the map may have elsewhere
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
+    sigma_metre: float = 0.0  # share by which all ranges may be too long, where no map tells
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
     starts: Starts | None = None  # of a robot that is lost on a map, in an open world; None: it begins at its prior
 
@@ -163,5 +165,6 @@ class Problem:
             start=start,
             elsewhere=plain.object_ids if is_elsewhere else frozenset(),
             settings=self.noises[number],
+            metre=None if self.objects or not self.sigma_metre else Metre(self.sigma_metre, robot.mean[:2]),
             movers=Movers.none(len(self.moving.speeds), len(rates), in_runs) if self.moving.is_on else None,
         )

@@ -11,6 +11,7 @@ from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_covariance
+from semantic_slam.inference.models.correlated_errors import CHANGE_OF_SENSOR
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
@@ -27,6 +28,7 @@ ERRORS = {
     "motion_m": 2.0,
     "motion_rad": 4.0,
 }
+SENSOR = {"sigma_range_offset_m": 1e-3, "sigma_yaw_rad": 1e-3}
 KEYFRAMES = 5
 
 
@@ -55,8 +57,8 @@ def robots() -> list[np.ndarray]:
 class JointGaussian:
     """Start, steps, objects and errors of the drive as one vector of independent causes, linearised at the truth."""
 
-    def __init__(self, share: float) -> None:
-        self.share, self.poses = share, robots()
+    def __init__(self, share: float, sensor: dict[str, float] | None = None) -> None:
+        self.share, self.poses, self.sensor = share, robots(), sensor or {}
         self.prior = np.concatenate([np.full(3, START), np.full(3 * KEYFRAMES, STEP_SIGMA), np.full(4, SIGMA_OBJECT)])
         self.slopes = np.array([self._slopes(k) for k in range(KEYFRAMES)]).reshape(4 * KEYFRAMES, -1)
 
@@ -85,7 +87,25 @@ class JointGaussian:
                     together = common + (1.0 - common) * np.array([[1.0, near], [near, 1.0]])
                     kernel[k, :, c, other, :, c] = left * together * sigma[c] ** 2
         whole = kernel.reshape(4 * KEYFRAMES, -1)
-        return self.share * whole + (1.0 - self.share) * np.diag(np.diag(whole))
+        by_sensor = self.by_sensor()
+        return self.share * whole + (1.0 - self.share) * np.diag(np.diag(whole)) + by_sensor @ by_sensor.T
+
+    def by_sensor(self) -> np.ndarray:
+        """(4 K, 2 + 2 (K - 1)) errors by so much of every range and by a turn of the sensor, and by their changes."""
+        slopes = np.zeros((KEYFRAMES, 2, 2, KEYFRAMES, 2))
+        for k in range(KEYFRAMES):
+            for cause in range(k + 1):
+                size = 1.0 if cause == 0 else CHANGE_OF_SENSOR
+                slopes[k, :, 0, cause, 0] = size * self.sensor.get("sigma_range_offset_m", 0.0)
+                slopes[k, :, 1, cause, 1] = size * self.sensor.get("sigma_yaw_rad", 0.0)
+        return slopes.reshape(4 * KEYFRAMES, -1)
+
+    def sensor_after(self, deviations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(2,) means and standard deviations of what the sensor always gets wrong, per those of the prior."""
+        slopes, now = self.by_sensor(), np.tile(np.eye(2), (KEYFRAMES, 1))
+        now[2:] *= CHANGE_OF_SENSOR
+        cross = np.linalg.solve(self.covariance(), slopes @ now).T
+        return cross @ deviations, np.sqrt(np.diag(now.T @ now - cross @ slopes @ now))
 
     def covariance(self) -> np.ndarray:
         """Of all measurements."""
@@ -105,12 +125,12 @@ class JointGaussian:
         return (prior - cross @ np.linalg.solve(self.covariance(), cross.T))[-4:, -4:]
 
 
-def drive(share: float, deviations: np.ndarray) -> tuple[Engine, float]:
+def drive(share: float, deviations: np.ndarray, sensor: dict[str, float] | None = None) -> tuple[Engine, float]:
     """The engine after the drive, and log P(Z) up to what does not depend on the share."""
     start = np.diag([START, START, START]) ** 2
     sigmas = {"sigma_m": SIGMA_OBJECT, "sigma_rad": 1.0}
     prior = MapPrior(tuple(ObjectPrior.planar(n, *point, **sigmas) for n, point in enumerate(TWINS.tolist())))
-    settings = configuration({**ERRORS, "correlated_share": share})
+    settings = configuration({**ERRORS, "correlated_share": share, **(sensor or {})})
     engine = Engine(settings, prior, initial_pose=np.zeros(3), initial_covariance=start)
     covariance = np.diag([SIGMA_RANGE, SIGMA_BEARING]) ** 2
     for k, robot in enumerate(robots()):
@@ -127,6 +147,19 @@ def test_the_evidence_is_that_of_the_joint_gaussian_of_two_objects_in_every_fram
     assert expected > 3.0
     found = drive(0.9, deviations)[1] - drive(0.0, deviations)[1]
     assert found == pytest.approx(expected, abs=0.02)
+
+
+def test_what_the_sensor_always_gets_wrong_is_that_of_the_joint_gaussian() -> None:
+    plain, world = JointGaussian(0.9), JointGaussian(0.9, SENSOR)
+    without, deviations = plain.deviations(), world.deviations()
+    engine, log_evidence = drive(0.9, deviations, SENSOR)
+    expected = world.log_density(deviations) - plain.log_density(without)
+    assert log_evidence - drive(0.9, without)[1] == pytest.approx(expected, abs=0.03)
+    mean, sigma = world.sensor_after(deviations)
+    tracked = next(iter(engine.pool._backends[0].held.values())).component.tracked
+    np.testing.assert_allclose(tracked.sensor[:, 1], sigma, rtol=0.02)
+    np.testing.assert_allclose(tracked.sensor[:, 0], mean, atol=0.05 * sigma.max())
+    assert sigma.max() < 0.5
 
 
 @pytest.mark.parametrize("share", [0.9, 0.0])
@@ -153,7 +186,8 @@ def test_a_robot_at_rest_learns_of_a_place_no_more_than_what_repeats_lets_it(sha
 
 @pytest.mark.slow
 def test_a_lineage_is_rebuilt_with_its_errors() -> None:
-    room = make_room(14, 0, clutter=0.05, detection_errors=ERRORS, open_world={"iterate_updates": False})
+    errors = {**ERRORS, "sigma_range_offset_m": 0.05, "sigma_yaw_rad": 0.03}
+    room = make_room(14, 0, clutter=0.05, detection_errors=errors, open_world={"iterate_updates": False})
     whole = Engine.of_run(room.run, InProcessPool(2))
     divided = Engine.of_run(room.run, ForgetfulPool(2))
     for keyframe in room.keyframes:
@@ -163,3 +197,8 @@ def test_a_lineage_is_rebuilt_with_its_errors() -> None:
 def test_only_single_steps_know_of_them() -> None:
     with pytest.raises(InputError, match="iterate_updates"):
         make_room(1, detection_errors=ERRORS)
+
+
+def test_what_a_sensor_always_gets_wrong_needs_errors_that_repeat() -> None:
+    with pytest.raises(InputError, match="sigma_yaw_rad need"):
+        make_room(1, detection_errors={"sigma_yaw_rad": 0.03}, open_world={"iterate_updates": False})
