@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import shutil
+import subprocess
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -41,9 +42,24 @@ def no_full_ros() -> str:
     return f"{', '.join(missing)} cannot be imported; apt-get install ros-jazzy-ros-base" if missing else ""
 
 
+@cache
+def no_network_namespaces() -> str:
+    """Two hosts are two namespaces of the kernel, which not everybody may make."""
+    missing = [name for name in ("ip", "nsenter") if shutil.which(name) is None]
+    if missing:
+        return f"no {' and no '.join(missing)} on PATH; apt-get install iproute2 util-linux"
+    name = f"slam{os.getpid()}"
+    made = subprocess.run(["ip", "netns", "add", name], check=False, capture_output=True)
+    if made.returncode:
+        return "network namespaces cannot be made here; run as root"
+    subprocess.run(["ip", "netns", "delete", name], check=True, capture_output=True)
+    return ""
+
+
 PREREQUISITES: dict[str, Callable[[], str]] = {
     "render": no_rendering,
     "real_data": no_real_data,
     "ros_full": no_full_ros,
+    "two_hosts": no_network_namespaces,
 }
 """By the marker of the tests that need it."""
