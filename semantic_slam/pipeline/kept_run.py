@@ -30,7 +30,7 @@ class KeptRun:
 
     @cached_property
     def descriptor(self) -> int:
-        """Of the file, which is there with the first record."""
+        """Descriptor of the file, which is there with the first record."""
         with TemporaryFile(buffering=0) as file:
             return os.dup(file.fileno())
 

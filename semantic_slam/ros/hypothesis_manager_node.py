@@ -261,7 +261,7 @@ class HypothesisManagerNode(PipelineNode):
         for service in self._answers:
             service.belief = belief
         self._explain.tell(self._run(), keyframe, belief)
-        self._explanation = explanation_status(belief)
+        self._explanation = explanation_status(belief, self._session.carried)
         self._belief_stamp_ns = belief.stamp_ns
 
     def _run(self) -> RunConfiguration:
