@@ -335,6 +335,16 @@ class RevisionConfiguration:
         " the map the robot may be to the next; 0: never",
         minimum=0,
     )
+    carried_probability: float = parameter(
+        0.0,
+        "from one keyframe to the next, that the robot is lifted and set down elsewhere, of which odometry tells"
+        " nothing; 0: it never is",
+        minimum=0.0,
+        maximum=0.1,
+    )
+    carried_m: float = parameter(
+        4.0, "standard deviation along x and y of where it is carried to, from where it was", minimum=1.0, maximum=16.0
+    )
     proposals: int = parameter(4, "revised histories that are weighed in one look", minimum=1)
     splits: int = parameter(
         4, "returns to an object, likeliest first, that one look takes to have been to another one; 0: none", minimum=0

@@ -158,8 +158,7 @@ class Backend:
                 except LostComponentError as fault:
                     survivors[number] = fault
         if growing and self._expanded is not None:
-            step, at_rows = self.steps[commit.keyframe], list(growing.values())
-            grown = self.expander.grow(step, self._expanded, at_rows, in_place=True)
+            grown = self.expander.grow(self._expanded, list(growing.values()), in_place=True)
             survivors.update(zip(growing, grown, strict=True))
         return survivors
 
@@ -189,7 +188,7 @@ class Backend:
                 raise LostComponentError("a lineage names an impossible continuation")
             rows = [expansion.ids.index(child)]
             nobodys = at > begin and not self.trunks.is_due(at)
-            component = certain(self.expander.grow(step, expansion, rows, in_place=nobodys)[0])
+            component = certain(self.expander.grow(expansion, rows, in_place=nobodys)[0])
             if self.trunks.is_due(at + 1):
                 self.trunks.keep(child, component)
         if self.trunks.is_due(length):

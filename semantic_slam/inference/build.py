@@ -30,6 +30,7 @@ from semantic_slam.inference.smoothing.horizon import check_horizon
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.gaussian import JointPrior
 from semantic_slam.inference.states.identity import digest
+from semantic_slam.inference.world.carried import Carried
 from semantic_slam.inference.world.displaced_objects import Displaced, with_displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
@@ -262,6 +263,8 @@ def problem_of(run: RunConfiguration) -> Problem:
     robot = sensing.robot_prior(run.initial_pose, run.initial_covariance)
     is_relocated = bool(objects) and configuration.revision.lost_every_keyframes > 0
     return Problem(
+        viewpoint=model,
+        carried=Carried.of(configuration.revision),
         starts=Starts.of(robot) if is_relocated else None,
         inferred_noise=InferredNoise.of(configuration, noises, DetectionRates.of(configuration.open_world)),
         noises=noises,

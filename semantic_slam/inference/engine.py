@@ -31,12 +31,14 @@ from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
 from semantic_slam.inference.pruning import Kinds, Pruned, prune, widened
+from semantic_slam.inference.relocation.recovery import SOON, Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.revision import Revision, log_mass, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.summarised_copies import SummarisedCopies
+from semantic_slam.inference.world.carried import carried_to
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -92,6 +94,7 @@ class Engine:
         self.relocation = Relocation(
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )
+        self.recovery = Recovery(Replay(self.problem, association, self.steps), self.registry)
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
 
@@ -102,6 +105,13 @@ class Engine:
     def live(self) -> dict[int, Hypothesis]:
         """Hypothesis id -> hypothesis, heaviest first."""
         return self.hypotheses.live
+
+    @property
+    def carried(self) -> float:
+        """Probability that the robot was carried elsewhere in the last keyframes."""
+        lately = slice(max(self.hypotheses.num_keyframes - SOON, 1), None)
+        weights = [own.log_weight for own in self.live.values() if any(map(carried_to, own.lineage[lately]))]
+        return float(np.exp(np.logaddexp.reduce(weights))) if weights and self.recovery.is_on else 0.0
 
     @property
     def lost(self) -> Counter[str]:
@@ -169,8 +179,8 @@ class Engine:
     def revise(
         self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects
     ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
-        """Histories enter with what they weigh: with objects that are one (``revision``), or that place the robot."""
-        if self.revision.is_on or self.relocation.is_on:
+        """Histories enter with what they weigh: with objects that are one, or that place a robot, lost or carried."""
+        if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
             self.steps.append(step)
             self.revision.note_keyframe()
         best = components[next(iter(self.live))].objects
@@ -179,6 +189,7 @@ class Engine:
         if self.revision.is_due():
             found |= self.revision.revised(self.live, reported.ids, best, ratio)
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
+        found |= self.recovery.found(self.live, ratio)
         if not found:
             return components, reported
         together = with_revised(self.live, found, self.problem.pruning.max_hypotheses)
@@ -229,6 +240,7 @@ class Engine:
         """The belief with what tells whether it explains its data."""
         log_reference = self.reference.log_density(step, belief) if self.reference is not None else np.nan
         log_evidence = kept.log_mass - candidates.log_found  # of the keyframe alone
+        self.recovery.note(log_reference - log_evidence)
         return replace(
             belief,
             log_evidence=log_evidence,

@@ -21,6 +21,7 @@ from semantic_slam.inference.smoothing.growth import Outcome, grow
 from semantic_slam.inference.smoothing.horizon import oldest_kept
 from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+from semantic_slam.inference.world.carried import NOWHERE, carried_to, with_carried
 from semantic_slam.inference.world.problem import Problem
 
 
@@ -28,6 +29,7 @@ from semantic_slam.inference.world.problem import Problem
 class Expansion:
     """The K candidates of a keyframe with their weights, and what those that survive grow from."""
 
+    step: Step  # with the motion that the candidates take the robot to have made
     parents: Parents  # P, of whom revised ones have the id of the one that they revise
     keyframe: PredictedKeyframe
     candidates: Candidates
@@ -68,11 +70,24 @@ class Expander:
         self.reassociation = Reassociation(problem, association)
 
     def expand(
-        self, step: Step, parent_ids: Sequence[int], held: Sequence[WeightedComponent], path: LineageStep | None = None
+        self,
+        step: Step,
+        parent_ids: Sequence[int],
+        held: Sequence[WeightedComponent],
+        path: LineageStep | None = None,
+        carried: int = NOWHERE,
     ) -> Expansion:
-        """PropWeights of Algorithm 4.1 for every parent, or along ``path``. Raises LostComponentError, InputError."""
+        """PropWeights of Algorithm 4.1 for every parent, or along ``path``. Raises LostComponentError, InputError.
+
+        ``carried``: the point to which the robot was carried; along a path, it tells that.
+        """
+        if path is not None and step.index > 0 and carried_to(path):
+            path, carried = with_carried(path, NOWHERE), carried_to(path)
         try:
-            return self._expanded(step, parent_ids, held, path)
+            if carried == NOWHERE or self.problem.carried is None:
+                return self._expanded(step, parent_ids, held, path)
+            there = self.problem.carried.step(step, carried)
+            return self._carried(self._expanded(there, parent_ids, held, path), carried)
         except np.linalg.LinAlgError as fault:
             raise InputError(
                 f"keyframe {step.index}: a covariance cannot be factorised ({fault}); check the standard deviations of"
@@ -96,6 +111,7 @@ class Expander:
         gains = np.array([own.log_gain + own.component.log_change(used) for own in revisions])
         log_psi = _log_psi(rows, semantics, factors) + gains[rows.parents]
         return Expansion(
+            step=step,
             parents=parents,
             keyframe=keyframe,
             candidates=candidates,
@@ -108,15 +124,31 @@ class Expander:
             existence=existence,
         )
 
-    def grow(self, step: Step, expansion: Expansion, rows: Sequence[int], *, in_place: bool) -> list[Outcome]:
+    def _carried(self, expansion: Expansion, point: int) -> Expansion:
+        """The candidates with what it costs that the robot was carried to a point."""
+        assert self.problem.carried is not None
+        weights = [
+            self.problem.carried.log_weight(point, own.settings.odometry_factor if own.settings is not None else 1.0)
+            for own in expansion.parents.components
+        ]
+        rows, steps = expansion.assignments, [with_carried(own, point) for own in expansion.steps]
+        stamp_ns, ids = expansion.step.stamp_ns, expansion.parents.ids
+        return replace(
+            expansion,
+            ids=[next_id(ids[parent], stamp_ns, own) for parent, own in zip(rows.parents, steps, strict=True)],
+            steps=steps,
+            log_psi=expansion.log_psi + np.array(weights)[rows.parents],
+        )
+
+    def grow(self, expansion: Expansion, rows: Sequence[int], *, in_place: bool) -> list[Outcome]:
         """The components of some candidates.
 
         ``in_place``: nobody needs the parents again, and a child may consume its own.
         """
         parents = [expansion.parents.components[parent] for parent in expansion.assignments.parents[list(rows)]]
         max_fresh = self.problem.open_world.max_joint_objects
-        grown = grow(parents, step.motion, expansion.updates(rows), in_place=in_place, max_fresh=max_fresh)
-        oldest = oldest_kept(self.problem.history, step.index)
+        grown = grow(parents, expansion.step.motion, expansion.updates(rows), in_place=in_place, max_fresh=max_fresh)
+        oldest = oldest_kept(self.problem.history, expansion.step.index)
         return grown if oldest is None else [_without_past(outcome, oldest) for outcome in grown]
 
     def _with_revised(

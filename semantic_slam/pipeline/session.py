@@ -69,6 +69,11 @@ class Session:
         return self._engine.run
 
     @property
+    def carried(self) -> float:
+        """Probability that the robot was carried elsewhere in the last keyframes."""
+        return self._engine.carried if self._engine is not None else 0.0
+
+    @property
     def num_without_label(self) -> int:
         """Keyframes that wait for the first detection with a label."""
         return self._first_word.num_waiting

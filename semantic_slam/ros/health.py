@@ -70,12 +70,15 @@ def dropped_status(dropped: Counter[str]) -> Status:
     return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
 
 
-def explanation_status(belief: HybridBelief | None) -> Status:
-    """Whether the newest belief explains its data."""
+def explanation_status(belief: HybridBelief | None, carried: float = 0.0) -> Status:
+    """Whether the newest belief explains its data; ``carried``: probability that the robot was, lately."""
     if belief is None:
         return Status("explanation", Level.OK, "no keyframe so far")
     names = ("log_evidence", "innovation_nees", "unexplained", "discarded_mass_window")
-    values = {name: f"{getattr(belief, name):.4g}" for name in names}
+    values = {name: f"{getattr(belief, name):.4g}" for name in names} | {"carried": f"{carried:.4g}"}
+    if carried > UNEXPLAINED:
+        text = f"the robot was carried elsewhere lately ({carried:.0%}); see that the pose is where it stands"
+        return Status("explanation", Level.WARN, text, values)
     if not belief.unexplained > UNEXPLAINED:
         return Status("explanation", Level.OK, "the belief explains its data", values)
     return Status(

@@ -4,6 +4,7 @@ Services (semantic_slam_msgs/srv):
   ~/find_objects     FindObjects: which mapped objects are of a class, and lie in a region
   ~/get_object       GetObject: all that is known of one
   ~/query_place      QueryPlace: what is at a place, and what should be there and is not
+  ~/explain          Explain: why an object is taken for what it says
   ~/get_path         GetPath: the robot's path from its start on
   ~/find_lookalike   FindLookalike: which mapped object looks like a crop
   ~/reset            std_srvs/Trigger: the run ends, another one begins at keyframe 0
@@ -48,6 +49,7 @@ from semantic_slam.pipeline.provenance import source_text
 from semantic_slam.pipeline.session import Session
 from semantic_slam.ros import qos
 from semantic_slam.ros.belief_publisher import BeliefPublisher
+from semantic_slam.ros.explain_service import ExplainService
 from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
 from semantic_slam.ros.lookalike_service import LookalikeService
 from semantic_slam.ros.map_service import MapService
@@ -98,6 +100,7 @@ class HypothesisManagerNode(PipelineNode):
         self._objects = ObjectServices(self)
         lookalikes = LookalikeService(self, self._configuration.semantic_model)
         self._answers = lookalikes, self._objects, MapService(self, self._run)
+        self._explain = ExplainService(self)
         self._session_services = SessionServices(self, self, read_map_prior)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
@@ -162,6 +165,7 @@ class HypothesisManagerNode(PipelineNode):
         self._belief, self._belief_stamp_ns, self._announced = None, 0, -1
         for service in self._answers:
             service.belief = None
+        self._explain.begin()
         self._explanation = explanation_status(None)
 
     def resume(self) -> None:
@@ -195,6 +199,10 @@ class HypothesisManagerNode(PipelineNode):
 
     def _set_paused(self, paused: bool) -> None:
         self._is_paused = self._session.assembler.is_paused = paused
+
+    def close(self) -> None:
+        """Give up what is being explained."""
+        self._explain.close()
 
     def _recover(self, _: None) -> None:
         """Go again through what the journal has, up to where the last process stood; then say where that is."""
@@ -252,7 +260,8 @@ class HypothesisManagerNode(PipelineNode):
         self._belief, self._objects.map_prior = belief, self._session.map_prior
         for service in self._answers:
             service.belief = belief
-        self._explanation = explanation_status(belief)
+        self._explain.tell(self._run(), keyframe, belief)
+        self._explanation = explanation_status(belief, self._session.carried)
         self._belief_stamp_ns = belief.stamp_ns
 
     def _run(self) -> RunConfiguration:

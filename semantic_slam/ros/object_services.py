@@ -14,7 +14,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.ros.answering import answering, newest
+from semantic_slam.ros.answering import answering, newest, row_of
 
 
 class ObjectServices:
@@ -42,11 +42,7 @@ class ObjectServices:
 
     def _get(self, request: Any, response: Any) -> None:
         belief = newest(self.belief)
-        rows = np.flatnonzero(belief.object_ids == request.object_id)
-        if not len(rows):
-            known = ", ".join(map(str, belief.object_ids.tolist())) or "none"
-            raise InputError(f"object {request.object_id} is not on the map, which has {known}; ask for one of these")
-        (row,) = rows.tolist()
+        row = row_of(belief, request.object_id)
         response.keyframe, response.name = belief.keyframe, belief.object_names[row]
         response.pose = _flat([belief.object_poses[row]])
         response.covariance = _flat([belief.object_covariances[row]])

@@ -63,7 +63,7 @@ class NodeProcesses:
                 stdout=log,
                 stderr=None if show_errors else subprocess.STDOUT,
                 env=self._environment,
-                preexec_fn=partial(_end_with, os.getpid()),
+                preexec_fn=partial(end_with, os.getpid()),
             )
 
     def exit_code(self, name: str) -> int | None:
@@ -153,8 +153,8 @@ def loopback_environment(domain_id: int) -> dict[str, str]:
     }
 
 
-def _end_with(parent: int) -> None:
-    """Called in a new process before its program begins: the kernel ends it when its parent has died, however."""
+def end_with(parent: int) -> None:
+    """Called in a new process before anything else: the kernel ends it when its parent has died, however."""
     if LIBC is None:
         return
     LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -114,4 +114,6 @@ def test_a_belief_that_cannot_explain_its_data_is_a_warning(unexplained: float, 
     status = explanation_status(belief)
     assert status.level == level and status.values["log_evidence"] == "-31.25"
     assert ("keyframe 3" in status.message) == (level == Level.WARN)
+    carried = explanation_status(belief, 0.98)
+    assert carried.level == Level.WARN and "carried elsewhere lately (98%)" in carried.message
     assert explanation_status(None).level == Level.OK

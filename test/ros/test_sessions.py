@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import rclpy
 from rclpy.node import Node
-from semantic_slam_msgs.srv import LoadMap, SaveMap
+from semantic_slam_msgs.srv import Explain, LoadMap, SaveMap
 from std_srvs.srv import SetBool, Trigger
 from worlds.bag_factory import PERIOD, Entry, write_bag, write_configuration
 from worlds.node_runs import assert_same, beliefs, processes
@@ -176,6 +176,8 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     robot.nodes.kill("hypothesis_manager")  # its journal knows of all that, and which session it stands in
     again = robot.frames_until_heard(later(place_entries("ranges", 24), 2 * NUM_FRAMES)[len(next_entries) :])
     assert again == NUM_FRAMES
+    told = robot.ask(Explain, "explain", Explain.Request(object_id=1))
+    assert told.fault == "" and told.explanation.splitlines()[-1].startswith("Inferred again: as recorded")
 
     robot.nodes.stop()
     assert [robot.nodes.exit_code(name) for name in ("bag_recorder", "hypothesis_manager", "backend_0")] == [0, 0, 0]

@@ -13,6 +13,7 @@ STUDIES = {
     "aliased_scenes": "semantic_slam_lab.studies.aliased_room.scenes",
     "aliased_room": "semantic_slam_lab.studies.aliased_room.study",
     "avd_bigbird": "semantic_slam_lab.studies.avd_bigbird.study",
+    "carried_robot": "semantic_slam_lab.studies.carried_robot.study",
     "ch3_localization": "semantic_slam_lab.studies.ch3.localization",
     "ch3_model_uncertainty": "semantic_slam_lab.studies.ch3.model_uncertainty",
     "ch4_example": "semantic_slam_lab.studies.ch4.example",

@@ -6,6 +6,7 @@ this; hypotheses have the ids that they had, by which the run is known to be the
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any, Self
 
 import numpy as np
@@ -55,7 +56,7 @@ class WeighedCandidates:
 class ReplayedKeyframe:
     """One keyframe as it was recorded, and what was weighed in it."""
 
-    belief: HybridBelief  # recorded
+    belief: HybridBelief  # recorded, or as it was inferred now
     candidates: WeighedCandidates
     live: dict[int, LiveHistory]
 
@@ -114,7 +115,8 @@ class _WatchedPool:
 def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection[int]) -> ReplayedRun:
     """Infer a recorded run again and note what is said of the objects asked for.
 
-    Raises InputError where keyframes or hypotheses are not those recorded.
+    Beliefs that were not recorded, before the last one, are taken to be those inferred now. Raises InputError where
+    keyframes or hypotheses are not those recorded.
     """
     pool = _WatchedPool()
     engine = Engine.of_run(record.run, pool)
@@ -122,11 +124,14 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
     names = {n: _names(engine.problem, n) for n in object_ids}
     prior = dict[int, Array]()
     histories, largest = dict.fromkeys(root_ids, 0), 0.0
-    for belief, keyframe in zip(record.beliefs, keyframes, strict=False):
-        if keyframe.stamp_ns != belief.stamp_ns:
+    recorded = {belief.keyframe: belief for belief in record.beliefs}
+    for keyframe in takewhile(lambda own: own.index <= record.beliefs[-1].keyframe, keyframes):
+        belief = recorded.get(keyframe.index)
+        if belief is not None and keyframe.stamp_ns != belief.stamp_ns:
             raise _not_the_same(record, belief)
         again = engine.process(keyframe)
-        largest = max(largest, _difference(record, belief, again))
+        if belief is not None:
+            largest = max(largest, _difference(record, belief, again))
         prior = {n: engine.registry.log_class_prior_of([n])[0] for n in object_ids}
         poses = dict(zip(again.hypothesis_ids.tolist(), again.poses, strict=True))
         live = {}
@@ -135,9 +140,11 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
             objects = {n: object_of(component, names[n], prior[n]) for n in object_ids}
             live[number] = _live(own, histories, poses[number], objects)
         histories = {n: own.history for n, own in live.items()}
-        told.append(ReplayedKeyframe(belief=belief, candidates=WeighedCandidates.of(pool.answers), live=live))
-    if len(told) < len(record.beliefs):
-        raise _not_the_same(record, record.beliefs[len(told)])
+        candidates = WeighedCandidates.of(pool.answers)
+        told.append(ReplayedKeyframe(belief=again if belief is None else belief, candidates=candidates, live=live))
+    missing = [belief for number, belief in recorded.items() if number >= len(told)]
+    if missing:
+        raise _not_the_same(record, missing[0])
     revised = _revised(engine, told, names, prior)
     for number, path in revised.items():
         largest = max(largest, _difference_of_end(path[-1], told[-1].live[number]))

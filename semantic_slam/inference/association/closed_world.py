@@ -42,10 +42,13 @@ class ClosedWorld:
 
 
 def expected_along(path: LineageStep | None, known: list[int]) -> list[int]:
-    """The objects that a keyframe may be about: along a ``path`` through many, those of the path alone."""
+    """The objects that a keyframe may be about: along a ``path`` through many, those of the path alone.
+
+    At least one, for whose sake arrays of objects are not empty, where all detections are of none.
+    """
     if path is None or len(known) <= FEW_OBJECTS:
         return known
-    return [n for n in known if n in path.association]
+    return [n for n in known if n in path.association] or known[:1]
 
 
 def warm_up(problem: Problem) -> None:

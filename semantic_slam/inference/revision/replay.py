@@ -13,6 +13,7 @@ from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import certain
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep, next_id
+from semantic_slam.inference.world.carried import NOWHERE
 from semantic_slam.inference.world.problem import Problem
 
 CHECKPOINT = 10
@@ -106,21 +107,40 @@ class Replay:
 
         ``in_place``: nobody needs it again as it was.
         """
-        expander = Expander(self.problem, self.association)
         for step in self.steps[own.at : own.at + count]:
             named = own.lineage[own.at] if own.at < len(own.lineage) else None
-            expansion = expander.expand(step, [own.number], [WeightedComponent(own.component, 0.0)], named)
-            row = int(np.argmax(expansion.log_psi)) if named is None else self._row(own, step, expansion)
-            (grown,) = expander.grow(step, expansion, [row], in_place=in_place)
-            own = Progress(
-                lineage=(*own.lineage, expansion.steps[row]) if named is None else own.lineage,
-                at=own.at + 1,
-                number=expansion.ids[row],
-                component=certain(grown),
-                log_joint=own.log_joint + float(expansion.log_psi[row]),
-                expected_births=own.expected_births + expansion.keyframe.expected_births,
-            )
+            own = self._next(own, step, named, in_place=in_place)
         return own
+
+    def before(self, lineage: Lineage, keyframe: int) -> Progress | None:
+        """A history before a keyframe, which nobody may advance in place; None where it is impossible."""
+        try:
+            return self._to(lineage[:keyframe])
+        except LostComponentError:
+            return None
+
+    def carried(self, own: Progress, point: int) -> Progress:
+        """A history with the likeliest keyframe more, before which the robot was carried to a point.
+
+        Raises LostComponentError where it is impossible.
+        """
+        return self._next(own, self.steps[own.at], None, point, in_place=False)
+
+    def _next(
+        self, own: Progress, step: Step, named: LineageStep | None, carried: int = NOWHERE, *, in_place: bool
+    ) -> Progress:
+        expander, held = Expander(self.problem, self.association), WeightedComponent(own.component, 0.0)
+        expansion = expander.expand(step, [own.number], [held], named, carried)
+        row = int(np.argmax(expansion.log_psi)) if named is None else self._row(own, step, expansion)
+        (grown,) = expander.grow(expansion, [row], in_place=in_place)
+        return Progress(
+            lineage=(*own.lineage, expansion.steps[row]) if named is None else own.lineage,
+            at=own.at + 1,
+            number=expansion.ids[row],
+            component=certain(grown),
+            log_joint=own.log_joint + float(expansion.log_psi[row]),
+            expected_births=own.expected_births + expansion.keyframe.expected_births,
+        )
 
     def continued(self, lineage: Lineage) -> Lineage | None:
         """A history with its likeliest continuation through all keyframes since; None where it is impossible."""

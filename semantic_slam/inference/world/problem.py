@@ -34,11 +34,13 @@ from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.world.carried import Carried
 from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
 from semantic_slam.viewpoint.embedding_model import EmbeddingModel
+from semantic_slam.viewpoint.model import ViewpointModel
 
 
 class KeyframeReader(Protocol):
@@ -64,6 +66,7 @@ class Problem:
     distinct: bool
     joint: JointPrior | None = None  # of objects of the map; None: their priors are independent
     semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
+    viewpoint: ViewpointModel | None = None  # of classes, where views enter with these
     latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
     embeddings: EmbeddingModel | None = None  # of vectors of appearance, where these are evidence
     novelty_false_alarms: float = 0.0  # share of the views of known objects that are not recognised
@@ -81,6 +84,7 @@ class Problem:
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
     sigma_metre: float = 0.0  # share by which all ranges may be too long, where no map tells
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
+    carried: Carried | None = None  # where the robot may be carried to in mid-drive; None: it never is
     starts: Starts | None = None  # of a robot that is lost on a map, in an open world; None: it begins at its prior
 
     @cached_property

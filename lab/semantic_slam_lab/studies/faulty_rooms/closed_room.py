@@ -38,16 +38,21 @@ class ClosedRoom:
 
 
 def make_room(
-    seed: int, num_keyframes: int = 40, objects: np.ndarray | None = None, classes: Sequence[int] = CLASSES
+    seed: int,
+    num_keyframes: int = 40,
+    objects: np.ndarray | None = None,
+    classes: Sequence[int] = CLASSES,
+    carried: np.ndarray | None = None,
 ) -> ClosedRoom:
     """One drive around the furniture; everything is drawn from the models that the engine has.
 
-    ``objects`` (O, 3) of ``classes`` stand in the room in place of those that the seed draws.
+    ``objects`` (O, 3) of ``classes`` stand in the room in place of those that the seed draws. After the drive the robot
+    is ``carried``, of which odometry tells nothing, to the first of the poses (M, 3) that it then drives along.
     """
     random = np.random.default_rng([17, seed])
     drawn = _furniture(random)
     objects = drawn if objects is None else objects
-    truth, controls = _drive(random, num_keyframes)
+    truth, controls = _drive(random, num_keyframes, np.zeros((0, 3)) if carried is None else carried)
     model = load_model(SemanticModelConfiguration())
     assert model is not None
     keyframes, associations = [], []
@@ -144,14 +149,15 @@ def _furniture(random: np.random.Generator) -> np.ndarray:
     return np.column_stack([places, random.uniform(-np.pi, np.pi, 8)])
 
 
-def _drive(random: np.random.Generator, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
+def _drive(random: np.random.Generator, count: int, carried: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """(K, 3) true poses on a circle inside, looking outwards and ahead, and odometry to each of them."""
     angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
-    truth = np.column_stack([3.0 + 0.9 * np.cos(angle), 3.0 + 0.9 * np.sin(angle), angle + 0.4])
+    circle = np.column_stack([3.0 + 0.9 * np.cos(angle), 3.0 + 0.9 * np.sin(angle), angle + 0.4])
+    truth = np.concatenate([circle, carried])
     before = truth[0]
     controls = []
-    for pose in truth:
-        control = se2.between(before, pose)
+    for k, pose in enumerate(truth):
+        control = se2.between(pose if k == count else before, pose)
         controls.append(se2.compose(control, se2.exp(random.normal(size=3) * SIGMA_STEP)))
         before = pose
     return truth, controls

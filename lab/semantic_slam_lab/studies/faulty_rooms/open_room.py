@@ -1,5 +1,6 @@
 """Rooms without a map, drawn from what ``config/open_world.yaml`` takes them to be: misses, false alarms, hiding."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,8 +37,16 @@ class _Furniture:
     classes: Index  # (M,)
 
 
-def open_room(configuration: Configuration, num_keyframes: int, random: np.random.Generator) -> OpenRoom:
-    """One room and one drive, from ``configuration``'s densities, rates and noises."""
+def open_room(
+    configuration: Configuration,
+    num_keyframes: int,
+    random: np.random.Generator,
+    carried: Mapping[int, Array] | None = None,
+) -> OpenRoom:
+    """One room and one drive, from ``configuration``'s densities, rates and noises.
+
+    ``carried``: keyframe -> pose (3,) to which the robot is carried, of which odometry tells nothing.
+    """
     model = load_model(configuration.semantic_model)
     assert model is not None
     count = random.poisson(configuration.open_world.birth_density * SIDE_M**2)
@@ -49,9 +58,12 @@ def open_room(configuration: Configuration, num_keyframes: int, random: np.rando
     step = np.array([LOOP_RADIUS_M * np.sin(turn), LOOP_RADIUS_M * (1.0 - np.cos(turn)), turn])
     keyframes, truth, labels = [], [], []
     for index in range(num_keyframes):
-        told = step if index else np.zeros(3)
+        there = carried.get(index) if carried is not None else None
+        told = step if index and there is None else np.zeros(3)
         covariance = odometry_covariance(float(np.hypot(*told[:2])), abs(float(told[2])), configuration.odometry)
-        if index:
+        if there is not None:
+            pose = there
+        elif index:
             pose = se2.compose(se2.compose(pose, told), se2.exp(np.linalg.cholesky(covariance) @ random.normal(size=3)))
         detections, own = _look(configuration, model, furniture, pose, random)
         sigmas = np.sqrt(np.diag(covariance))

@@ -1,0 +1,101 @@
+"""Ten rooms with a map and ten without: a robot carried 3 m or more in mid-drive, with and without a belief in that."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from semantic_slam.configuration import to_dict
+from semantic_slam_lab.repetitions import repeat
+from semantic_slam_lab.studies.carried_robot.run import DRIVES, Driven, driven, with_values
+from semantic_slam_lab.studies.faulty_rooms.closed import configuration
+from semantic_slam_lab.studies.result import Claim, Table, write_result
+
+NAME = "carried_robot"
+ROOMS, QUICK_ROOMS = 10, 1
+SOON = 10
+METHODS: dict[str, dict[str, Any]] = {"ours": {"revision": {"carried_probability": 1e-3}}, "never_carried": {}}
+
+Found = Mapping[str, Mapping[str, Sequence[Driven]]]  # by world and method
+
+
+def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
+    """Drive, be carried, drive on; returns the files written."""
+    rooms = range(seed, seed + (QUICK_ROOMS if quick else ROOMS))
+    tasks = [(world, METHODS[method], room) for world in DRIVES for method in METHODS for room in rooms]
+    told = iter(repeat(driven, tasks, jobs, "drives"))
+    found = {world: {method: [next(told) for _ in rooms] for method in METHODS} for world in DRIVES}
+    return write_result(out, _result(found, quick, seed), claims_of(found), [_table(found)])
+
+
+def _result(found: Found, quick: bool, seed: int) -> dict[str, Any]:
+    """``result.json`` without its claims."""
+    from semantic_slam.pipeline.provenance import revision
+
+    return {
+        "study": NAME,
+        "seed": seed,
+        "config": to_dict(with_values(configuration("known_map"), METHODS["ours"])),
+        "revision": revision(),
+        "quick": quick,
+        "worlds": {world: {name: _summary(rows) for name, rows in own.items()} for world, own in found.items()},
+        "runs": {
+            world: {name: [_plain(row) for row in rows] for name, rows in own.items()} for world, own in found.items()
+        },
+    }
+
+
+def _summary(rows: Sequence[Driven]) -> dict[str, Any]:
+    noticed = [row.noticed_after for row in rows if row.noticed_after is not None]
+    return {
+        "rooms": len(rows),
+        "noticed": len(noticed),
+        "noticed_soon": sum(after < SOON for after in noticed),
+        "found": sum(row.found_after is not None for row in rows),
+        "false_alarms": sum(row.false_alarms for row in rows),
+        "ended_early": sum(bool(row.fault) for row in rows),
+        "cpu_s": sum(row.cpu_s for row in rows) / len(rows),
+        "slowest_s": max(row.slowest_s for row in rows),
+    }
+
+
+def _plain(row: Driven) -> dict[str, Any]:
+    return asdict(row) | {"error_m": None if row.fault else row.error_m}
+
+
+def claims_of(found: Found) -> list[Claim]:
+    """What a robot that is carried has to show."""
+    claims = []
+    for world, own in found.items():
+        told, count = _summary(own["ours"]), len(own["ours"])
+        for text, number in ((f"noticed within {SOON} keyframes", "noticed_soon"), ("found again", "found")):
+            claims.append(
+                Claim(
+                    text=f"{world}: {text} in at least 9 of 10 rooms",
+                    source="project requirement",
+                    thesis="",
+                    measured=f"{told[number]} of {count}",
+                    holds=told[number] >= 0.9 * count,
+                )
+            )
+    return claims
+
+
+def _table(found: Found) -> Table:
+    columns = (
+        "",
+        "",
+        "noticed",
+        f"within {SOON}",
+        "found again",
+        "false alarms",
+        "CPU of a drive [s]",
+        "slowest keyframe [s]",
+    )
+    rows = []
+    for world, own in found.items():
+        for name, drives in own.items():
+            told = _summary(drives)
+            counts = [str(told[key]) for key in ("noticed", "noticed_soon", "found", "false_alarms")]
+            rows.append((world, name, *counts, f"{told['cpu_s']:.1f}", f"{told['slowest_s']:.2f}"))
+    return Table("Rooms", columns, tuple(rows))

@@ -1,0 +1,47 @@
+"""The process behind ``~/explain``: ``python -m semantic_slam.ros.explain_process PARENT FILE LENGTH OBJECT``.
+
+A run is inferred again in it, at a low priority, while the manager goes on with the run. FILE is the descriptor of the
+keyframes that were kept, LENGTH how much of it; the newest belief comes on standard input, the answer goes out on
+standard output, a fault in one line on standard error. It ends with the process PARENT.
+"""
+
+import os
+import sys
+
+import numpy as np
+
+from semantic_slam.answers.explain.explanation import explanation_of
+from semantic_slam.answers.explain.replayed_run import replay
+from semantic_slam.answers.explain.text import lines_of
+from semantic_slam.cli.exit_codes import run_main
+from semantic_slam.evaluation.record import Record
+from semantic_slam.evaluation.trajectory import Trajectory
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode
+from semantic_slam.pipeline.kept_run import read_kept
+from semantic_slam.ros.processes import end_with
+
+NICENESS = 10
+"""Keyframes come first."""
+
+
+def explained(descriptor: int, length: int, belief: bytes, object_id: int) -> list[str]:
+    """What ``semantic_slam explain`` prints of an object of the newest belief. Raises InputError."""
+    run, keyframes = read_kept(descriptor, length)
+    newest = decode(belief, topics.TYPES[topics.BELIEF])
+    measurements = {keyframe.stamp_ns: keyframe.measurements for keyframe in keyframes}
+    odometry = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 7)))  # nobody asks for it
+    record = Record(run, (newest,), odometry, measurements, None)
+    return lines_of(explanation_of(record, replay(record, keyframes, [object_id]), object_id))
+
+
+def command() -> None:
+    """Read, infer, print; raises InputError."""
+    parent, descriptor, length, object_id = map(int, sys.argv[1:])
+    end_with(parent)
+    os.nice(NICENESS)
+    print("\n".join(explained(descriptor, length, sys.stdin.buffer.read(), object_id)))
+
+
+if __name__ == "__main__":
+    run_main(command)

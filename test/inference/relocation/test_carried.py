@@ -1,0 +1,119 @@
+"""A robot that is carried in mid-drive, of which odometry tells nothing, is found where it was set down."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds.lost_world import STEP, LostWorld, configuration, errors, make_world, map_of
+from worlds.same_beliefs import assert_same
+
+from semantic_slam import Engine
+from semantic_slam.configuration import Configuration
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.carried import carried_to, with_carried
+
+START, THERE = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4])
+BEFORE, AFTER = 5, 6
+KNOWN = {"initial_pose": {"mean": START.tolist(), "sigma": [0.01, 0.01, 0.01]}}
+CARRIED = {"revision": {"carried_probability": 1e-3, "carried_m": 5.0}, **KNOWN}
+TRIANGLE = np.array([[3.0, 1.0], [6.0, 2.0], [1.0, 3.0]])
+NOTHING = np.full((1, 2), 99.0)
+
+
+def carried_world() -> LostWorld:
+    """A drive, and another one from elsewhere that goes on with it."""
+    worlds = make_world(START, BEFORE), make_world(THERE, AFTER, seed=1)
+    first, second = (own.keyframes for own in worlds)
+    apart_ns = first[1].stamp_ns - first[0].stamp_ns
+    moved = [replace(own, index=own.index + BEFORE, stamp_ns=own.stamp_ns + BEFORE * apart_ns) for own in second]
+    truth = np.concatenate([own.truth for own in worlds])
+    return LostWorld([*first, *moved], truth, [*worlds[0].names, *worlds[1].names])
+
+
+def driven(settings: Configuration, backends: int = 1) -> tuple[Engine, list[HybridBelief]]:
+    engine = Engine(settings, map_of(), backends=backends)
+    return engine, [engine.process(keyframe) for keyframe in carried_world().keyframes]
+
+
+def is_found(belief: HybridBelief) -> bool:
+    near = errors(belief, carried_world().truth[belief.keyframe]) < 0.3
+    return bool(np.exp(belief.log_weights[near]).sum() > 0.9)
+
+
+@pytest.fixture(scope="module")
+def in_open_world() -> tuple[Engine, list[HybridBelief]]:
+    return driven(configuration(**CARRIED))
+
+
+def assert_found(engine: Engine, beliefs: list[HybridBelief]) -> None:
+    assert is_found(beliefs[BEFORE - 1]) and not is_found(beliefs[BEFORE])
+    assert is_found(beliefs[-1])
+    best = next(iter(engine.live.values()))
+    assert [k for k, step in enumerate(best.lineage) if k and carried_to(step)] == [BEFORE]
+
+
+def test_it_is_found_where_it_was_set_down(in_open_world: tuple[Engine, list[HybridBelief]]) -> None:
+    assert_found(*in_open_world)
+
+
+@pytest.mark.slow
+def test_it_is_found_among_objects_that_are_all_on_the_map() -> None:
+    assert_found(*driven(Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)))
+
+
+def test_who_is_never_carried_is_not_found_again() -> None:
+    _, beliefs = driven(configuration(**KNOWN))
+    assert not is_found(beliefs[-1])
+
+
+@pytest.mark.slow
+def test_backends_that_rebuild_such_a_history_believe_the_same(
+    in_open_world: tuple[Engine, list[HybridBelief]],
+) -> None:
+    for one, two in zip(in_open_world[1], driven(configuration(**CARRIED), backends=2)[1], strict=True):
+        assert_same(one, two)
+
+
+def test_such_a_history_weighs_what_the_integral_over_all_places_does() -> None:
+    """Three points of the map after it was carried: P(Z) = p / (1 - p) int p(x) L(x) dx, relative to before."""
+    engine = Engine(configuration(rates={"birth_density": 1e-9, "clutter_per_frame": 0.0}, **CARRIED), map_of(TRIANGLE))
+    before = make_world(START, 1, places=NOTHING)
+    after = make_world(np.array([4.0, -3.0, 2.0]), 1, places=TRIANGLE, seed=3)
+    keyframes = [before.keyframes[0], replace(after.keyframes[0], index=1, stamp_ns=2 * 10**9)]
+    association = engine.association(engine.problem, engine.registry)
+    steps = [engine.problem.reader.step(keyframe) for keyframe in keyframes]
+    for step in steps:
+        association.introduce(engine.registry, step)
+    replay, carried, (names,) = Replay(engine.problem, association, steps), engine.problem.carried, after.names
+    assert carried is not None and len(names) == 3
+    first = LineageStep((), ())
+    (begun,) = replay.log_joints([(first,)])
+    robot = se2.compose(START, STEP)
+    point = carried.point(se2.between(robot, after.truth[0]))
+    assert begun is not None and point is not None
+    (found,) = replay.log_joints([(first, with_carried(LineageStep(names, (-1, -1, -1)), point))])
+    assert found is not None
+    odds = np.log(1e-3 / (1.0 - 1e-3)) + 3.0 * np.log(0.9)
+    expected = odds + _by_grid(robot, after.truth[0], steps[1].detections, TRIANGLE[list(names)])
+    assert found.log_joint - begun.log_joint == pytest.approx(expected, abs=0.15)
+
+
+def _by_grid(robot: np.ndarray, centre: np.ndarray, detections: list, places: np.ndarray) -> float:
+    """Log of the integral over poses about ``centre``, of being carried there from ``robot`` times the detections'."""
+    axes = [np.linspace(-w, w, 41) for w in (0.3, 0.3, 0.1)]
+    poses = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) + centre
+    away = poses[:, :2] - robot[:2]
+    total = -0.5 * (away**2).sum(axis=1) / 25.0 - np.log(2.0 * np.pi * 25.0) - np.log(2.0 * np.pi)
+    for detection, place in zip(detections, places, strict=True):
+        offset = place - poses[:, :2]
+        off_range = detection.range_m - np.hypot(*offset.T)
+        off_bearing = wrap_angle(detection.bearing_rad - np.arctan2(offset[:, 1], offset[:, 0]) + poses[:, 2])
+        variances = np.diag(detection.covariance) + np.array([1e-4, 0.0])  # a point of the map is known to a centimetre
+        total += -0.5 * (off_range**2 / variances[0] + off_bearing**2 / variances[1])
+        total -= 0.5 * np.log((2.0 * np.pi) ** 2 * variances.prod())
+    volume = float(np.prod([axis[1] - axis[0] for axis in axes]))
+    return float(np.logaddexp.reduce(total) + np.log(volume))
