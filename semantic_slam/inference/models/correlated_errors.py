@@ -102,7 +102,7 @@ def _repeated(
 
 
 def _with_sensor(matrix: Array, noise: Array, now: Array, before: Array | None) -> tuple[Array, Array]:
-    """A and Q of (f + H g, g) from those of f; H is ``now`` (2 D, d), and was ``before`` (2 n, d) if there was a frame."""
+    """A and Q of (f + H g, g) from those of f; H is ``now`` (2 D, d), and was ``before`` (2 n, d) where a frame was."""
     size = now.shape[1]
     if not size:
         return matrix, noise
