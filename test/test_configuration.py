@@ -1,5 +1,6 @@
 """One definition of every parameter: dataclass, ROS parameters and YAML agree; wrong values are refused in one line."""
 
+import dataclasses
 import re
 import subprocess
 from pathlib import Path
@@ -48,6 +49,13 @@ def test_default_yaml_lists_every_parameter_with_its_default() -> None:
     assert flattened(listed) == flattened(to_dict(Configuration()))
     undocumented = [line for line in text.splitlines() if ": " in line and "#" not in line]
     assert undocumented == []
+
+
+def test_every_section_is_in_the_file_of_its_name() -> None:
+    values = {item.name: getattr(Configuration(), item.name) for item in dataclasses.fields(Configuration)}
+    sections = {name: type(value) for name, value in values.items() if dataclasses.is_dataclass(value)}
+    files = {name: section.__module__.rpartition(".")[2] for name, section in sections.items()}
+    assert files == {name: name for name in sections}
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

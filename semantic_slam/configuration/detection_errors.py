@@ -1,0 +1,33 @@
+"""Errors that detections of one frame, or of one object from one keyframe to the next, have in common."""
+
+from dataclasses import dataclass
+
+from semantic_slam.configuration.parameter import parameter
+
+
+@dataclass(frozen=True)
+class DetectionErrorsConfiguration:
+    correlated_share: float = parameter(
+        0.0,
+        "share of the variance of a detection's place that repeats, in neighbours and in the next views; 0: all is new;"
+        " for association: open, or given, with iterate_updates: false",
+        minimum=0.0,
+        maximum=0.99,
+    )
+    common_range_share: float = parameter(
+        0.3, "share of what repeats in ranges that all detections of a frame have in common", minimum=0.0, maximum=1.0
+    )
+    common_bearing_share: float = parameter(
+        0.7, "share of what repeats in bearings that all detections of a frame have in common", minimum=0.0, maximum=1.0
+    )
+    neighbour_m: float = parameter(
+        0.5, "distance between two objects at which they have 60 % of the rest in common", minimum=1e-3
+    )
+    motion_m: float = parameter(1.0, "metres driven after which errors repeat by a factor of 1 / e", minimum=1e-3)
+    motion_rad: float = parameter(1.0, "radians turned after which errors repeat by a factor of 1 / e", minimum=1e-3)
+    sigma_range_offset_m: float = parameter(
+        0.0, "prior sigma of how much all ranges are too long; estimated where correlated_share > 0", minimum=0.0
+    )
+    sigma_yaw_rad: float = parameter(
+        0.0, "prior sigma of how far the sensor is turned about the vertical, likewise [rad]", minimum=0.0
+    )

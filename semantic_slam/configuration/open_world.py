@@ -1,0 +1,119 @@
+"""Objects that come and go: detection, clutter, births, the sensor's region, merging."""
+
+from dataclasses import dataclass
+
+from semantic_slam.configuration.parameter import parameter
+
+
+@dataclass(frozen=True)
+class OpenWorldConfiguration:
+    detection_probability: float = parameter(
+        0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
+    )
+    detection_probabilities: tuple[float, ...] = parameter(
+        (), "in place of detection_probability; how far each is right is inferred; empty: that alone"
+    )
+    detection_half_ranges_m: tuple[float, ...] = parameter(
+        (),
+        "ranges at which an object is detected half as often as right at the sensor (half-normal); how far each is"
+        " right is inferred; empty: as often everywhere in the region",
+    )
+    miss_persistence: float = parameter(
+        0.0,
+        "correlation from keyframe to keyframe of whether an object can be detected; 0: misses are independent",
+        minimum=0.0,
+        maximum=0.999,
+    )
+    miss_persistences: tuple[float, ...] = parameter(
+        (), "in place of miss_persistence; how far each is right is inferred; empty: that alone"
+    )
+    clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
+    clutters_per_frame: tuple[float, ...] = parameter(
+        (), "in place of clutter_per_frame; how far each is right is inferred; empty: that alone"
+    )
+    second_box_share: float = parameter(
+        0.0,
+        "probability that an object that is detected has a second box beside it: one thing drawn in halves, or two as"
+        " one",
+        minimum=0.0,
+        maximum=0.9,
+    )
+    second_box_m: float = parameter(
+        0.3, "standard deviation of where such a box is, to each side of the object", minimum=1e-3
+    )
+    birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
+    birth_densities: tuple[float, ...] = parameter(
+        (), "in place of birth_density; how far each is right is inferred; empty: that alone"
+    )
+    departures_per_hour: float = parameter(
+        0.0, "rate at which an object that stands leaves for good: what was there is then `missing`", minimum=0.0
+    )
+    departed_share: float = parameter(
+        0.0, "share of the objects of a map that have left since it was made", minimum=0.0, maximum=0.999
+    )
+    field_of_view_rad: float = parameter(
+        1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587
+    )
+    direction_rad: float = parameter(
+        0.0,
+        "bearing of the region's centre in the body frame, counter-clockwise from straight ahead",
+        minimum=-3.141592653589793,
+        maximum=3.141592653589793,
+    )
+    min_range_m: float = parameter(0.3, "least range of the region", minimum=0.0)
+    max_range_m: float = parameter(5.0, "largest range of the region", minimum=1e-3)
+    learn_region: bool = parameter(
+        False,
+        "the region reaches as far as the detections so far let expect, in place of field_of_view_rad, direction_rad,"
+        " min_range_m and max_range_m, which then bound nothing",
+    )
+    learn_scores: bool = parameter(
+        False,
+        "detectors' scores so far tell which objects are what the detector looks for; others are said not to exist",
+    )
+    occluder_radius_m: float = parameter(
+        0.25,
+        "radius of a detected object, which hides what is behind it; 0: neither it nor the depth image hides anything",
+        minimum=0.0,
+    )
+    least_undetected_share: float = parameter(
+        0.02, "share of birth_density left at least where the sensor has looked before", minimum=0.0, maximum=1.0
+    )
+    least_existence: float = parameter(
+        1e-3, "existence below which a hypothesis gives an object up", minimum=0.0, maximum=1.0
+    )
+    gate_sigma: float = parameter(
+        5.0, "Mahalanobis distance up to which a detection may be of a known object", minimum=0.1
+    )
+    max_joint_objects: int = parameter(
+        30, "objects near the detections whose covariance with the robot is computed, per hypothesis", minimum=1
+    )
+    joint_ranking: bool = parameter(
+        True,
+        "where there are more than weights.max_candidates joint assignments, rank them over the pose that detections"
+        " share; false: by pairs on their own",
+    )
+    classes: str = parameter(
+        "carried",
+        "carried: a table over class and heading for each object; enumerated: hypotheses of their own",
+        choices=("carried", "enumerated"),
+    )
+    iterate_updates: bool = parameter(
+        True,
+        "iterate every update until it converges; false: one update per keyframe, for drives of kilometres",
+        formerly="settle",
+    )
+    merge_position_m: float = parameter(
+        0.1, "hypotheses whose robots are so close are merged if all below agrees too; 0: never", minimum=0.0
+    )
+    merge_heading_rad: float = parameter(0.05, "merging: largest difference of heading", minimum=0.0)
+    merge_object_m: float = parameter(
+        0.15, "merging: largest distance between the objects that a recent detection was associated with", minimum=0.0
+    )
+    merge_keyframes: int = parameter(10, "merging: keyframes whose detections count as recent", minimum=1)
+    merge_ghosts: bool = parameter(
+        False, "merging: hypotheses that differ in which objects exist are copies, too; for drives of kilometres"
+    )
+    time_budget_ms: float = parameter(
+        0.0, "keep fewer hypotheses when a keyframe takes longer; 0: off. Not reproducible when on", minimum=0.0
+    )

@@ -1,0 +1,25 @@
+"""Which hypotheses are kept (Sec. 4.4)."""
+
+from dataclasses import dataclass
+
+from semantic_slam.configuration.parameter import parameter
+
+
+@dataclass(frozen=True)
+class PruningConfiguration:
+    ratio: float = parameter(
+        150.0, "a hypothesis is kept from max weight / ratio on (Sec. 4.4)", minimum=1.0, maximum=1e300
+    )
+    max_hypotheses: int = parameter(60, "hypotheses kept at most", minimum=1)
+    place_m: float = parameter(
+        0.0,
+        "hypotheses whose robots are farther apart, or that began under different noises, are of different kinds, to"
+        " which half of max_hypotheses goes in turn: variants of one do not crowd out another; 0: all are of one kind",
+        minimum=0.0,
+    )
+    kind_ratio: float = parameter(
+        1e6,
+        "place_m: a kind is kept from max weight / kind_ratio on, and of it what weighs its heaviest / ratio",
+        minimum=1.0,
+        maximum=1e300,
+    )

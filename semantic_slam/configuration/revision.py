@@ -1,0 +1,41 @@
+"""Looks back: objects that are one, returns to another object, and where a lost robot may be."""
+
+from dataclasses import dataclass
+
+from semantic_slam.configuration.parameter import parameter
+
+
+@dataclass(frozen=True)
+class RevisionConfiguration:
+    every_keyframes: int = parameter(
+        0, "association: open: keyframes from one look for objects that are one to the next; 0: never", minimum=0
+    )
+    lost_every_keyframes: int = parameter(
+        0,
+        "association: open with a map, the initial pose wider than 1 m or 0.3 rad: keyframes from one look for where on"
+        " the map the robot may be to the next; 0: never",
+        minimum=0,
+    )
+    carried_probability: float = parameter(
+        0.0,
+        "from one keyframe to the next, that the robot is lifted and set down elsewhere, of which odometry tells"
+        " nothing; 0: it never is",
+        minimum=0.0,
+        maximum=0.1,
+    )
+    carried_m: float = parameter(
+        4.0, "standard deviation along x and y of where it is carried to, from where it was", minimum=1.0, maximum=16.0
+    )
+    proposals: int = parameter(4, "revised histories that are weighed in one look", minimum=1)
+    splits: int = parameter(
+        4, "returns to an object, likeliest first, that one look takes to have been to another one; 0: none", minimum=0
+    )
+    horizon: int = parameter(
+        600, "keyframes up to which histories are revised: each revised one is replayed from the start", minimum=1
+    )
+    reassociate_every_keyframes: int = parameter(
+        0,
+        "association: open with detection_errors.correlated_share, without classes or a map: beyond the horizon,"
+        " keyframes from one look for places taken for others, or mapped twice, to the next; 0: never",
+        minimum=0,
+    )

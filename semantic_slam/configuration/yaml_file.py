@@ -1,0 +1,46 @@
+"""Configurations from YAML files, plain or in the form of ROS 2 parameter files."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from semantic_slam.configuration.configuration import Configuration
+from semantic_slam.configuration.dictionary import from_dict
+from semantic_slam.errors import InputError
+from semantic_slam.text_files import parse_yaml, read_text
+
+REMEDY = "see config/default.yaml"
+OUR_NODE = re.compile(r"(^|/)(hypothesis_manager|classifier|bag_player|bag_recorder|backend_\d+)$")
+
+
+def load_configuration(path: Path) -> Configuration:
+    """Configuration from a YAML file, plain or in the form of a ROS 2 parameter file. Raises InputError."""
+    values = parse_yaml(read_text(path, REMEDY), str(path), REMEDY) or {}
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: a mapping is expected; {REMEDY}")
+    if "/**" in values:
+        for key in ("/**", "ros__parameters"):
+            _check_alone(values, key, path)
+            values = values.get(key) or {}
+            if not isinstance(values, dict):
+                raise InputError(f"{path}: '{key}' must be a mapping; {REMEDY}")
+    return from_dict(values, str(path))
+
+
+def _check_alone(values: dict[Any, Any], key: str, path: Path) -> None:
+    """Raises InputError where something stands beside a level of a parameter file that nobody would read.
+
+    Parameters of nodes that are not ours may stand beside ``/**``.
+    """
+    others = {str(other): value for other, value in values.items() if other != key}
+    if key == "/**":
+        others = {
+            name: value
+            for name, value in others.items()
+            if OUR_NODE.search(name) or not (isinstance(value, dict) and set(value) == {"ros__parameters"})
+        }
+    beside = list(others)
+    if beside:
+        raise InputError(
+            f"{path}: '{beside[0][:80]}' stands beside '{key}', where it has no effect; move it below that"
+        )
