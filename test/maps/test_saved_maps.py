@@ -12,9 +12,8 @@ from safetensors.numpy import load_file, save_file
 from worlds.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
 
 from semantic_slam.errors import InputError
-from semantic_slam.inference.build import make_run_configuration, problem_of
+from semantic_slam.inference.build import make_run_configuration, problem_of, start_of_run
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.initial_pose import start_of_run
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.world.map_prior import parse_map_prior

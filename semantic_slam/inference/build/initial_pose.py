@@ -1,4 +1,4 @@
-"""Where the robot is before the first keyframe, as a plain Python session states it."""
+"""Where the robot is before the first keyframe, as the configuration or a plain Python session states it."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,8 +7,15 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
-from semantic_slam.inference.build import initial_pose_of
 from semantic_slam.inference.inputs.detection import positive_definite
+
+
+def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
+    """Planar initial pose (7,) and covariance (6, 6) of the configuration."""
+    mean, sigma = np.array(configuration.initial_pose.mean), np.array(configuration.initial_pose.sigma)
+    x, y, yaw = mean
+    pose = np.array([x, y, 0.0, 0.0, 0.0, np.sin(yaw / 2.0), np.cos(yaw / 2.0)])
+    return pose, covariance_from_planar(np.diag(sigma**2))
 
 
 def start_of_run(
