@@ -16,7 +16,7 @@ from semantic_slam.evaluation.history import best_history, best_index, lineage
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.embedding_background import EmbeddingBackground, SeenVectors
 from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord

@@ -21,10 +21,10 @@ from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_factor import exact_factor
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.latent_prior import prior_of_classes
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import Motion, Step
-from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.protocol import Commit
 from semantic_slam.inference.semantics.descriptor_joint import _root
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews

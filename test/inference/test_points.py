@@ -13,10 +13,10 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.association.map_gate import FEW_OBJECTS
-from semantic_slam.inference.models.planar_observation import PlanarObservation
-from semantic_slam.inference.models.point_observation import PointObservation
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.point_observation import PointObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.semantics.track_samples import StateSamples
 from semantic_slam.inference.smoothing.smoother import MOST_JOINT
 from semantic_slam.inference.states.gaussian import GaussianPrior

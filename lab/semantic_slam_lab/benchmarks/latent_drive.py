@@ -12,9 +12,9 @@ from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.planar_observation import PlanarObservation
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.step import Motion, Step
-from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews

@@ -11,7 +11,7 @@ from semantic_slam.answers.explain.replayed_run import ReplayedRun
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 KNOWN_HEADING_RAD = 0.5

@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
-from semantic_slam.inference.models.planar_observation import object_in_body
+from semantic_slam.inference.models.planar.frames import object_in_body
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.detection_probability import (
     PredictedObjects,

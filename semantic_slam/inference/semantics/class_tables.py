@@ -15,7 +15,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.independent_views import ClassLikelihoods, DrawnFeatures
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component

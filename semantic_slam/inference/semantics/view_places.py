@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
 

@@ -12,9 +12,9 @@ from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import bias_means, bias_sigmas
-from semantic_slam.inference.models.planar_observation import PlanarObservation
-from semantic_slam.inference.models.point_observation import POSES_AND_POINTS, PointObservation
-from semantic_slam.inference.models.visibility import PlanarVisibility
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces

@@ -16,7 +16,7 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.build.class_prior import class_prior
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.planar_observation import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.perception.class_names import NONE_OF_THESE
 from semantic_slam.perception.measurement import SemanticMeasurements

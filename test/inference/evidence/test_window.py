@@ -13,10 +13,10 @@ from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.evidence.mode_search import SAME_VALLEY, search_one, valleys
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode
 from semantic_slam.inference.evidence.window import Window, WindowStep
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
-from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
@@ -50,8 +50,8 @@ def detection(
 ) -> PlanarDetection:
     """As the robot would make it from ``azimuth`` [rad] about the object."""
     viewpoint = Viewpoints(np.array([azimuth]), np.zeros(1), np.array([range_m]))
-    assert model.model is not None
-    feature = model.model.predict(np.zeros(1, dtype=int), viewpoint).mean[0]
+    assert model.scores is not None
+    feature = model.scores.model.predict(np.zeros(1, dtype=int), viewpoint).mean[0]
     return PlanarDetection(
         range_m=range_m,
         bearing_rad=bearing,

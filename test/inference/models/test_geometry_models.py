@@ -5,10 +5,10 @@ from worlds.linear_gaussian import LinearDetection, LinearModel
 from worlds.points import BodyPointObservation
 
 from semantic_slam.contracts.geometry_model import GeometryModelContract
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation
-from semantic_slam.inference.models.point_observation import POSES_AND_POINTS, PointObservation
-from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces

@@ -9,9 +9,9 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_factor import exact_factor
 from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation
-from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces

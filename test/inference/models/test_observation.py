@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from semantic_slam.geometry import se2
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.models.planar_observation import PlanarObservation
-from semantic_slam.inference.models.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
@@ -96,7 +96,7 @@ def test_the_heading_profile_is_the_density_of_turned_objects() -> None:
     """Out to half a turn where the heading is unknown, a narrow window where it is known."""
     z = detection(True)
     sigma = np.array([3.0, 0.01, 3.0, 0.01, 3.0, 0.3])
-    profile, turns = MODEL.heading_profile(MODEL.collect([z]), X, O, CLASSES, sigma)
+    profile, turns = MODEL.scores.heading_profile(MODEL.collect([z]), X, O, CLASSES, sigma)
     np.testing.assert_allclose(np.abs(turns).max(axis=1), [np.pi, 0.6, np.pi, 0.6, np.pi, 0.9])
     for column in range(turns.shape[1]):
         turned = O + np.stack([np.zeros(6), np.zeros(6), turns[:, column]], axis=-1)
@@ -116,7 +116,7 @@ def test_what_the_best_heading_is_depends_on_no_other_row() -> None:
 def test_correlated_views_temper_the_whole_density() -> None:
     """N views of one kind count as one view: p^(1/N), normaliser and residual alike."""
     z = detection(True)
-    once, repeated = (PlanarObservation(MODEL.model, PlanarVisibility(), None, n) for n in (1.0, 4.0))
+    once, repeated = (PlanarObservation(MODEL.scores.model, PlanarVisibility(), None, n) for n in (1.0, 4.0))
 
     def log_density(model: PlanarObservation) -> np.ndarray:
         part = model.semantics(MODEL.collect([z]), X, O, CLASSES)

@@ -12,8 +12,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.planar_observation import PlanarObservation
-from semantic_slam.inference.models.visibility import PlanarVisibility
+from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.factor_table import NONE_ADDED
 from semantic_slam.inference.smoothing.past import without_past
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker

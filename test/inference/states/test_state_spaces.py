@@ -3,7 +3,7 @@
 import numpy as np
 
 from semantic_slam.contracts.state_space import SpacesContract, StateSpaceContract
-from semantic_slam.inference.models.point_observation import POSES_AND_POINTS
+from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces

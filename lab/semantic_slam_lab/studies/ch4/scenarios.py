@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.planar_observation import object_in_body
+from semantic_slam.inference.models.planar.frames import object_in_body
 
 RANDOM_OBJECTS = 6
 RANDOM_STEPS = 10

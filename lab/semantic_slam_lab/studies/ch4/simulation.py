@@ -6,7 +6,7 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.planar_observation import camera_in_object
+from semantic_slam.inference.models.planar.frames import camera_in_object
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel
 from semantic_slam_lab.studies.ch4.scenarios import Scenario, range_bearing, visible

@@ -1,0 +1,160 @@
+"""Range, bearing and viewpoint-dependent semantics of an object in the plane.
+
+With d = R_x^T (t_o - t_x) the object in the body frame and v = R_o^T (t_x + R_x s - t_o) the camera in the
+object's frame, range and bearing are those of d, the viewpoint's azimuth and range those of v.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import NewObjectConfiguration
+from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array, broadcast_copy
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.geometry.se2 import sine_cosine
+from semantic_slam.inference.models.observation import Classes, Linearisation
+from semantic_slam.inference.models.planar.factors import bearing_factor, range_factor
+from semantic_slam.inference.models.planar.frames import object_in_body
+from semantic_slam.inference.models.planar.gate import least_cost
+from semantic_slam.inference.models.planar.polar import polar
+from semantic_slam.inference.models.planar.residual import MeasuredRows
+from semantic_slam.inference.models.planar.slopes import by_pose, by_position
+from semantic_slam.inference.models.planar.view_scores import ViewScores
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
+from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.viewpoint.model import ViewpointModel
+from semantic_slam.viewpoint.outliers import OutlierScores
+
+POSES = Spaces.same(PlanarPoses())
+
+
+class PlanarObservation:
+    """Geometric range-bearing likelihood times the class model of Eq. 4.2 (``model`` None: geometry alone)."""
+
+    def __init__(
+        self,
+        model: ViewpointModel | None,
+        visibility: PlanarVisibility,
+        new_objects: NewObjectConfiguration | None = None,
+        tempering: float = 1.0,
+        outliers: OutlierScores | None = None,
+    ):
+        """``tempering`` N: so many views tell as much as one, each density enters with the power 1 / N.
+
+        ``outliers``: what a view's score may be besides what the class model says; None: no view is an outlier.
+        """
+        self.scores = ViewScores(model, tempering, outliers) if model is not None else None
+        self.visibility = visibility
+        self.new_objects = new_objects or NewObjectConfiguration()
+        self.num_classes = len(model.class_names) if model is not None else 0
+        self._collected: tuple[Sequence[PlanarDetection], PlanarDetections] | None = None
+
+    def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
+        """Detections as arrays; the same ones are asked for by one hypothesis after the other."""
+        if self._collected is None or self._collected[0] is not detections:
+            found = PlanarDetections.of(detections)
+            self._collected = detections, found if self.scores is None else self.scores.with_outliers(found)
+        return self._collected[1]
+
+    def geometry(self, detections: PlanarDetections, x: Array, o: Array) -> Linearisation:
+        """Residual of [range, bearing], the range's 0 where there is only a bearing."""
+        rows = MeasuredRows.of(detections, x, o)
+        body, d, distance, whitened = rows.polar_residual()
+        by_point = rows.by_polar(d, distance)
+        log_normaliser = broadcast_copy(detections.log_normaliser, distance.shape)
+        turn = sine_cosine(rows.o[..., 2] - rows.x[..., 2])
+        return Linearisation(
+            residual=whitened.reshape(-1, 2),
+            jacobian_robot=by_pose(by_point, body).reshape(-1, 2, 3),
+            jacobian_object=by_position(by_point, *turn).reshape(-1, 2, 3),
+            log_normaliser=log_normaliser.reshape(-1),
+        )
+
+    def semantics(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
+        """Residual of the feature under Eq. 4.2."""
+        return self._view_scores.linearised(detections, x, o, classes)
+
+    def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
+        """(B,) log density without its slopes."""
+        whitened = MeasuredRows.of(detections, x, o).polar_residual()[3]
+        total = (detections.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
+        return np.asarray(total) if classes is None else self._view_scores.added_to(total, detections, x, o, classes)
+
+    def best_heading(
+        self, detections: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
+    ) -> tuple[Array, Array]:
+        """Best headings over a window of them, the objects' prior deviating by ``sigma`` (B,) [rad]."""
+        return self._view_scores.best_heading(detections, x, o, classes, sigma)
+
+    def log_outlier(self, seen: PlanarDetections) -> Array | None:
+        """(S,) log of the share of outliers times the density of the score as one; None: no view is an outlier."""
+        return None if self.scores is None else self.scores.log_outlier(seen)
+
+    def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
+        """P(beta | x, o) of Eq. 4.18."""
+        distance, bearing = polar(object_in_body(x, o))
+        return self.visibility.log_probability(distance, bearing, soft=soft)
+
+    def robot_start(self, detections: PlanarDetections, x: Array, o: Array) -> Array:
+        """Keep the heading, stand where the object is seen as measured."""
+        direction = x[:, 2] + detections.bearing_rad
+        start = x.copy()
+        start[:, 0] = np.where(detections.has_range, o[:, 0] - detections.range_m * np.cos(direction), x[:, 0])
+        start[:, 1] = np.where(detections.has_range, o[:, 1] - detections.range_m * np.sin(direction), x[:, 1])
+        return start
+
+    def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
+        """Prior where the detection points, heading as the robot's; without depth as uncertain as the guess is far."""
+        new = self.new_objects
+        distance = detection.range_m if detection.has_range else new.range_m
+        sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
+        origin_x, origin_y = detection.origin.tolist()
+        ahead, aside = math.cos(detection.bearing_rad), math.sin(detection.bearing_rad)
+        mean = se2.compose(x, np.array([origin_x + distance * ahead, origin_y + distance * aside, 0.0]))
+        return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
+
+    def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
+        """Range and bearing; a bearing alone, from a camera off the body's origin, is a custom factor."""
+        if detection.has_range:
+            return range_factor(detection, keys)
+        collected = self.collect([detection])
+        return bearing_factor(POSES, lambda x, o: self.geometry(collected, x, o), keys)
+
+    def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
+        """Standard deviation of the bearing, from the covariance of the object in the body frame."""
+        d, turn = object_in_body(x, o), o[:, 2] - x[:, 2]
+        jacobian = np.zeros((len(x), 2, 6))
+        jacobian[:, 0, 0] = jacobian[:, 1, 1] = -1.0
+        jacobian[:, 0, 2], jacobian[:, 1, 2] = d[:, 1], -d[:, 0]
+        jacobian[:, 0, 3] = jacobian[:, 1, 4] = np.cos(turn)
+        jacobian[:, 1, 3] = np.sin(turn)
+        jacobian[:, 0, 4] = -jacobian[:, 1, 3]
+        jacobian = jacobian @ charts
+        spread = ((jacobian @ covariance) * jacobian).sum(axis=(1, 2))
+        return np.asarray(np.sqrt(np.maximum(spread, 0.0)) / polar(d)[0])
+
+    def least_cost(
+        self, detections: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
+    ) -> tuple[Array, float]:
+        """Range and bearing each on its own, at the deviation that makes it cheapest."""
+        shape = (len(x), len(detections.range_m), o.shape[1], 3)
+        body = object_in_body(np.broadcast_to(x[:, None, None], shape), np.broadcast_to(o[:, None], shape))
+        return least_cost(detections, covariance, body, sigmas)
+
+    def view_change(self, before: Array, now: Array) -> Array:
+        """Change of the view's direction or heading [rad], from poses of objects in the robot's frame."""
+        distance, _ = polar(before)
+        moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
+        return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
+
+    @property
+    def _view_scores(self) -> ViewScores:
+        """Scores of views, which are asked for where there are classes alone."""
+        assert self.scores is not None
+        return self.scores
