@@ -11,7 +11,7 @@ from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import make_run_configuration, start_of_run
+from semantic_slam.inference.building import make_run_configuration, start_of_run
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe

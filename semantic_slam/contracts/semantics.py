@@ -11,7 +11,7 @@ from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import Configuration
 from semantic_slam.contracts.association_strategy import OBJECTS, AssociationStrategyContract
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool

@@ -9,7 +9,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.enumeration import NoAssociationError
 from semantic_slam.inference.association.strategy import AssociationStrategy
-from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.class_marginals import add_class_marginals
 from semantic_slam.inference.component_marginals import (
     ComponentMarginals,

@@ -16,7 +16,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.alternatives.alternatives import Alternatives, NoAlternatives
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import make_run_configuration, problem_of, reference_of, start_of_run
+from semantic_slam.inference.building import make_run_configuration, problem_of, reference_of, start_of_run
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.evidence.explanation import Explanation, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis

@@ -4,7 +4,7 @@ from collections import Counter
 
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool

@@ -7,7 +7,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration

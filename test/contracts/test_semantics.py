@@ -8,7 +8,7 @@ import pytest
 from semantic_slam.configuration import Configuration
 from semantic_slam.contracts.association_strategy import OBJECTS
 from semantic_slam.contracts.semantics import SemanticsContract, Weighed
-from semantic_slam.inference.build.views import semantics_name
+from semantic_slam.inference.building.views import semantics_name
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.registry import SEMANTICS
 

@@ -9,7 +9,7 @@ from worlds.drives.open_room import Room, make_room
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
-from semantic_slam.inference.build import make_run_configuration
+from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.depth_ranges import WIDEST_RAD

@@ -9,7 +9,7 @@ from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import Configuration
 from semantic_slam.contracts.semantics import Weighed, WitnessSemantics
 from semantic_slam.geometry.log_space import log_sum_exp
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe

@@ -222,7 +222,7 @@ def test_a_detection_without_identity_is_left_out_when_identities_are_given() ->
 
 def test_enumeration_needs_a_map() -> None:
     from semantic_slam.configuration import Configuration
-    from semantic_slam.inference.build import make_run_configuration
+    from semantic_slam.inference.building import make_run_configuration
 
     with pytest.raises(InputError, match="no map prior"):
         make_run_configuration(Configuration(), None, np.zeros(7), np.zeros((6, 6)), stamp_ns=0)

@@ -7,7 +7,7 @@ import pytest
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
-from semantic_slam.inference.build import (
+from semantic_slam.inference.building import (
     initial_pose_of,
     is_id_of_its_contents,
     make_run_configuration,

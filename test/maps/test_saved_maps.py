@@ -12,7 +12,7 @@ from safetensors.numpy import load_file, save_file
 from worlds.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
 
 from semantic_slam.errors import InputError
-from semantic_slam.inference.build import make_run_configuration, problem_of, start_of_run
+from semantic_slam.inference.building import make_run_configuration, problem_of, start_of_run
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.keys import object_key

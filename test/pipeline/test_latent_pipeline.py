@@ -20,7 +20,7 @@ from semantic_slam.configuration import SemanticModelConfiguration, from_dict, l
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics

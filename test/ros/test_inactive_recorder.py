@@ -13,7 +13,7 @@ from worlds.node_runs import beliefs
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.ros import qos

@@ -12,7 +12,7 @@ from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import Configuration, from_dict
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe

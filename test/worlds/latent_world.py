@@ -8,7 +8,7 @@ from worlds.drives.open_room import make_room
 from worlds.harmonic_model import HarmonicModel
 from worlds.planar_world import OBJECTS, make_world
 
-from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.planar_reader import PlanarReader

@@ -9,7 +9,7 @@ from semantic_slam.configuration import Configuration, from_dict
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import make_run_configuration
+from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool

@@ -12,7 +12,7 @@ from semantic_slam.configuration import (
     SemanticModelConfiguration,
     load_configuration,
 )
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool

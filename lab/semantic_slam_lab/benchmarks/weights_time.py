@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from semantic_slam.geometry import se2
-from semantic_slam.inference.build import problem_of
+from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.expander import Expander
 from semantic_slam.inference.smoothing.component import WeightedComponent
 from semantic_slam.inference.states.gaussian import GaussianPrior

@@ -22,7 +22,7 @@ from semantic_slam.datasets.label_map import read_label_map
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.build import run_id_of
+from semantic_slam.inference.building import run_id_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe

@@ -6,7 +6,7 @@ from semantic_slam.configuration import from_dict
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.geometry.se2 import rotate_covariance
-from semantic_slam.inference.build import make_run_configuration
+from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior

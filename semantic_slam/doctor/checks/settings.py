@@ -6,7 +6,7 @@ from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.doctor.finding import Finding, error, of_fault
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.errors import InputError
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.pipeline.detector_labels import with_labels
 
 NAME = "configuration"

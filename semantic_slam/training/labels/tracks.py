@@ -14,7 +14,7 @@ from semantic_slam.evaluation.history import best_index, histories, lineage
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build.class_prior import class_prior
+from semantic_slam.inference.building.class_prior import class_prior
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior

@@ -15,7 +15,7 @@ from worlds.planar_world import World, make_world
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import reference_of
+from semantic_slam.inference.building import reference_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.explanation import (
     PRIOR,

@@ -12,7 +12,7 @@ from worlds.same_beliefs import assert_same
 from semantic_slam import Engine, HybridBelief
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.evaluation.history import histories
-from semantic_slam.inference.build import make_run_configuration, start_of_run
+from semantic_slam.inference.building import make_run_configuration, start_of_run
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.reassociation.joint_pairs import JointPairs

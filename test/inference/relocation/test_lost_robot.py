@@ -9,7 +9,7 @@ from semantic_slam import Engine
 from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.moments import matched_moments
-from semantic_slam.inference.build import make_run_configuration, start_of_run
+from semantic_slam.inference.building import make_run_configuration, start_of_run
 from semantic_slam.inference.pool import InProcessPool
 
 START = np.array([4.0, -7.0, 1.9])

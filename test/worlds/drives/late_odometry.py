@@ -10,7 +10,7 @@ from semantic_slam.datasets.victoria_park_import import measurements
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
-from semantic_slam.inference.build import make_run_configuration
+from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages.codec import to_message

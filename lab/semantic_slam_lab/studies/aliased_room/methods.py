@@ -24,7 +24,7 @@ from semantic_slam.geometry.pose import (
     pose_vector_from_planar,
 )
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.build import make_run_configuration
+from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam_lab.studies.aliased_room.data import Rates, Recording
 from semantic_slam_lab.studies.victoria_park.methods import StudyPool, smoothed_poses

@@ -20,7 +20,7 @@ from semantic_slam.configuration import (
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.evaluation.association import pair_score
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.build import initial_pose_of, make_run_configuration
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.component import Component

@@ -1,0 +1,87 @@
+"""A run's configuration as it is announced to backends, and saved with the run."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+
+from semantic_slam.class_models.detector import load_label_model, with_fitted_detection
+from semantic_slam.class_models.embedding import load_embedding_model
+from semantic_slam.class_models.file_digest import noted
+from semantic_slam.class_models.latent_space import load_latent_model
+from semantic_slam.class_models.viewpoint_models import load_model
+from semantic_slam.configuration import Configuration, SemanticModelConfiguration, to_dict
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
+from semantic_slam.inference.building.checks import check_settings
+from semantic_slam.inference.building.run_id import run_id_of
+from semantic_slam.inference.protocol import RunConfiguration, told_of
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.latent.model import DescriptorModel
+
+
+def make_run_configuration(
+    configuration: Configuration,
+    map_prior: MapPrior | None,
+    initial_pose: Array,
+    initial_covariance: Array,
+    *,
+    stamp_ns: int,
+    source: str = "",
+    revision: str = "",
+    session: int = 0,
+) -> RunConfiguration:
+    """The announcement of a run; ``initial_pose`` (7,) and ``initial_covariance`` (6, 6) in map.
+
+    ``session`` counts the runs of one manager, so that each has an id of its own.
+    Raises InputError when detections have to be associated with a map that has no objects.
+    """
+    association = strategy_of(configuration)
+    if association.needs_map and not (map_prior and map_prior.objects):
+        raise InputError(
+            f"association is '{configuration.association}' but there is no map prior; give --map-prior objects.json,"
+            " or set association: open to map as you go, or given for detections that carry ids"
+        )
+    check_settings(configuration, association)
+    latent = load_latent_model(configuration.semantic_model)
+    configuration = _with_class_models(configuration, association, source, latent)
+    settings = json.dumps(to_dict(configuration), sort_keys=True)
+    prior = map_prior.to_json() if map_prior else ""
+    pose = np.array([float(value) for value in initial_pose])
+    covariance = np.asarray(initial_covariance, dtype=np.float64)
+    names = _class_names(configuration.semantic_model, latent)
+    return RunConfiguration(
+        run_id=run_id_of(settings, prior, pose, covariance, names) + (f".{session}" if session else ""),
+        stamp_ns=stamp_ns,
+        configuration=settings,
+        map_prior=prior,
+        initial_pose=pose,
+        initial_covariance=covariance,
+        class_names=names,
+        source=source,
+        revision=revision,
+    )
+
+
+def _with_class_models(
+    configuration: Configuration, association: type[AssociationStrategy], source: str, latent: DescriptorModel | None
+) -> Configuration:
+    """With what the files of the class models say: their space, their digest, and how often a detector detects.
+
+    So backends, reports and queries know the space of the descriptors, and which file they have to find.
+    """
+    models, world = configuration.semantic_model, configuration.open_world
+    described = latent or load_embedding_model(models)
+    if described is not None:
+        models = replace(models, space=described.space)
+    models = noted(models)
+    if association.counts_misses and not world.learn_region:
+        world = with_fitted_detection(world, models, told_of(source, "sha256"))
+    return replace(configuration, semantic_model=models, open_world=world)
+
+
+def _class_names(settings: SemanticModelConfiguration, latent: DescriptorModel | None) -> tuple[str, ...]:
+    """Classes that the models tell apart; () where there are no models, or where these know no classes."""
+    model = load_model(settings) or latent or load_label_model(settings)
+    return tuple(model.class_names) if model is not None else ()

@@ -1,0 +1,106 @@
+"""What a run cannot do with the association and the class models that it has. Every check raises InputError."""
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.inference.association.strategy import AssociationStrategy
+from semantic_slam.inference.building.association_settings import moving_of
+from semantic_slam.inference.building.views import sees_places_in_single_steps, semantics_name
+from semantic_slam.inference.models.noise_settings import DEPTH, DISTANCE
+from semantic_slam.inference.smoothing.horizon import check_horizon
+
+
+def check_settings(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    """Raises InputError for the first setting that does not go with the others."""
+    association.check(configuration)
+    semantics_name(configuration)
+    _check_odometry(configuration, association)
+    _check_detection_errors(configuration, association)
+    _check_detections(configuration, association)
+    _check_rates(configuration)
+    _check_revision(configuration, association)
+    _check_moving(configuration, association)
+    check_horizon(configuration)
+
+
+def _check_odometry(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    factors, tracks = configuration.odometry.noise_factors, association.tracks_objects
+    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not tracks):
+        raise InputError(
+            "odometry.noise_factors must be positive, and other than [1.0] only with association: open, or given with"
+            " open_world.iterate_updates: false"
+        )
+    single_steps = tracks and not configuration.open_world.iterate_updates
+    if configuration.odometry.estimate_bias and not single_steps:
+        raise InputError(
+            "odometry.estimate_bias works only where updates are not iterated;"
+            " set association: open, or given, and open_world.iterate_updates: false"
+        )
+
+
+def _check_detection_errors(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    errors = configuration.detection_errors
+    single_steps = association.tracks_objects and not configuration.open_world.iterate_updates
+    if errors.correlated_share > 0.0 and not single_steps:
+        raise InputError(
+            "detection_errors.correlated_share works only where updates are not iterated;"
+            " set association: open, or given, and open_world.iterate_updates: false"
+        )
+    if (errors.sigma_range_offset_m or errors.sigma_yaw_rad) and errors.correlated_share <= 0.0:
+        raise InputError(
+            "detection_errors.sigma_range_offset_m and sigma_yaw_rad need detection_errors.correlated_share above 0;"
+            " set it, or both of them to 0"
+        )
+
+
+def _check_detections(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    factors = configuration.perception.noise_factors
+    may_differ = association.tracks_objects and sees_places_in_single_steps(configuration)
+    if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not may_differ):
+        raise InputError(
+            "perception.noise_factors must be positive, and other than [1.0] only with association: open or given,"
+            " open_world.iterate_updates: false and semantic_model.kind: none or detector"
+        )
+    kinds = configuration.perception.ranges_are
+    if not kinds or not {DISTANCE, DEPTH}.issuperset(kinds) or (kinds != (DISTANCE,) and not may_differ):
+        raise InputError(
+            "perception.ranges_are must be distance, depth or both, and other than [distance] only where"
+            " perception.noise_factors may be"
+        )
+
+
+def _check_rates(configuration: Configuration) -> None:
+    """What evidence is to decide between, of how often and how densely things are seen."""
+    world = configuration.open_world
+    if not all(0.0 < own < 1.0 for own in world.detection_probabilities):
+        raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
+    if min(world.detection_half_ranges_m, default=1.0) <= 0.0:
+        raise InputError("open_world.detection_half_ranges_m must be above 0; correct them")
+    if not all(0.0 <= own < 1.0 for own in world.miss_persistences):
+        raise InputError("open_world.miss_persistences must not be below 0, and be below 1; correct them")
+    if min(world.clutters_per_frame, default=0.0) < 0.0:
+        raise InputError("open_world.clutters_per_frame must not be below 0; correct them")
+    if min(world.birth_densities, default=1.0) <= 0.0:
+        raise InputError("open_world.birth_densities must be above 0; correct them")
+
+
+def _check_revision(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    revision, tracks = configuration.revision, association.tracks_objects
+    if revision.every_keyframes > 0 and not tracks:
+        raise InputError(
+            "revision.every_keyframes is for worlds without a map; set association: open, or set it to 0 (given with"
+            " open_world.iterate_updates: false has nothing to revise)"
+        )
+    if revision.reassociate_every_keyframes > 0 and not tracks:
+        raise InputError("revision.reassociate_every_keyframes is for association: open; set that, or set it to 0")
+    if revision.lost_every_keyframes > 0 and not tracks:
+        raise InputError("revision.lost_every_keyframes is for association: open; set that, or set it to 0")
+
+
+def _check_moving(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    moving = moving_of(configuration, association)
+    plain = sees_places_in_single_steps(configuration)
+    if moving.is_on and association.tracks_objects and not (plain and len(moving.speeds)):
+        raise InputError(
+            "moving.share and moving.share_by_label are for open_world.iterate_updates: false and"
+            " semantic_model.kind: none or detector; set these, or the shares to 0"
+        )

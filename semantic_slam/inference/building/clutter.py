@@ -1,0 +1,36 @@
+"""What detections of no object look like, under the class models of a run."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semantic_slam.class_models.kind import class_model_kind
+from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.building.run_models import RunModels
+from semantic_slam.inference.models.clutter import EvenClutter
+from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.reference import EvenWords
+from semantic_slam.viewpoint.outliers import OutlierScores
+
+
+def clutter_of(configuration: Configuration, models: RunModels) -> EvenClutter | None:
+    """None where views have evidence without a floor, which clutter would replace.
+
+    Those are views that share their errors, and descriptors.
+    """
+    kind = class_model_kind(configuration.semantic_model)
+    if models.labels is not None:
+        even = EvenWords(models.labels.num_words).log_density
+        return EvenClutter.of(configuration.open_world, lambda seen: np.array([even([own]) for own in seen]))
+    if kind.sees_places_alone:
+        return EvenClutter.of(configuration.open_world, None)
+    if models.viewpoint is None or not kind.has_factors:
+        return None
+    broad = OutlierScores.of(models.viewpoint, 0.0)
+
+    def log_scores(detections: Sequence[PlanarDetection]) -> Array:
+        seen = PlanarDetections.of(detections)
+        return broad.log_density(seen.feature, seen.feature_covariance) / models.tempering
+
+    return EvenClutter.of(configuration.open_world, log_scores)

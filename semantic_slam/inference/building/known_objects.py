@@ -1,0 +1,101 @@
+"""The objects of a run before its first keyframe: those of the map, what it may lack, and where they may be besides."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.inference.association.strategy import strategy_of
+from semantic_slam.inference.building.class_prior import class_prior
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.states.gaussian import JointPrior
+from semantic_slam.inference.world.displaced_objects import Displaced, with_displaced
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
+from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.sensing import PriorReader, Sensing
+from semantic_slam.inference.world.unmapped import unmapped_objects
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownObjects:
+    """Objects that a run begins with."""
+
+    prior: MapPrior  # with what the map may lack, and with its objects elsewhere
+    entries: tuple[ObjectEntry, ...]
+    joint: JointPrior | None  # None: their priors are independent
+    unmapped_ids: frozenset[int]
+    displaced: Displaced
+
+
+def known_objects(
+    run: RunConfiguration, configuration: Configuration, sensing: Sensing, *, may_lack: bool
+) -> KnownObjects:
+    """Objects of the run's map, none where it has none; the map lacks nothing unless it ``may_lack`` objects.
+
+    Raises InputError for a map that does not go with the run.
+    """
+    prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
+    unmapped = _unmapped(configuration, prior) if may_lack else ()
+    prior, displaced = _with_displaced(configuration, prior, unmapped)
+    prior = replace(prior, objects=(*prior.objects, *unmapped))
+    return KnownObjects(
+        prior=prior,
+        entries=tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects),
+        joint=_joint(prior, sensing),
+        unmapped_ids=frozenset(item.object_id for item in unmapped),
+        displaced=displaced,
+    )
+
+
+def _is_associated_with_map(configuration: Configuration) -> bool:
+    """Whether detections are of the map's objects, or of none, and no object is born."""
+    association = strategy_of(configuration)
+    return association.needs_map and not association.tracks_objects
+
+
+def _unmapped(configuration: Configuration, prior: MapPrior) -> tuple[ObjectPrior, ...]:
+    """What the map may lack, where detections are associated with a map, some of them with none of its objects."""
+    settings = configuration.closed_world
+    if not _is_associated_with_map(configuration) or settings.clutter_per_frame <= 0.0:
+        return ()
+    reach, heading = configuration.open_world.max_range_m, configuration.new_objects.sigma_heading_rad
+    return unmapped_objects(prior, settings.unmapped_objects, settings.unmapped_probability, reach, heading)
+
+
+def _with_displaced(
+    configuration: Configuration, prior: MapPrior, unmapped: Sequence[ObjectPrior]
+) -> tuple[MapPrior, Displaced]:
+    """The map, with where its objects may be besides, where detections are associated with it."""
+    settings = configuration.closed_world
+    if not _is_associated_with_map(configuration):
+        return prior, Displaced()
+    first = 1 + max(item.object_id for item in (*prior.objects, *unmapped))
+    return with_displaced(prior, settings.displaced_share, settings.displaced_sigma_m, first)
+
+
+def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) -> ObjectEntry:
+    """Raises InputError for a class that the class models do not know."""
+    unknown = sorted(set(item.class_probabilities) - set(class_names))
+    if unknown and class_names:
+        raise InputError(
+            f"map prior: object {item.object_id} has the unknown class '{unknown[0]}'; the class models know"
+            f" {', '.join(class_names)}"
+        )
+    return ObjectEntry(
+        object_id=item.object_id,
+        name=item.name,
+        prior=prior(item.pose, item.covariance),
+        class_prior=class_prior(item, class_names),
+        existence=item.existence,
+    )
+
+
+def _joint(prior: MapPrior, sensing: Sensing) -> JointPrior | None:
+    """What the map's objects have in common, where the map tells; what it may lack or have elsewhere comes after."""
+    if prior.joint_covariance is None or len(prior.joint_covariance) <= 3:
+        return None
+    mapped = prior.objects[: len(prior.joint_covariance) // 3]
+    poses = np.array([item.pose for item in mapped])
+    return JointPrior(tuple(item.object_id for item in mapped), sensing.joint_prior(poses, prior.joint_covariance))

@@ -1,0 +1,29 @@
+"""The reference model of a run, by which it is told whether its belief explains its data."""
+
+import json
+
+from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.class_models.viewpoint_models import load_model
+from semantic_slam.configuration import from_dict
+from semantic_slam.inference.building.views import tempering
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
+from semantic_slam.inference.world.problem import Problem
+
+
+def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
+    """The model that explains nothing, by which it is told whether the belief of a run explains its data.
+
+    ``problem`` is the one that the run announces.
+    """
+    configuration = from_dict(json.loads(run.configuration), "run configuration")
+    settings = configuration.semantic_model
+    model, labels = load_model(settings), load_label_model(settings)
+    scores: KeyframeScores = NO_SCORES
+    if labels is not None:
+        scores = EvenWords(labels.num_words)
+    elif model is not None:
+        scores = ScoreDensity.of_classes(model, tempering(settings))
+    elif problem.latent is not None:
+        scores = ScoreDensity.of_descriptors(problem.latent)
+    return Reference(configuration, problem.objects, scores)

@@ -1,0 +1,48 @@
+"""The class models of a run, as its configuration names them."""
+
+from dataclasses import dataclass
+from typing import Self
+
+from semantic_slam.class_models.detector import load_label_model
+from semantic_slam.class_models.embedding import load_embedding_model
+from semantic_slam.class_models.file_digest import check_digest
+from semantic_slam.class_models.latent_space import load_latent_model
+from semantic_slam.class_models.viewpoint_models import load_model
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.inference.building.views import tempering
+from semantic_slam.latent.model import DescriptorModel
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel
+from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.model import ViewpointModel
+from semantic_slam.viewpoint.outliers import OutlierScores
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunModels:
+    """What says of which class an object is; None is what the configured kind of class models does not have."""
+
+    viewpoint: ViewpointModel | None  # P(z | c, viewpoint)
+    descriptors: DescriptorModel | None  # P(f | viewpoint, e)
+    labels: LabelModel | None  # a detector's words
+    embeddings: EmbeddingModel | None  # vectors of appearance
+    outliers: OutlierScores | None  # what a view's score may be besides
+    tempering: float  # so many views tell as much as one
+
+    @classmethod
+    def load(cls, settings: SemanticModelConfiguration, bag_sha256: str) -> Self:
+        """Models of a run of the bag with that digest, "" where there is no bag. Raises InputError."""
+        check_digest(settings)
+        viewpoint = load_model(settings)
+        return cls(
+            viewpoint=viewpoint,
+            descriptors=load_latent_model(settings),
+            labels=load_label_model(settings, bag_sha256),
+            embeddings=load_embedding_model(settings),
+            outliers=_outliers(viewpoint, settings.outlier_share),
+            tempering=tempering(settings),
+        )
+
+
+def _outliers(model: ViewpointModel | None, share: float) -> OutlierScores | None:
+    """What a view's score may be besides what the class models say; None: no view is an outlier."""
+    return OutlierScores.of(model, share) if model is not None and share else None
