@@ -25,7 +25,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import _Collected, read_record
 from semantic_slam.geometry.pose import PLANAR_AXES
 from semantic_slam.geometry.se2 import rotate_covariance
-from semantic_slam.inference.building.class_prior import LEAST_CLASS_SHARE, make_run_configuration, problem_of
+from semantic_slam.inference.building import make_run_configuration, problem_of
+from semantic_slam.inference.building.class_prior import LEAST_CLASS_SHARE
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import read_map_prior
 from semantic_slam.messages import topics
