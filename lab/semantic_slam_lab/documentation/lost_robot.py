@@ -24,8 +24,8 @@ SECTIONS = (
         "A real robot lost on a known map",
         "Drives of MRCLAM are begun in their middle, with the true places of the landmarks as the map, their numbers"
         " hidden, an initial pose up to 10 m off and any heading, and run until 120 detections of landmarks were made;"
-        " the configuration is `config/uncalibrated.yaml`. P(right): weight of the hypotheses that say where the robot is"
-        " and are right; wrong ones, at the end and the most before. CPU is that of a keyframe.",
+        " the configuration is `config/uncalibrated.yaml`. P(right): weight of the hypotheses that say where the robot"
+        " is and are right; wrong ones, at the end and the most before. CPU is that of a keyframe.",
         (("Starts", starts),),
     ),
 )
