@@ -69,6 +69,8 @@ class Recovery:
 
     def note(self, log_ratio: float) -> None:
         """Note how much likelier the newest keyframe was under the reference than under the belief, in nats."""
+        if not self.is_on:
+            return
         if log_ratio > 0.0:
             self._misfit = self._misfit or _Suspect(0.0)
             self._misfit.log_ratio += log_ratio
@@ -109,11 +111,12 @@ class Recovery:
     def _due(self) -> int | None:
         """The least expected of the keyframes that are to be looked at now, if it is less so than what waits."""
         now = len(self._replay.steps)
-        due = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS) and now - at > LOOKS[own.looks]}
+        self._suspects = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS)}
+        due = {at: own for at, own in self._suspects.items() if now - at > LOOKS[own.looks]}
         at = max(due, key=lambda at: due[at].log_ratio, default=None)
-        if at is None or (self._waiting and self._looked_at is not None):
-            is_less = at is not None and self._looked_at is not None and due[at].log_ratio > self._looked_at.log_ratio
-            return at if is_less else None
+        waits = self._looked_at if self._waiting else None
+        if at is None or (waits is not None and due[at].log_ratio <= waits.log_ratio):
+            return None
         return at
 
     def _look(self, since: int, live: Mapping[int, Hypothesis]) -> None:
@@ -222,6 +225,7 @@ def _known_well(component: Component) -> tuple[list[int], Array, Array]:
     ids = known.ids[known.existence > LEAST_EXISTENCE].tolist()
     spreads = [component.joint_covariance([object_key(n)])[:2, :2] for n in ids]
     sigmas = np.sqrt([0.5 * float(np.trace(own)) for own in spreads])
-    well = [n for n, sigma in zip(ids, sigmas, strict=True) if sigma < LARGEST_SIGMA_M]
+    is_known = sigmas < LARGEST_SIGMA_M
+    well = [n for n, own in zip(ids, is_known.tolist(), strict=True) if own]
     points = component.states([object_key(n) for n in well])[:, :2] if well else np.zeros((0, 2))
-    return well, points, sigmas[sigmas < LARGEST_SIGMA_M]
+    return well, points, sigmas[is_known]

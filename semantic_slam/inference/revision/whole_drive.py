@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.step import Motion, Step
@@ -103,24 +104,31 @@ def _errors(
     settings = problem.detection_errors
     if settings.correlated_share <= 0.0:
         return np.eye(2 * len(rows))
-    beside = 2 * any((settings.sigma_range_offset_m, settings.sigma_yaw_rad))
-    firsts = np.concatenate([[0], np.cumsum([2 * len(frame) + beside * bool(frame) for frame in frames])])
-    repeated, carried = np.zeros((int(firsts[-1]), int(firsts[-1]))), None
-    for k, frame in enumerate(frames):
-        carried = None if carried is None else carried.moved(motions[k].control, settings)
-        if not frame:
-            continue
-        now, step = (
-            slice(int(firsts[k]), int(firsts[k + 1])),
-            ErrorTransition.of(settings, carried, frame),
-        )
+    steps = _transitions(settings, motions, frames)
+    sizes = [len(steps[k].mean) if k in steps else 0 for k in range(len(frames))]
+    firsts = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    repeated = np.zeros((int(firsts[-1]), int(firsts[-1])))
+    for k, step in steps.items():
+        now = slice(int(firsts[k]), int(firsts[k + 1]))
         repeated[now, now] = step.noise
-        if carried is not None:
-            before = slice(int(firsts[carried.keyframe]), int(firsts[carried.keyframe + 1]))
+        if step.before >= 0:
+            before = slice(int(firsts[step.before]), int(firsts[step.before + 1]))
             cross = step.matrix @ repeated[before, : now.start]
             repeated[now, : now.start], repeated[: now.start, now] = cross, cross.T
             repeated[now, now] += cross[:, before] @ step.matrix.T
-        carried = step.after(k, np.zeros(len(step.mean)))
     kept = np.array([firsts[k] + 2 * n + part for k, n in rows for part in range(2)], dtype=int)
     share = settings.correlated_share
     return np.asarray(share * repeated[np.ix_(kept, kept)] + (1.0 - share) * np.eye(len(kept)))
+
+
+def _transitions(
+    settings: DetectionErrorsConfiguration, motions: Sequence[Motion], frames: Sequence[Sequence[Any]]
+) -> dict[int, ErrorTransition]:
+    """Keyframe -> the errors of its detections given those of the newest one before that has any."""
+    carried, found = None, {}
+    for k, (motion, frame) in enumerate(zip(motions, frames, strict=True)):
+        carried = None if carried is None else carried.moved(motion.control, settings)
+        if frame:
+            found[k] = ErrorTransition.of(settings, carried, frame)
+            carried = found[k].after(k, np.zeros(len(found[k].mean)))
+    return found
