@@ -91,6 +91,13 @@ OBSERVATIONS = Registry(
 )
 """Values of ``observation``: builders as inference/world/sensing.py describes them."""
 
+SPATIAL_OBSERVATIONS = Registry(
+    "with state_space: spatial observation",
+    "semantic_slam.spatial_observations",
+    _table(points="semantic_slam.inference.world.spatial_sensing:points"),
+)
+"""Values of ``observation`` with ``state_space: spatial``: builders likewise."""
+
 SEMANTICS = Registry(
     "semantics",
     "semantic_slam.semantics",

@@ -116,7 +116,7 @@ def test_parameters_that_are_no_mapping_are_named(tmp_path: Path) -> None:
     [
         ({"perception": {"extrinsics": [0.0] * 6}}, "'perception.extrinsics' has 6 numbers; give 0 or 7"),
         ({"seed": 2**63}, "'seed' is 9223372036854775808; it must lie in"),
-        ({"initial_pose": {"mean": []}}, "'initial_pose.mean' has 0 numbers; give 3"),
+        ({"initial_pose": {"mean": []}}, "'initial_pose.mean' has 0 numbers; give 3 or 6"),
         ({"moving": {"share_by_label": [None]}}, "'moving.share_by_label' has a wrong type"),
         ({"odometry": {"noise_factors": [1.0, float("nan")]}}, "'odometry.noise_factors' has a wrong type"),
         ({"odometry": {"sigma_translation_per_m": 1e200}}, "give numbers of at most 1e+15"),

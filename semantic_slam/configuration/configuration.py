@@ -22,6 +22,9 @@ from semantic_slam.configuration.visibility import VisibilityConfiguration
 from semantic_slam.configuration.weights import WeightsConfiguration
 from semantic_slam.registry import ASSOCIATIONS, OBSERVATIONS
 
+PLANAR, SPATIAL = STATE_SPACES = ("planar", "spatial")
+"""Values of ``state_space``."""
+
 
 @dataclass(frozen=True)
 class Configuration:
@@ -37,6 +40,12 @@ class Configuration:
         "range_bearing",
         "what a detection measures: range_bearing of objects with a heading, or of points, which have none",
         choices=OBSERVATIONS,
+    )
+    state_space: str = parameter(
+        "planar",
+        "where the robot and its objects are: planar, or spatial with all six of the pose, for a Python session with"
+        " observation: points, semantic_model.kind: none and association: enumerated or given",
+        choices=STATE_SPACES,
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")
     semantic_model: SemanticModelConfiguration = field(default_factory=SemanticModelConfiguration)
@@ -54,6 +63,11 @@ class Configuration:
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)
     keyframes: KeyframeConfiguration = field(default_factory=KeyframeConfiguration)
     perception: PerceptionConfiguration = field(default_factory=PerceptionConfiguration)
+
+    @property
+    def is_spatial(self) -> bool:
+        """Whether all six of a pose are estimated."""
+        return self.state_space == SPATIAL
 
     @classmethod
     def of(cls, **values: Any) -> "Configuration":

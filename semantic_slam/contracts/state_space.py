@@ -54,6 +54,10 @@ class StateSpaceContract:
         assert space.relinearize_threshold.shape == space.far.shape == (space.tangent_size,)
         assert space.origin.shape == (space.storage_size,)
         assert space.heading is None or 0 <= space.heading < space.tangent_size
+        moving = space.position_slopes(x)[..., space.position_rows]
+        np.testing.assert_allclose(
+            moving @ np.swapaxes(moving, -1, -2), np.tile(np.eye(moving.shape[1]), (COUNT, 1, 1)), atol=1e-12
+        )
         assert space == type(space)() and hash(space) == hash(type(space)())
 
     def test_exponential_and_logarithm_are_inverse(self, random: np.random.Generator) -> None:
@@ -248,12 +252,6 @@ class SpacesContract:
         np.testing.assert_allclose(views.azimuth_rad, np.arctan2(camera[:, 1], camera[:, 0]), atol=1e-9)
         np.testing.assert_allclose(views.range_m, np.linalg.norm(camera, axis=1), atol=1e-9)
         np.testing.assert_allclose(views.elevation_rad, np.arcsin(camera[:, 2] / views.range_m), atol=1e-9)
-
-    def test_a_camera_without_height_is_level(self, random: np.random.Generator) -> None:
-        x, o = self.pairs(random)
-        flat, level = (self.spaces.viewpoints(x, o, np.array(s)) for s in ([0.3, 0.1], [0.3, 0.1, 0.0]))
-        np.testing.assert_array_equal(flat.azimuth_rad, level.azimuth_rad)
-        np.testing.assert_array_equal(flat.elevation_rad, np.zeros(COUNT))
 
     def test_gtsam_gives_back_all_states_by_key(self, random: np.random.Generator) -> None:
         """Landmarks first, for so the keys are; descriptors of as many components do not count."""

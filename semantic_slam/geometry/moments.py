@@ -9,10 +9,17 @@ SINGULAR = 1e-14
 
 
 def position_sigmas(covariances: Array) -> Array:
-    """(O,) largest standard deviations of positions [m], from (O, d, d)."""
+    """(O,) largest standard deviations of positions [m], from (O, d, d) whose first two rows are those of x and y."""
     xx, yy, xy = covariances[:, 0, 0], covariances[:, 1, 1], covariances[:, 0, 1]
     largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
     return np.asarray(np.sqrt(np.maximum(largest, 0.0)))
+
+
+def largest_sigmas(covariances: Array) -> Array:
+    """(O,) largest standard deviations in any direction, from (O, p, p) of two or three coordinates."""
+    if covariances.shape[-1] == 2:
+        return position_sigmas(covariances)
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[..., -1], 0.0)))
 
 
 def matched_moments(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:

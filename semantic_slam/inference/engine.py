@@ -154,7 +154,7 @@ class Engine:
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize, over all parents at once, less while data are not explained; what goes is counted."""
         limits = widened(self.budget.limits(), self.explanation.unexplained)
-        kinds = Kinds(positions=candidates.poses[:, :2], beginnings=self.hypotheses.beginnings(candidates))
+        kinds = Kinds(positions=candidates.poses[:, :3], beginnings=self.hypotheses.beginnings(candidates))
         kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, kinds)
         self.log_evidence += kept.log_mass
         return kept
@@ -191,7 +191,8 @@ class Engine:
         found |= self.recovery.found(self.live, ratio)
         if not found:
             return components, reported
-        together = with_revised(self.live, found, self.problem.pruning.max_hypotheses)
+        places = {number: components[number].pose[:3] for number in self.live}
+        together = with_revised(self.live, found, places, self.problem)
         children, answers = self.rounds.commit(step.index, together)
         reported = self._reported(answers)
         components = held_components(answers, reported)
@@ -223,6 +224,7 @@ class Engine:
             reported,
             self.problem.class_names,
             self.problem.inferred_noise,
+            state_space=self.problem.spaces.name,
             num_candidates=len(candidates.ids),
             discarded_mass=discarded.total,
             first_new_id=self.registry.first_new_id(step.index) if self.association.merges_copies else None,

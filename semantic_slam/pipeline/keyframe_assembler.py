@@ -60,8 +60,13 @@ class KeyframeAssembler:
     ) -> None:
         """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`.
 
-        ``passes_over``: whether measurements are to make no keyframe, which is counted.
+        ``passes_over``: whether measurements are to make no keyframe, which is counted. Raises InputError in space.
         """
+        if configuration.is_spatial:
+            raise InputError(
+                "state_space: spatial is for a Python session with semantic_slam.Engine yet, not for bags and nodes;"
+                " set state_space: planar"
+            )
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
         self._association = strategy_of(configuration)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from worlds.chapter3_fixtures import check_classification
 from worlds.exact_fixtures import Outcome, run
+from worlds.spatial_fixtures import spatial_deviations
 
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.evaluation.mixture import heaviest_position_error, position_determinant, weighted_position_error
@@ -186,9 +187,17 @@ def _check_metrics(data: dict, tolerance: float) -> None:
         assert abs(value - data[name]) <= tolerance, name
 
 
+def check_spatial(data: dict) -> None:
+    tolerance, found = data["tol"], spatial_deviations(data)
+    limits = {"weight": tolerance["weight_abs"], "log_evidence": tolerance["log_evidence_abs"]}
+    exceeded = {name: value for name, value in found.items() if not value <= limits.get(name, tolerance["mean_sigmas"])}
+    assert exceeded == {}
+
+
 CHECKS = {
     "exact-ch3/1": check_classification,
     "exact-ch4-lg/1": check_linear_gaussian,
     "exact-ch4-se2/1": check_planar,
+    "exact-ch4-se3/1": check_spatial,
     "exact-ch4-det/1": check_deterministic,
 }

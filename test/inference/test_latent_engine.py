@@ -15,8 +15,9 @@ from semantic_slam.inference.association.closed_keyframe import predict
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, search_start
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import find_modes
+from semantic_slam.inference.evidence.search_start import search_start
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent_factor import exact_factor
 from semantic_slam.inference.models.latent_observation import LatentObservation

@@ -181,7 +181,7 @@ class ClosedKeyframe:
             return enumerate_associations(setting, predicted)
         named = np.array(self.identities, dtype=int)[:, None] == object_ids  # (n, O)
         if self.log_clutter is None:
-            return fixed_association(setting, predicted, named.argmax(axis=1))
+            return fixed_association(setting, predicted, np.nonzero(named)[1])
         admitted = np.broadcast_to(named, (len(self.parents), *named.shape))
         found = enumerate_associations(replace(setting, admitted=admitted, distinct=False), predicted)
         assert found.problem is not None and found.start is not None

@@ -23,7 +23,6 @@ from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import (
     KeyframeProblem,
     PredictedBelief,
-    search_start,
 )
 from semantic_slam.inference.evidence.laplace import (
     RANKING_ITERATIONS,
@@ -32,6 +31,7 @@ from semantic_slam.inference.evidence.laplace import (
     Mode,
     find_modes,
 )
+from semantic_slam.inference.evidence.search_start import search_start
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 

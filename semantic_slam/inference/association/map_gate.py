@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
@@ -62,7 +62,8 @@ def map_gate(
 ) -> MapGate:
     """Gate by the parents' predictions; ``objects`` are ids and (l, l) prior covariances, which updates only narrow."""
     keys = [object_key(number) for number, _ in objects]
-    sigmas = position_sigmas(np.array([covariance for _, covariance in objects]))
+    rows = spaces.landmark.position_rows
+    sigmas = largest_sigmas(np.array([covariance[rows, rows] for _, covariance in objects]))
     states = np.array([component.states(keys) for component in components])[..., : spaces.storage.landmark]
     robot = np.array([component.newest_robot() for component in components])
     covariance = np.array([component.joint_covariance([robot_key(component.keyframe)]) for component in components])

@@ -12,8 +12,9 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import backward
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
-from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, search_start
+from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
+from semantic_slam.inference.evidence.search_start import search_start
 from semantic_slam.inference.models.observation import Innovation, ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 

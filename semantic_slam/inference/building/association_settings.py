@@ -18,6 +18,7 @@ def as_used(configuration: Configuration, association: type[AssociationStrategy]
             world,
             detection_probabilities=(),
             detection_half_ranges_m=(),
+            detection_by_direction=(),
             birth_densities=(),
             clutters_per_frame=(),
             miss_persistence=0.0,

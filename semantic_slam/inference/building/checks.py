@@ -4,6 +4,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.building.association_settings import moving_of
+from semantic_slam.inference.building.spatial_checks import check_space
 from semantic_slam.inference.building.views import sees_places_in_single_steps, semantics_name
 from semantic_slam.inference.models.noise_settings import DEPTH, DISTANCE
 from semantic_slam.inference.smoothing.horizon import check_horizon
@@ -11,6 +12,7 @@ from semantic_slam.inference.smoothing.horizon import check_horizon
 
 def check_settings(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     """Raises InputError for the first setting that does not go with the others."""
+    check_space(configuration, association)
     association.check(configuration)
     semantics_name(configuration)
     _check_odometry(configuration, association)
@@ -75,6 +77,14 @@ def _check_rates(configuration: Configuration) -> None:
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
     if min(world.detection_half_ranges_m, default=1.0) <= 0.0:
         raise InputError("open_world.detection_half_ranges_m must be above 0; correct them")
+    if len(world.detection_by_direction) == 1 or not all(0.0 < own <= 1.0 for own in world.detection_by_direction):
+        raise InputError(
+            "open_world.detection_by_direction must be two shares or more, above 0 and at most 1; correct it"
+        )
+    if world.detection_by_direction and world.learn_region:
+        raise InputError(
+            "open_world.detection_by_direction is over a field of view; empty it, or set learn_region: false"
+        )
     if not all(0.0 <= own < 1.0 for own in world.miss_persistences):
         raise InputError("open_world.miss_persistences must not be below 0, and be below 1; correct them")
     if min(world.clutters_per_frame, default=0.0) < 0.0:

@@ -8,17 +8,19 @@ from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.building.run_models import RunModels
-from semantic_slam.inference.models.clutter import EvenClutter
+from semantic_slam.inference.models.clutter import Clutter, EvenClutter, EvenSpatialClutter
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.reference import EvenWords
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 
-def clutter_of(configuration: Configuration, models: RunModels) -> EvenClutter | None:
+def clutter_of(configuration: Configuration, models: RunModels) -> Clutter | None:
     """None where views have evidence without a floor, which clutter would replace.
 
     Those are views that share their errors, and descriptors.
     """
+    if configuration.is_spatial:
+        return EvenSpatialClutter.of(configuration.open_world)
     kind = class_model_kind(configuration.semantic_model)
     if models.labels is not None:
         even = EvenWords(models.labels.num_words).log_density

@@ -37,7 +37,7 @@ class RunModels:
             viewpoint=viewpoint,
             descriptors=load_latent_model(settings),
             labels=load_label_model(settings, bag_sha256),
-            embeddings=load_embedding_model(settings),
+            embeddings=load_embedding_model(settings, bag_sha256),
             outliers=_outliers(viewpoint, settings.outlier_share),
             tempering=tempering(settings),
         )

@@ -5,14 +5,15 @@ from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.building.run_models import RunModels
 from semantic_slam.inference.building.views import views_are_factors
 from semantic_slam.inference.world.sensing import Sensing, SensingBuilder, SensingSettings
-from semantic_slam.registry import OBSERVATIONS
+from semantic_slam.registry import OBSERVATIONS, SPATIAL_OBSERVATIONS
 from semantic_slam.viewpoint.model import feature_names
 
 
 def sensing_of(configuration: Configuration, models: RunModels) -> Sensing:
     """With the class models where views enter by factors. Raises InputError."""
     explained = models.viewpoint or models.descriptors
-    build: SensingBuilder = OBSERVATIONS.load(configuration.observation)
+    registry = SPATIAL_OBSERVATIONS if configuration.is_spatial else OBSERVATIONS
+    build: SensingBuilder = registry.load(configuration.observation)
     return build(
         SensingSettings(
             configuration=configuration,

@@ -264,24 +264,6 @@ class KeyframeProblem:
         return np.where(self.active.reshape(*self.active.shape, *(1,) * (values.ndim - 1)), shaped, 0.0)
 
 
-def search_start(stack: KeyframeProblem) -> Array:
-    """(B, n) the best of the prior mean and the robot states that explain one detection each."""
-    best = np.zeros((len(stack.mean), stack.size))
-    if len(best) == 0:
-        return best
-    least = stack.energy(best)
-    size, robot = stack.layout.robot, stack.robots_of(stack.mean)
-    for number in range(stack.rows.objects.shape[1]):
-        wanted = stack.model.robot_start(stack.detections.take([number]), robot, stack.objects_of(stack.mean, number))
-        start = np.zeros_like(best)
-        tangent = stack.spaces.robot.local(robot, wanted)
-        start[:, :size] = np.linalg.solve(stack.root[:, :size, :size], tangent[..., None])[..., 0]
-        energy = np.where(stack.active[:, number], stack.energy(start), np.inf)
-        better = energy < least
-        best[better], least = start[better], np.minimum(least, energy)
-    return best
-
-
 def _first_occurrence(objects: Index) -> Index:
     """(B, n) slot of each detection: its own, or that of the first detection of the same object."""
     if objects.shape[1] == 0:

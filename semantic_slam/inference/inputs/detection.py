@@ -9,13 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.sightline import place_of_point, point_of_place
+
+_IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Detection:
     """Range and bearing of an object's centre from the body's origin, or a bearing alone; x ahead, y to the left.
 
+    In space (:meth:`along`, :meth:`in_space`) the range is that in the plane of x and y, beside an elevation.
     Raises InputError for numbers that cannot be measurements.
     """
 
@@ -26,10 +31,17 @@ class Detection:
     score: float = 1.0  # of the detection itself; the best ones are used where there are more than objects
     track_id: str = ""  # identity of the object, for association: given
     label: str = ""  # what a detector calls it
+    elevation_rad: float = 0.0  # downwards from the plane of x and y
+    place_covariance: ArrayLike | None = None  # (3, 3) of [range, bearing, elevation], in space; None: as configured
     embedding: ArrayLike = ()  # appearance as a vector, of any length and unit; empty: none
 
     def __post_init__(self) -> None:
-        numbers = {"bearing_rad": self.bearing_rad, "score": self.score, **dict(self.class_scores)}
+        numbers = {
+            "bearing_rad": self.bearing_rad,
+            "elevation_rad": self.elevation_rad,
+            "score": self.score,
+            **dict(self.class_scores),
+        }
         for name, value in numbers.items():
             if not math.isfinite(value):
                 raise InputError(f"detection: {name} is {value}; leave detections out that have no such number")
@@ -39,6 +51,8 @@ class Detection:
             raise InputError("detection: embedding must be one row of finite numbers; leave it out where there is none")
         if self.covariance is not None:
             positive_definite(self.covariance, 2, "detection: covariance of [range, bearing]")
+        if self.place_covariance is not None:
+            positive_definite(self.place_covariance, 3, "detection: place_covariance of [range, bearing, elevation]")
 
     @classmethod
     def at(cls, x_m: float, y_m: float, *, covariance: ArrayLike | None = None, **others: Any) -> "Detection":
@@ -49,12 +63,76 @@ class Detection:
             covariance = by_point @ positive_definite(covariance, 2, "detection: covariance of [x, y]") @ by_point.T
         return cls(range_m=distance, bearing_rad=math.atan2(y_m, x_m), covariance=covariance, **others)
 
+    @classmethod
+    def in_space(
+        cls,
+        point: ArrayLike,
+        *,
+        covariance: ArrayLike | None = None,
+        T_body_sensor: ArrayLike | None = None,
+        **others: Any,
+    ) -> "Detection":
+        """From a point (3,) in a sensor's frame, with its (3, 3) covariance along the axes of that frame if known.
+
+        ``T_body_sensor`` (7,) is the pose of the sensor in the body frame; None: it is the body's.
+        """
+        seen = _vector(point, 3, "detection: point")
+        pose = _IDENTITY if T_body_sensor is None else _vector(T_body_sensor, 7, "detection: T_body_sensor")
+        if not se3.is_pose(pose):
+            raise InputError("detection: T_body_sensor has no quaternion of unit length; give x y z qx qy qz qw")
+        pose = se3.wrapped(pose)
+        place = place_of_point(pose[:3] + so3.rotated(pose[3:], seen))
+        if covariance is not None:
+            by_point = np.linalg.inv(point_of_place(place)[1]) @ so3.matrix(pose[3:])
+            known = positive_definite(covariance, 3, "detection: covariance of [x, y, z]")
+            spread = by_point @ known @ by_point.T
+            others |= {"place_covariance": spread, "covariance": spread[:2, :2]}
+        reach, bearing, down = place.tolist()
+        return cls(range_m=reach, bearing_rad=bearing, elevation_rad=down, **others)
+
+    @classmethod
+    def along(
+        cls,
+        ray: ArrayLike,
+        range_m: float,
+        *,
+        sigma_range_m: float | None = None,
+        ray_covariance: ArrayLike | None = None,
+        T_body_sensor: ArrayLike | None = None,
+        **others: Any,
+    ) -> "Detection":
+        """From a ray (3,) in a sensor's frame, of any length, and the distance along it.
+
+        ``ray_covariance`` (3, 3) is that of the ray at length 1 along the axes of that frame, of which only what is
+        across the ray counts: sigma^2 I for sigma radians in every direction. It goes together with ``sigma_range_m``.
+        """
+        direction = _vector(ray, 3, "detection: ray")
+        length = float(np.linalg.norm(direction))
+        if not (length > 0.0 and math.isfinite(range_m) and range_m > 0.0):
+            raise InputError(f"detection: a ray of length {length} and a range of {range_m}; give lengths above 0")
+        unit, covariance = direction / length, None
+        if (sigma_range_m is None) != (ray_covariance is None):
+            raise InputError("detection: give both sigma_range_m and ray_covariance, or none of them")
+        if sigma_range_m is not None and ray_covariance is not None:
+            across = np.eye(3) - np.outer(unit, unit)
+            spread = across @ _vector(np.ravel(ray_covariance), 9, "detection: ray_covariance").reshape(3, 3) @ across
+            covariance = sigma_range_m**2 * np.outer(unit, unit) + range_m**2 * spread
+        return cls.in_space(range_m * unit, covariance=covariance, T_body_sensor=T_body_sensor, **others)
+
     def covariance_or_nan(self) -> Array:
         """(2, 2) of [range, bearing], NaN where nothing tells it."""
         if self.covariance is None:
             return np.full((2, 2), np.nan)
         known = np.array(self.covariance, dtype=np.float64)
         return known if self.range_m is not None else np.diag([np.nan, known[1, 1]])
+
+
+def _vector(values: ArrayLike, size: int, what: str) -> Array:
+    """(size,) finite numbers. Raises InputError that begins with ``what``."""
+    vector = np.asarray(values, dtype=np.float64)
+    if vector.shape != (size,) or not np.isfinite(vector).all():
+        raise InputError(f"{what} is {values!r}; give {size} finite numbers")
+    return vector
 
 
 def positive_definite(values: ArrayLike, size: int, what: str) -> Array:

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from semantic_slam.errors import InputError
+from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
-from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.detection import Detection, positive_definite
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 SECOND_NS = 10**9
@@ -51,12 +52,42 @@ class Keyframe:
         ``motion_sigmas``: standard deviations of x, y and yaw; None: what ``odometry.*`` of the configuration makes of
         the motion. Without ``stamp_ns`` keyframes are a second apart. Raises InputError.
         """
+        covariance = covariance_from_planar(_planar_covariance(motion_sigmas))
+        return cls._of(index, pose_vector_from_planar(_three(motion, "motion")), covariance, detections, stamp_ns)
+
+    @classmethod
+    def spatial(
+        cls,
+        index: int,
+        *,
+        motion: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+        detections: Sequence[Detection] = (),
+        motion_covariance: ArrayLike | None = None,
+        stamp_ns: int | None = None,
+    ) -> "Keyframe":
+        """Keyframe of a robot in space: what it saw after a ``motion`` x y z qx qy qz qw from the pose before.
+
+        ``motion_covariance`` (6, 6) over x y z rx ry rz, along and about the axes of the body after the motion; None:
+        what ``odometry.*`` of the configuration makes of the motion. Raises InputError.
+        """
+        pose = np.asarray(motion, dtype=np.float64)
+        if pose.shape != (7,) or not se3.is_pose(pose):
+            raise InputError(f"keyframe: motion is {motion!r}; give x y z [m] and a quaternion of unit length")
+        covariance = np.full((6, 6), np.nan)
+        if motion_covariance is not None:
+            covariance = positive_definite(motion_covariance, 6, "keyframe: motion_covariance")
+        return cls._of(index, se3.wrapped(pose), covariance, detections, stamp_ns)
+
+    @classmethod
+    def _of(
+        cls, index: int, motion: Array, covariance: Array, detections: Sequence[Detection], stamp_ns: int | None
+    ) -> "Keyframe":
         stamp_ns = (index + 1) * SECOND_NS if stamp_ns is None else stamp_ns
         return cls(
             index=index,
             stamp_ns=stamp_ns,
-            odometry=pose_vector_from_planar(_three(motion, "motion")),
-            odometry_covariance=covariance_from_planar(_planar_covariance(motion_sigmas)),
+            odometry=motion,
+            odometry_covariance=covariance,
             measurements=_measurements(index, stamp_ns, detections),
         )
 
@@ -102,10 +133,17 @@ def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) ->
         bearings_rad=np.array([detection.bearing_rad for detection in detections], dtype=np.float64),
         geometric_covariances=np.array([d.covariance_or_nan() for d in detections]).reshape(-1, 2, 2),
         sensor_position=np.zeros(3),
+        elevations_rad=np.array([detection.elevation_rad for detection in detections], dtype=np.float64),
+        place_covariances=np.array([_told(d.place_covariance) for d in detections], dtype=np.float64).reshape(-1, 3, 3),
         in_coverage=np.ones(count, dtype=np.bool_),
         class_scores=np.array(scores, dtype=np.float64).reshape(count, len(names)),
         embeddings=_embeddings(detections),
     )
+
+
+def _told(covariance: ArrayLike | None) -> ArrayLike:
+    """(3, 3), NaN where nothing tells it."""
+    return np.full((3, 3), np.nan) if covariance is None else covariance
 
 
 def _embeddings(detections: Sequence[Detection]) -> Array:

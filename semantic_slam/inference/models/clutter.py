@@ -1,7 +1,7 @@
 """Detections of nothing that a map knows: false alarms, objects that it lacks, identities that are wrong.
 
-Their places are even over the region that the sensor covers, an annular sector on the ground; beyond its largest range
-the density goes on as it is. Their scores are those of outliers.
+Their places are even over the region that the sensor covers, an annular sector on the ground, or a cone in space less
+what is too near; beyond its largest range the density goes on as it is. Their scores are those of outliers.
 """
 
 from collections.abc import Callable, Sequence
@@ -51,3 +51,25 @@ class EvenClutter:
     def log_scores(self, detections: Sequence[Any]) -> Array:
         """(n,) log densities, 0 without class models."""
         return np.zeros(len(detections)) if self.scores is None or not len(detections) else self.scores(detections)
+
+
+@dataclass(frozen=True)
+class EvenSpatialClutter:
+    """Clutter of detections in space, per metre and square radian of range and ray."""
+
+    volume_m3: float
+
+    @classmethod
+    def of(cls, region: OpenWorldConfiguration) -> "EvenSpatialClutter":
+        """Over the region that the configuration states, whose field of view is the full angle of a cone."""
+        solid_angle = 2.0 * np.pi * (1.0 - np.cos(0.5 * region.field_of_view_rad))
+        return cls(float(solid_angle * (region.max_range_m**3 - region.min_range_m**3) / 3.0))
+
+    def log_place(self, detections: Sequence[Any]) -> Array:
+        """(n,) log densities; a shell's volume grows with the square of its range."""
+        ranges = np.array([max(item.range_m, LEAST_DISTANCE_M) for item in detections], dtype=np.float64)
+        return np.asarray(2.0 * np.log(ranges) - np.log(self.volume_m3))
+
+    def log_scores(self, detections: Sequence[Any]) -> Array:
+        """(n,) zeros: nothing looks at scores."""
+        return np.zeros(len(detections))

@@ -63,6 +63,14 @@ class ModelsOutliers(Protocol):
         """(S,) log of the share of outliers times the density of the score as one; None: no view is an outlier."""
 
 
+@runtime_checkable
+class TurnsByTwo(Protocol):
+    """An observation model in which two detections tell how the robot is turned about the vertical of map."""
+
+    def turned_start(self, detections: Any, x: Array, first: Array, second: Array) -> Array:
+        """(B, s) robots ``x``, turned and moved so that the two detections are of objects ``first`` and ``second``."""
+
+
 class ObservationModel(Protocol):
     """States are (B, s) robot ``x`` and object ``o`` in map, each of its space; a detection is opaque to the engine.
 

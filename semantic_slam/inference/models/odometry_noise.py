@@ -7,9 +7,15 @@ from semantic_slam.geometry.arrays import Array
 
 
 def odometry_covariance(travelled_m: float, turned_rad: float, noise: OdometryConfiguration) -> Array:
-    """(3, 3) covariance over x, y, yaw of a motion at its end, after a path of some length and all turns on it.
+    """(3, 3) covariance over x, y, yaw of a motion at its end, after a path of some length and all turns on it."""
+    translation, rotation = odometry_variances(travelled_m, turned_rad, noise)
+    return np.diag([translation, translation, rotation])
 
-    The variances of independent causes add: floor, path length and turning.
+
+def odometry_variances(travelled_m: float, turned_rad: float, noise: OdometryConfiguration) -> tuple[float, float]:
+    """Variances of translation and rotation, each alike for all axes.
+
+    Those of independent causes add: floor, path length and turning.
     """
     translation = noise.sigma_translation_floor_m**2 + (noise.sigma_translation_per_m * travelled_m) ** 2
     rotation = (
@@ -17,4 +23,4 @@ def odometry_covariance(travelled_m: float, turned_rad: float, noise: OdometryCo
         + (noise.sigma_rotation_per_m * travelled_m) ** 2
         + (noise.sigma_rotation_per_rad * turned_rad) ** 2
     )
-    return np.diag([translation, translation, rotation])
+    return translation, rotation

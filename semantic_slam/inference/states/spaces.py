@@ -19,6 +19,8 @@ from semantic_slam.viewpoint.model import Viewpoints
 
 LEAST_DISTANCE_M = 1e-6
 """Least distance of camera and landmark: a direction is to be had where they stand together, too."""
+PLANE = 2
+"""Coordinates of a position in the plane."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,11 @@ class Spaces:
     def are_same(self) -> bool:
         """Whether one space serves all rows."""
         return self.robot == self.landmark
+
+    @property
+    def name(self) -> str:
+        """As beliefs call where the robot is."""
+        return "planar" if self.robot.position(self.robot.origin).shape[-1] == PLANE else "spatial"
 
     @cached_property
     def layout(self) -> Layout:

@@ -39,6 +39,7 @@ class StateSpace(StateArithmetic, Protocol):
     storage_size: int  # s
     frame_size: int  # f
     heading: ClassVar[int | None]  # tangent coordinate that turns a state about the vertical; None: states do not turn
+    position_rows: slice  # p tangent coordinates that move a state, along its own axes
     origin: Array  # (s,) a turned state, from which linearisation points are steps
     relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
     far: Array  # (d,) the same where updates are not iterated: what moves without turning stays where it is linear

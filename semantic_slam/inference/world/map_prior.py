@@ -61,6 +61,20 @@ class ObjectPrior:
             existence=existence,
         )
 
+    @classmethod
+    def point(
+        cls, object_id: int, position: Sequence[float], *, sigma_m: float, name: str = "", existence: float = 1.0
+    ) -> "ObjectPrior":
+        """Prior at (3,) x, y, z [m] of an object whose attitude counts nothing, as uncertain in every direction."""
+        return cls(
+            object_id=object_id,
+            name=name or f"object_{object_id}",
+            pose=np.array([*position, 0.0, 0.0, 0.0, 1.0], dtype=np.float64),
+            covariance=np.diag([sigma_m**2] * 3 + [0.0] * 3),
+            class_probabilities={},
+            existence=existence,
+        )
+
 
 @dataclass(frozen=True)
 class MapPrior:

@@ -27,7 +27,7 @@ LEAST_VARIANCE = 1e-9
 def range_bearing(settings: SensingSettings) -> Sensing:
     """Robot and objects in SE(2); class scores tell from which side an object is seen."""
     configuration = settings.configuration
-    new_objects, visibility = configuration.new_objects, _visibility(configuration)
+    new_objects, visibility = configuration.new_objects, visibility_of(configuration)
     return Sensing(
         spaces=Spaces.same(PlanarPoses()),
         model=PlanarObservation(settings.class_model, visibility, new_objects, settings.tempering, settings.outliers),
@@ -51,7 +51,7 @@ def points(settings: SensingSettings) -> Sensing:
         )
     return Sensing(
         spaces=POSES_AND_POINTS,
-        model=PointObservation(_visibility(settings.configuration), settings.configuration.new_objects),
+        model=PointObservation(visibility_of(settings.configuration), settings.configuration.new_objects),
         reader=_reader(settings),
         robot_prior=planar_prior,
         object_prior=point_prior,
@@ -89,7 +89,8 @@ def joint_point_prior(poses: Array, covariance: Array) -> Array:
     return np.asarray(covariance[np.ix_(rows, rows)] + LEAST_VARIANCE * np.eye(len(rows)))
 
 
-def _visibility(configuration: Configuration) -> PlanarVisibility:
+def visibility_of(configuration: Configuration) -> PlanarVisibility:
+    """P(beta | x, O) as configured."""
     settings = configuration.visibility
     return PlanarVisibility(settings.max_range_m, settings.field_of_view_rad, settings.softness)
 

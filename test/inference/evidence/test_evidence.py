@@ -7,15 +7,15 @@ from worlds.linear_gaussian import LinearDetection, LinearModel
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
-from semantic_slam.inference.evidence.importance import WIDENED, Samples, adapted, effective_share, proposal
+from semantic_slam.inference.evidence.importance import WIDENED, Gaussians, Samples, adapted, effective_share, proposal
 from semantic_slam.inference.evidence.keyframe_problem import (
     Assignments,
     KeyframeProblem,
     PredictedBelief,
-    search_start,
 )
 from semantic_slam.inference.evidence.laplace import find_modes, mode_at
 from semantic_slam.inference.evidence.prior_samples import sample_evidence
+from semantic_slam.inference.evidence.search_start import search_start
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
@@ -199,6 +199,17 @@ def test_a_mode_that_no_sample_is_of_stays_as_it_was() -> None:
     np.testing.assert_allclose(found.means[1], [60.0, 0.0])
     assert np.abs(found.roots[1] @ found.roots[1].T - np.eye(2) / WIDENED).max() < 1e-12
     assert np.abs(found.means[0]).max() < 0.3
+
+
+def test_a_mode_too_sharp_to_be_inverted_stays_as_it_was() -> None:
+    """As where the robot stands on an object: its precision is 10^24 times that of the rest."""
+    random = np.random.default_rng(1)
+    root = np.eye(3)
+    root[:, 0] = 1e12 * random.normal(size=3)
+    mixture = Gaussians(np.ones((1, 3)), root[None], np.zeros(1)).with_prior()
+    found = adapted(mixture, Samples(random.normal(size=(50, 3)), np.append(np.full(49, -1e3), 0.0)))
+    np.testing.assert_array_equal(found.means[0], mixture.means[0])
+    np.testing.assert_array_equal(found.roots[0], mixture.roots[0])
 
 
 @pytest.mark.parametrize("logs", [[np.nan, 0.0, 0.0], [-np.inf] * 3, [np.inf, 0.0, 0.0]])

@@ -1,14 +1,20 @@
 """The geometric observation models under their contract."""
 
+import gtsam
 import numpy as np
+import pytest
 from worlds.linear_gaussian import LinearDetection, LinearModel
 from worlds.points import BodyPointObservation
 
-from semantic_slam.contracts.geometry_model import GeometryModelContract
+from semantic_slam.contracts.geometry_model import KEYS, GeometryModelContract
+from semantic_slam.geometry import se3
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
+from semantic_slam.inference.models.spatial.ray import polar, polar_slopes
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
@@ -73,6 +79,69 @@ class TestRangeAndBearingOfPoints(GeometryModelContract):
 
 class TestBearingOfPoints(TestRangeAndBearingOfPoints):
     detections = (sighting(np.nan, 0.3), sighting(np.nan, -0.4))
+
+
+def looking(range_m: float, ray: list[float], covariance: np.ndarray) -> SpatialDetection:
+    return SpatialDetection(ray=np.array(ray) / np.linalg.norm(ray), range_m=range_m, covariance=covariance)
+
+
+class TestRangeAndRayOfPoints(GeometryModelContract):
+    """An elongated error that goes with that of the range: a factor in Python."""
+
+    spaces, model = POSES_AND_POINTS_IN_SPACE, SpatialObservation()
+    spread = np.array([[0.1, 0.02, -0.01], [0.02, 0.05, 0.01], [-0.01, 0.01, 0.02]])
+    detections = (looking(2.0, [1.0, 0.3, -0.2], spread), looking(3.0, [1.0, -0.4, 0.5], spread))
+
+    def pairs(self, random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+        x = se3.exp(random.normal(scale=[1.0, 1.0, 1.0, 0.5, 0.5, 0.5], size=(count, 6)))
+        return x, random.normal(loc=[3.0, 0.0, 0.0], size=(count, 3))
+
+    def test_a_ray_is_off_by_the_arc(self, random: np.random.Generator) -> None:
+        x, o = self.pairs(random, 8)
+        points, (ray, basis) = self.spaces.relative_position(x, o).point, self.rays()
+        expected = np.arccos(np.clip(points @ ray / np.linalg.norm(points, axis=1), -1.0, 1.0))
+        np.testing.assert_allclose(np.linalg.norm(polar(points, ray, basis)[:, 1:], axis=1), expected, atol=1e-9)
+        for off in (1e-12, 1e-9, 1e-5):
+            away = 2.0 * (np.cos(off) * ray + np.sin(off) * basis[:, 1])
+            np.testing.assert_allclose(polar(away, ray, basis), [2.0, 0.0, off], rtol=1e-6, atol=1e-16)
+            assert np.linalg.norm(polar(-away, ray, basis)[1:]) == pytest.approx(np.pi - off, abs=1e-12)
+        assert np.linalg.norm(polar(-ray, ray, basis)[1:]) == pytest.approx(np.pi)
+        assert np.isfinite(polar_slopes(-ray, ray, basis)).all()
+
+    def test_two_points_tell_how_the_robot_is_turned_about_the_vertical(self, random: np.random.Generator) -> None:
+        x, points = self.pairs(random, 1)[0], random.normal(loc=[3.0, 0.0, 0.0], size=(2, 1, 3))
+        body = [self.spaces.relative_position(x, point).point[0] for point in points]
+        seen = self.model.collect([looking(float(np.linalg.norm(p)), p, self.spread) for p in body])
+        turned = se3.compose(se3.exp(np.array([[0.0, 0.0, 2.5, 1.0, -3.0, 0.5]])), x)
+        found = self.model.turned_start(seen, turned, *points)
+        np.testing.assert_allclose(se3.log(se3.between(found, x)), 0.0, atol=1e-9)
+
+    def rays(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.detections[0].ray, self.detections[0].basis
+
+
+class TestRangeAndRoundRayOfPoints(TestRangeAndRayOfPoints):
+    """GTSAM's own factor: its error and what it pulls at are exact; how it bends, where points are near the ray."""
+
+    spread = np.diag([0.1, 0.02, 0.02])
+    detections = (looking(2.0, [1.0, 0.3, -0.2], spread), looking(3.0, [1.0, -0.4, 0.5], spread))
+
+    def test_gtsam_s_factor_is_the_whitened_residual(self, random: np.random.Generator) -> None:
+        for detection in self.detections:
+            assert isinstance(self.model.geometry_factor(detection, KEYS), gtsam.BearingRangeFactor3D)
+            for off, tolerance in ((1.0, np.inf), (1e-4, 1e-6)):
+                x, _ = self.pairs(random, 1)
+                near = detection.range_m * detection.ray + off * random.normal(size=3)
+                o = self.spaces.robot.displacement(x, near, np.zeros(3))
+                part, values = self.model.geometry(self.model.collect([detection]), x, o), gtsam.Values()
+                self.spaces.robot.insert(values, KEYS[0], x[0])
+                self.spaces.landmark.insert(values, KEYS[1], o[0])
+                factor = self.model.geometry_factor(detection, KEYS)
+                assert factor.error(values) == pytest.approx(0.5 * float((part.residual**2).sum()), rel=1e-9)
+                jacobian, right = factor.linearize(values).jacobian()
+                expected = np.hstack([part.jacobian_robot[0], part.jacobian_object[0]])
+                np.testing.assert_allclose(-jacobian.T @ right, expected.T @ part.residual[0], atol=1e-9)
+                assert np.abs(jacobian.T @ jacobian - expected.T @ expected).max() < tolerance
 
 
 class TestPointsInTheBodyFrame(GeometryModelContract):

@@ -1,12 +1,17 @@
-"""The planar spaces, and the pairs of them that the engine knows, under their contracts."""
+"""The state spaces, and the pairs of them that the engine knows, under their contracts."""
 
+import gtsam
 import numpy as np
 
-from semantic_slam.contracts.state_space import SpacesContract, StateSpaceContract
+from semantic_slam.contracts.state_space import COUNT, SpacesContract, StateSpaceContract
+from semantic_slam.geometry import se3, so3
+from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.states.spatial_poses import SpatialPoses
+from semantic_slam.inference.states.spatial_positions import SpatialPositions
 
 
 def poses(random: np.random.Generator, count: int) -> np.ndarray:
@@ -47,7 +52,17 @@ class TestPlanarPositions(StateSpaceContract):
         return state + point
 
 
-class TestPosesAmongPoses(SpacesContract):
+class PlanarSpacesContract(SpacesContract):
+    """What is so in the plane alone."""
+
+    def test_a_camera_without_height_is_level(self, random: np.random.Generator) -> None:
+        x, o = self.pairs(random)
+        flat, level = (self.spaces.viewpoints(x, o, np.array(s)) for s in ([0.3, 0.1], [0.3, 0.1, 0.0]))
+        np.testing.assert_array_equal(flat.azimuth_rad, level.azimuth_rad)
+        np.testing.assert_array_equal(flat.elevation_rad, np.zeros(COUNT))
+
+
+class TestPosesAmongPoses(PlanarSpacesContract):
     spaces = Spaces.same(PlanarPoses())
     robots = landmarks = staticmethod(poses)
 
@@ -55,7 +70,7 @@ class TestPosesAmongPoses(SpacesContract):
         return turned(-o[2], level(x) + turned(x[2], sensor) - level(o))
 
 
-class TestPositionsAmongPositions(SpacesContract):
+class TestPositionsAmongPositions(PlanarSpacesContract):
     spaces = Spaces.same(PlanarPositions())
     robots = landmarks = staticmethod(points)
 
@@ -63,7 +78,7 @@ class TestPositionsAmongPositions(SpacesContract):
         return level(x) + sensor - level(o)
 
 
-class TestPosesAmongPoints(SpacesContract):
+class TestPosesAmongPoints(PlanarSpacesContract):
     spaces = POSES_AND_POINTS
     robots, landmarks = staticmethod(poses), staticmethod(points)
 
@@ -71,7 +86,7 @@ class TestPosesAmongPoints(SpacesContract):
         return level(x) + turned(x[2], sensor) - level(o)
 
 
-class TestPointsAmongPoses(SpacesContract):
+class TestPointsAmongPoses(PlanarSpacesContract):
     """Landmarks that are the larger ones."""
 
     spaces = Spaces(PlanarPositions(), PlanarPoses())
@@ -79,3 +94,78 @@ class TestPointsAmongPoses(SpacesContract):
 
     def camera_from_landmark(self, x: np.ndarray, o: np.ndarray, sensor: np.ndarray) -> np.ndarray:
         return turned(-o[2], level(x) + sensor - level(o))
+
+
+# In space.
+
+
+def spatial_poses(random: np.random.Generator, count: int) -> np.ndarray:
+    axes = random.normal(size=(count, 3))
+    turns = axes / np.linalg.norm(axes, axis=1, keepdims=True) * random.uniform(0.0, np.pi, (count, 1))
+    return np.concatenate([random.uniform(-4.0, 4.0, (count, 3)), so3.exp(turns)], axis=1)
+
+
+def places(random: np.random.Generator, count: int) -> np.ndarray:
+    return random.uniform(-4.0, 4.0, (count, 3))
+
+
+def rotation(state: np.ndarray) -> np.ndarray:
+    return gtsam.Rot3.Quaternion(state[6], *state[3:6]).matrix()
+
+
+class TestSpatialPoses(StateSpaceContract):
+    space = SpatialPoses()
+
+    def states(self, random: np.random.Generator, count: int = 7) -> np.ndarray:
+        return spatial_poses(random, count)
+
+    def point_in_map(self, state: np.ndarray, point: np.ndarray) -> np.ndarray:
+        return state[:3] + rotation(state) @ point
+
+
+class TestSpatialPositions(StateSpaceContract):
+    space = SpatialPositions()
+
+    def states(self, random: np.random.Generator, count: int = 7) -> np.ndarray:
+        return places(random, count)
+
+    def point_in_map(self, state: np.ndarray, point: np.ndarray) -> np.ndarray:
+        return state + point
+
+
+class TestSpatialPosesAmongPoints(SpacesContract):
+    spaces = Spaces(SpatialPoses(), SpatialPositions())
+    robots, landmarks = staticmethod(spatial_poses), staticmethod(places)
+
+    def camera_from_landmark(self, x: np.ndarray, o: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+        return x[:3] + rotation(x) @ sensor - o
+
+
+class TestSpatialPosesAmongPoses(SpacesContract):
+    spaces = Spaces.same(SpatialPoses())
+    robots = landmarks = staticmethod(spatial_poses)
+
+    def camera_from_landmark(self, x: np.ndarray, o: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+        return rotation(o).T @ (x[:3] + rotation(x) @ sensor - o[:3])
+
+
+def test_a_pose_in_the_plane_moves_in_space_as_in_the_plane() -> None:
+    """Compositions, steps, their slopes and covariances, row by row: x, y and yaw are rows 3, 4 and 2 of a tangent."""
+    random, plane, space = np.random.default_rng(1), PlanarPoses(), SpatialPoses()
+    x, u, t = poses(random, 5), poses(random, 5), random.normal(size=(5, 3))
+    lifted, rows = pose_vector_from_planar(x), [3, 4, 2]
+    tangent = np.zeros((5, 6))
+    tangent[:, rows] = t
+    for flat, own in (
+        (plane.compose(x, u), space.compose(lifted, pose_vector_from_planar(u))),
+        (plane.retract(x, t), space.retract(lifted, tangent)),
+    ):
+        np.testing.assert_allclose(se3.log(se3.between(pose_vector_from_planar(flat), own)), 0.0, atol=1e-12)
+    spread = np.tile(np.diag([0.1, 0.2, 0.3]) + 0.05, (5, 1, 1))
+    wide = np.zeros((5, 6, 6))
+    wide[np.ix_(range(5), rows, rows)] = spread
+    np.testing.assert_allclose(space.covariances(lifted, wide), plane.covariances(x, spread), atol=1e-12)
+    moves = space.propagation(pose_vector_from_planar(u))[np.ix_(range(5), rows, rows)]
+    np.testing.assert_allclose(moves, plane.propagation(u), atol=1e-12)
+    chart = space.exp_and_jacobian(tangent)[1][np.ix_(range(5), rows, rows)]
+    np.testing.assert_allclose(chart, plane.exp_and_jacobian(t)[1], atol=1e-12)

@@ -19,6 +19,7 @@ from semantic_slam.inference.models.planar.gate import least_cost
 from semantic_slam.inference.models.planar.polar import polar, polar_jacobian
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
@@ -28,14 +29,16 @@ POSES_AND_POINTS = Spaces(PlanarPoses(), PlanarPositions())
 
 
 @dataclass(frozen=True)
-class PointObservation:
-    """Geometry alone: nobody knows from which side a point is seen, so that views tell nothing of its class."""
+class PointObservation(PointGeometry):
+    """Geometry alone, in the plane."""
 
     visibility: PlanarVisibility = field(default_factory=PlanarVisibility)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
 
-    num_classes = 0
     spaces = POSES_AND_POINTS
+
+    def distance(self, point: Array) -> Array:
+        return polar(point)[0]
 
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
         """Detections as arrays."""
@@ -56,21 +59,11 @@ class PointObservation:
             log_normaliser=detections.log_normaliser.copy(),
         )
 
-    def semantics(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
-        """Raises NotImplementedError: points have no classes."""
-        raise NotImplementedError("points have no classes; set semantic_model.kind: none")
-
     def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
         detections = _repeated(detections, len(x))
         residual = _residual(detections, self.spaces.relative_position(x, o).point - detections.origin)
         return np.asarray(detections.log_normaliser - 0.5 * squared_norms(residual))
-
-    def best_heading(
-        self, detections: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
-    ) -> tuple[Array, Array]:
-        """Raises NotImplementedError: points have no heading."""
-        raise NotImplementedError("points have no heading; set semantic_model.kind: none")
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
@@ -97,18 +90,6 @@ class PointObservation:
             return point_range_factor(detection, keys)
         collected = self.collect([detection])
         return bearing_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys)
-
-    def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
-        """Standard deviation of the bearing, from the covariance of the point in the body frame."""
-        relative = self.spaces.relative_position(x, o)
-        jacobian = np.concatenate([relative.by_robot, relative.by_landmark], axis=-1) @ charts
-        spread = ((jacobian @ covariance) * jacobian).sum(axis=(1, 2))
-        return np.asarray(np.sqrt(np.maximum(spread, 0.0)) / polar(relative.point)[0])
-
-    def view_change(self, before: Array, now: Array) -> Array:
-        """Change of the view's direction [rad], from points in the robot's frame before and now."""
-        distance, _ = polar(before)
-        return np.asarray(np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1]) / distance)
 
     def least_cost(
         self, detections: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array

@@ -1,0 +1,33 @@
+"""Places as messages tell them: range in the plane [m], bearing and how far down [rad], along the axes of the body.
+
+A line of sight is straight up or down nowhere: what is nearer to that than :data:`LEAST_OFF_VERTICAL_RAD` counts as so
+far from it, where bearings still mean something.
+"""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+
+LEAST_OFF_VERTICAL_RAD = 1e-4
+"""A tenth of a millimetre per metre."""
+STEEPEST_RAD = 0.5 * np.pi - LEAST_OFF_VERTICAL_RAD
+
+
+def place_of_point(point: Array) -> Array:
+    """(..., 3) range in the plane, bearing and elevation, positive downwards, of (..., 3) points."""
+    flat = np.hypot(point[..., 0], point[..., 1])
+    down = np.clip(np.arctan2(-point[..., 2], flat), -STEEPEST_RAD, STEEPEST_RAD)
+    bearing = np.arctan2(point[..., 1], point[..., 0])
+    return np.stack([np.hypot(flat, point[..., 2]) * np.cos(down), bearing, down], axis=-1)
+
+
+def point_of_place(place: Array) -> tuple[Array, Array]:
+    """(..., 3) points of range in the plane, bearing and elevation, and their (..., 3, 3) slopes by these."""
+    reach, bearing = place[..., 0], place[..., 1]
+    down = np.clip(place[..., 2], -STEEPEST_RAD, STEEPEST_RAD)
+    cosine, sine, steep = np.cos(bearing), np.sin(bearing), np.tan(down)
+    slopes = np.zeros((*place.shape, 3))
+    slopes[..., 0, 0], slopes[..., 1, 0], slopes[..., 2, 0] = cosine, sine, -steep
+    slopes[..., 0, 1], slopes[..., 1, 1] = -reach * sine, reach * cosine
+    slopes[..., 2, 2] = -reach / np.cos(down) ** 2
+    return reach[..., None] * slopes[..., 0], slopes

@@ -1,0 +1,81 @@
+"""Keyframes of semantic measurements as steps of the engine in space."""
+
+import numpy as np
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se3
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.sightline import point_of_place
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.spatial.detection import SpatialDetection, across
+from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.perception.measurement import SemanticMeasurements
+
+
+class SpatialReader:
+    """Takes all six of motions, and range and ray of detections."""
+
+    def __init__(self, noise: ConfiguredNoise) -> None:
+        self._noise = noise
+
+    def step(self, keyframe: Keyframe) -> Step:
+        """Raises InputError for detections that do not say where in space their object is."""
+        measurements = keyframe.measurements
+        return Step(
+            index=keyframe.index,
+            stamp_ns=keyframe.stamp_ns,
+            motion=self._motion(keyframe),
+            detections=[self._detection(measurements, row) for row in range(len(measurements))],
+            detection_ids=measurements.detection_ids,
+            scores=measurements.scores,
+            names=measurements.track_ids,
+            labels=measurements.labels,
+            in_coverage=measurements.in_coverage,
+            dropped=measurements.dropped,
+        )
+
+    def _motion(self, keyframe: Keyframe) -> Motion:
+        """Raises InputError."""
+        control, told = keyframe.odometry, keyframe.odometry_covariance
+        if not se3.is_pose(control):
+            raise InputError(
+                f"keyframe {keyframe.index}: its odometry is no pose; give x y z [m] and a quaternion of unit length"
+            )
+        control = se3.wrapped(control)
+        return Motion(control, self._noise.of_motion_in_space(control, told)[se3.TO_MESSAGE][:, se3.TO_MESSAGE])
+
+    def _detection(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
+        """Raises InputError."""
+        place = np.array([values[row] for values in _places(measurements)])
+        if not np.isfinite(place).all():
+            raise InputError(
+                f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns has no range; state_space:"
+                " spatial needs one of every detection yet: leave it out, or set state_space: planar"
+            )
+        point, slopes = point_of_place(place)
+        distance = float(np.linalg.norm(point))
+        ray = point / distance
+        return SpatialDetection(
+            ray=ray, range_m=distance, covariance=self._covariance(measurements, row, ray, distance, slopes)
+        )
+
+    def _covariance(
+        self, measurements: SemanticMeasurements, row: int, ray: Array, distance: float, slopes: Array
+    ) -> Array:
+        """(3, 3) of [range, off the ray], as told or, where nothing is told, as configured. Raises InputError."""
+        told = measurements.place_covariances[row]
+        if np.isfinite(told).all():
+            polar = np.vstack([ray, across(ray).T / distance]) @ slopes
+            return np.asarray(polar @ told @ polar.T)
+        if np.isfinite(measurements.geometric_covariances[row]).any():
+            raise InputError(
+                f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns has a covariance of range"
+                " and bearing alone; state_space: spatial needs that of [range, bearing, elevation], or none"
+            )
+        return self._noise.of_detection_in_space(distance)
+
+
+def _places(measurements: SemanticMeasurements) -> tuple[Array, Array, Array]:
+    """(D,) ranges in the plane, bearings and elevations of all detections."""
+    return measurements.ranges_m, measurements.bearings_rad, measurements.elevations_rad

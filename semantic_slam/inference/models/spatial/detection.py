@@ -1,0 +1,90 @@
+"""Detections as the observation model in space takes them: one by one, and as arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.rows import Selection, take
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+ROUND = 1e-9
+"""Relative to its variances, how far the covariance of a ray may be from that of a circle, by which none counts it."""
+
+
+def across(ray: Array) -> Array:
+    """(3, 2) orthonormal axes of the plane across a ray (3,), as GTSAM has them."""
+    return np.asarray(gtsam.Unit3(ray).basis())
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialDetection:
+    """One detection, from the body's origin and along its axes."""
+
+    ray: Array  # (3,) of unit length
+    range_m: float
+    covariance: Array  # (3, 3) of [range, off the ray along both columns of ``basis``], metres and radians
+
+    @cached_property
+    def direction(self) -> Any:
+        """The ray as GTSAM has it."""
+        return gtsam.Unit3(self.ray)
+
+    @cached_property
+    def basis(self) -> Array:
+        """(3, 2) of the plane across the ray, as GTSAM has it."""
+        return across(self.ray)
+
+    @cached_property
+    def whiten(self) -> Array:
+        """(3, 3) residuals of range and ray to unit covariance."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+
+    @cached_property
+    def log_normaliser(self) -> float:
+        """Log normaliser of the Gaussian density per metre and square radian, in nats."""
+        return float(np.log(np.diagonal(self.whiten)).sum() - 1.5 * LOG_2PI)
+
+    @cached_property
+    def is_round(self) -> bool:
+        """Whether the ray errs as far in every direction, and the range by itself: how the plane turns is nothing."""
+        (a, b, c), (_, d, e), (_, _, f) = self.covariance.tolist()
+        return bool(max(abs(d - f), abs(e)) <= ROUND * d and max(abs(b), abs(c)) <= ROUND * sqrt(a * d))
+
+    @cached_property
+    def noise(self) -> Any:
+        """GTSAM's noise model, in its order: ray, range."""
+        order = [1, 2, 0]
+        return gtsam.noiseModel.Gaussian.Covariance(self.covariance[order][:, order])
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialDetections:
+    """B detections as arrays; one row stands for any number."""
+
+    ray: Array  # (B, 3)
+    basis: Array  # (B, 3, 2)
+    range_m: Array  # (B,)
+    whiten: Array  # (B, 3, 3)
+    log_normaliser: Array  # (B,)
+
+    @classmethod
+    def of(cls, detections: Sequence[SpatialDetection]) -> "SpatialDetections":
+        """All detections of a keyframe."""
+        count = len(detections)
+        return cls(
+            ray=np.array([item.ray for item in detections]).reshape(count, 3),
+            basis=np.array([item.basis for item in detections]).reshape(count, 3, 2),
+            range_m=np.array([item.range_m for item in detections], dtype=np.float64),
+            whiten=np.array([item.whiten for item in detections]).reshape(count, 3, 3),
+            log_normaliser=np.array([item.log_normaliser for item in detections], dtype=np.float64),
+        )
+
+    def take(self, index: Selection) -> "SpatialDetections":
+        """Rows of a selection."""
+        return take(self, index)

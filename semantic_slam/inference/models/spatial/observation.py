@@ -1,0 +1,124 @@
+"""Range and ray to a point in space: of a landmark that has a place, and no attitude.
+
+With d = R_x^T (t_o - t_x) the point in the body frame, the residual is whiten [|d| - range, how far d is off the ray],
+the latter along the arc between them (:mod:`ray`). Where the point is in the body frame, and how that changes with
+robot and landmark, their spaces tell.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.configuration import NewObjectConfiguration
+from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.inference.models.custom_factor import custom_factor
+from semantic_slam.inference.models.observation import Classes, Linearisation
+from semantic_slam.inference.models.planar.visibility import PlanarVisibility
+from semantic_slam.inference.models.point_geometry import PointGeometry
+from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
+from semantic_slam.inference.models.spatial.gate import least_cost
+from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_slopes
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.states.spatial_poses import SpatialPoses
+from semantic_slam.inference.states.spatial_positions import SpatialPositions
+
+POSES_AND_POINTS_IN_SPACE = Spaces(SpatialPoses(), SpatialPositions())
+
+
+@dataclass(frozen=True)
+class SpatialObservation(PointGeometry):
+    """Geometry alone; the field of view is a cone about the body's x axis."""
+
+    visibility: PlanarVisibility = field(default_factory=PlanarVisibility)
+    new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
+
+    spaces = POSES_AND_POINTS_IN_SPACE
+
+    def distance(self, point: Array) -> Array:
+        return distances(point)
+
+    def collect(self, detections: Sequence[SpatialDetection]) -> SpatialDetections:
+        """Detections as arrays."""
+        return SpatialDetections.of(detections)
+
+    def geometry(self, detections: SpatialDetections, x: Array, o: Array) -> Linearisation:
+        """Residual of the range and of the ray."""
+        detections = _repeated(detections, len(x))
+        relative = self.spaces.relative_position(x, o)
+        by_point = detections.whiten @ polar_slopes(relative.point, detections.ray, detections.basis)
+        return Linearisation(
+            residual=_residual(detections, relative.point),
+            jacobian_robot=by_point @ relative.by_robot,
+            jacobian_object=by_point @ relative.by_landmark,
+            log_normaliser=detections.log_normaliser.copy(),
+        )
+
+    def log_likelihood(self, detections: SpatialDetections, x: Array, o: Array, classes: Classes | None) -> Array:
+        """(B,) log density without its slopes."""
+        detections = _repeated(detections, len(x))
+        return np.asarray(detections.log_normaliser - 0.5 * squared_norms(_residual(detections, self._seen(x, o))))
+
+    def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
+        """P(beta | x, o) of Eq. 4.18."""
+        point = self._seen(x, o)
+        return self.visibility.log_probability(distances(point), off_axis(point), soft=soft)
+
+    def robot_start(self, detections: SpatialDetections, x: Array, o: Array) -> Array:
+        """Keep the attitude, stand where the point is seen as measured."""
+        detections, start = _repeated(detections, len(x)), x.copy()
+        seen = detections.range_m[:, None] * detections.ray
+        start[:, :3] = o - self.spaces.robot.displacement(x, seen, x[:, :3])
+        return start
+
+    def turned_start(self, detections: SpatialDetections, x: Array, first: Array, second: Array) -> Array:
+        """Keep roll and pitch, turn as the way from one point to the other says, stand between where each has it."""
+        seen = detections.range_m[:, None] * detections.ray
+        apart, wanted = so3.rotated(x[:, 3:], seen[1] - seen[0]), second - first
+        yaw = np.zeros((len(x), 3))
+        yaw[:, 2] = np.arctan2(wanted[:, 1], wanted[:, 0]) - np.arctan2(apart[:, 1], apart[:, 0])
+        turn = so3.product(so3.exp(yaw), x[:, 3:])
+        place = 0.5 * (first + second - so3.rotated(turn, seen[0] + seen[1]))
+        return np.concatenate([place, turn], axis=1)
+
+    def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
+        """Prior where the detection points."""
+        place = self.spaces.robot.displacement(x, detection.range_m * detection.ray, np.zeros(3))
+        return GaussianPrior(place, self.new_objects.sigma_position_m**2 * np.eye(3))
+
+    def geometry_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
+        """GTSAM's own where the ray errs alike in all directions, for it turns the plane across the ray with the point.
+
+        Of the others, GTSAM's would change with where it puts the axes of that plane.
+        """
+        if detection.is_round:
+            return gtsam.BearingRangeFactor3D(*keys, detection.direction, detection.range_m, detection.noise)
+        collected = self.collect([detection])
+        return custom_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys, slice(0, 3), 3)
+
+    def least_cost(
+        self, detections: SpatialDetections, x: Array, covariance: Array, o: Array, sigmas: Array
+    ) -> tuple[Array, float]:
+        """Range and ray each on its own, at the deviation that makes it cheapest."""
+        robots = np.broadcast_to(x[:, None], (*o.shape[:2], x.shape[-1]))
+        return least_cost(detections, covariance, self._seen(robots, o), sigmas)
+
+    def _seen(self, x: Array, o: Array) -> Array:
+        return self.spaces.robot.turned_back(x, o - x[..., :3])
+
+
+def _residual(detections: SpatialDetections, point: Array) -> Array:
+    """(B, 3) whitened residual of range and ray of points in the body frame."""
+    off = polar(point, detections.ray, detections.basis)
+    off[:, 0] -= detections.range_m
+    return np.asarray((detections.whiten @ off[..., None])[..., 0])
+
+
+def _repeated(detections: SpatialDetections, count: int) -> SpatialDetections:
+    """(S,) detections for ``count`` rows, of which row b is of detection b mod S."""
+    number = len(detections.range_m)
+    return detections if number == count else detections.take(np.arange(count) % max(number, 1))

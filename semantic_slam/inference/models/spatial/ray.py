@@ -1,0 +1,70 @@
+"""Distance and direction of points in space, the latter off a ray: by the shortest arc, in the plane across the ray.
+
+With a ray z, an orthonormal basis B across it and the direction u of a point, B^T u is sin(t) e, t the arc between both
+and e of length 1, and the point is t e off the ray. Moved along the arc, it is as much farther off; moved across it, by
+t / sin(t) as much. On the ray, and at half a turn from it, e is one of all directions.
+"""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
+
+LEAST_SINE = 0.1
+"""Least sine of an arc beyond a quarter turn, in slopes across it, which have no bound near half a turn."""
+
+NEAREST_M = 1e-3
+"""Least distance in slopes of directions, which have no bound where the robot stands on an object: no camera does."""
+
+
+def distances(point: Array) -> Array:
+    """(...,) metres of (..., 3) points."""
+    return np.maximum(np.sqrt(squared_norms(point)), LEAST_DISTANCE_M)
+
+
+def off_axis(point: Array) -> Array:
+    """(...,) angles [rad] of (..., 3) points off the x axis."""
+    return np.arctan2(np.hypot(point[..., 1], point[..., 2]), point[..., 0])
+
+
+def polar(point: Array, ray: Array, basis: Array) -> Array:
+    """(..., 3) distance [m] of points (..., 3), and how far off rays (..., 3) they are [rad], along (..., 3, 2)."""
+    unit, distance = _direction(point)
+    aside, sine, cosine = _arc(unit, ray, basis)
+    found = np.empty((*sine.shape, 3))
+    found[..., 0] = distance
+    found[..., 1:] = np.arctan2(sine, cosine)[..., None] * aside
+    return found
+
+
+def polar_slopes(point: Array, ray: Array, basis: Array) -> Array:
+    """(..., 3, 3) derivatives of :func:`polar` by the point."""
+    unit, distance = _direction(point)
+    aside, sine, cosine = _arc(unit, ray, basis)
+    bounded = np.where(cosine < 0.0, np.maximum(sine, LEAST_SINE), sine)
+    arc = np.arctan2(sine, cosine)
+    ratio = np.divide(arc, bounded, out=np.ones(arc.shape), where=bounded > 0.0)
+    outward = (basis @ aside[..., None])[..., 0]
+    along = cosine[..., None] * outward - sine[..., None] * ray
+    found = np.empty((*sine.shape, 3, 3))
+    found[..., 0, :] = unit
+    found[..., 1:, :] = aside[..., None] * (along - ratio[..., None] * outward)[..., None, :]
+    found[..., 1:, :] += ratio[..., None, None] * np.swapaxes(basis, -1, -2)
+    found[..., 1:, :] /= np.maximum(distance, NEAREST_M)[..., None, None]
+    return found
+
+
+def _direction(point: Array) -> tuple[Array, Array]:
+    """Directions (..., 3) and distances (...,) of points."""
+    distance = distances(point)
+    return point / distance[..., None], distance
+
+
+def _arc(unit: Array, ray: Array, basis: Array) -> tuple[Array, Array, Array]:
+    """(..., 2) directions of arcs from rays to ``unit`` (..., 3), and their sines and cosines."""
+    across = (np.swapaxes(basis, -1, -2) @ unit[..., None])[..., 0]
+    sine = np.sqrt(squared_norms(across))
+    known = sine > 0.0
+    aside = across / np.where(known, sine, 1.0)[..., None]
+    aside[..., 0] = np.where(known, aside[..., 0], 1.0)
+    return aside, sine, np.asarray(np.vecdot(ray, unit))

@@ -1,0 +1,53 @@
+"""Range and ray in space, of points."""
+
+import numpy as np
+
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se3
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.inputs.spatial_reader import SpatialReader
+from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.world.planar_sensing import LEAST_VARIANCE, visibility_of
+from semantic_slam.inference.world.sensing import Sensing, SensingSettings
+
+HEIGHT = 2
+"""Row of z in covariances of messages."""
+
+
+def points(settings: SensingSettings) -> Sensing:
+    """A robot in SE(3) among points in R^3."""
+    configuration = settings.configuration
+    return Sensing(
+        spaces=POSES_AND_POINTS_IN_SPACE,
+        model=SpatialObservation(visibility_of(configuration), configuration.new_objects),
+        reader=SpatialReader(ConfiguredNoise(configuration.odometry, configuration.perception)),
+        robot_prior=pose_prior,
+        object_prior=place_prior,
+        joint_prior=joint_place_prior,
+    )
+
+
+def pose_prior(pose: Array, covariance: Array) -> GaussianPrior:
+    """Prior in the tangent space at the mean, from a covariance along the axes of map. Raises InputError."""
+    if not se3.is_pose(pose):
+        raise InputError("initial_pose: is no pose; give x y z [m] and a quaternion qx qy qz qw of unit length")
+    mean = se3.wrapped(pose)
+    return GaussianPrior(mean, se3.covariance_at_pose(mean, covariance) + LEAST_VARIANCE * np.eye(6))
+
+
+def place_prior(pose: Array, covariance: Array) -> GaussianPrior:
+    """Prior of a place, whatever the attitude. Raises InputError where it was made in the plane."""
+    place = covariance[:3, :3]
+    if place[HEIGHT, HEIGHT] <= 0.0 < np.trace(place):
+        raise InputError(
+            "map prior: objects have no variance of their height, as one of the plane; give them one, in which"
+            " state_space: spatial can find them"
+        )
+    return GaussianPrior(pose[:3], place + LEAST_VARIANCE * np.eye(3))
+
+
+def joint_place_prior(poses: Array, covariance: Array) -> Array:
+    """Raises InputError: what a FILE.map tells of its objects together is x, y and yaw."""
+    raise InputError("map prior: a FILE.map is of the plane; give an objects.json for state_space: spatial")

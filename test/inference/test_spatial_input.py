@@ -1,0 +1,85 @@
+"""What a run in space is given: what it refuses, each in one line with its remedy, and what it makes of the rest."""
+
+import numpy as np
+import pytest
+from worlds.spatial_fixtures import spatial
+
+from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe, MapPrior, ObjectPrior
+from semantic_slam.geometry import se3
+from semantic_slam.inference.inputs.spatial_reader import SpatialReader
+from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+
+KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
+
+
+@pytest.mark.parametrize(
+    ("setting", "remedy"),
+    [
+        ({"association": "open"}, "association: enumerated"),
+        ({"association": "given", "open_world": {"iterate_updates": False}}, "iterate_updates: true"),
+        ({"semantic_model": {"kind": "parametric"}}, "semantic_model.kind: none"),
+        ({"observation": "range_bearing"}, "observation: points"),
+        ({"moving": {"share": 0.1}}, "moving.share: 0"),
+        ({"closed_world": {"unmapped_objects": 1}}, "unmapped_objects: 0"),
+        ({"closed_world": {"displaced_share": 0.1}}, "displaced_share: 0"),
+        ({"history": {"horizon_keyframes": 50}}, "horizon_keyframes: 0"),
+        ({"initial_pose": {"mean": [0.0] * 3}}, "x, y, z, roll, pitch and yaw"),
+    ],
+)
+def test_what_is_planar_alone_is_refused_in_one_line_with_its_remedy(setting: dict, remedy: str) -> None:
+    start = {"mean": [0.0] * 6, "sigma": [0.1] * 6}
+    values = {"observation": "points", "semantic_model": {"kind": "none"}, "initial_pose": start, **setting}
+    with pytest.raises(InputError, match=remedy) as fault:
+        Engine(Configuration.of(state_space="spatial", **values), KNOWN)
+    assert "\n" not in str(fault.value) and "spatial" in str(fault.value)
+
+
+def test_bags_and_nodes_are_refused_in_space() -> None:
+    with pytest.raises(InputError, match=r"Python session.* set state_space: planar"):
+        KeyframeAssembler(spatial())
+
+
+def test_input_that_is_of_the_plane_is_refused_in_space() -> None:
+    start = {"initial_pose": {"mean": [0.0] * 6, "sigma": [0.1] * 6}}
+    flat = MapPrior((ObjectPrior.planar(0, 1.0, 2.0, sigma_m=0.1, sigma_rad=0.1),))
+    with pytest.raises(InputError, match="no variance of their height"):
+        Engine(spatial(**start), flat)
+    with pytest.raises(InputError, match="x y z qx qy qz qw"):
+        Engine(spatial(association="given"), initial_pose=(0.0, 0.0, 0.0), initial_covariance=np.eye(6))
+    engine = Engine(spatial(association="given", **start))
+    with pytest.raises(InputError, match="has no range"):
+        engine.process(Keyframe.spatial(0, detections=[Detection(bearing_rad=0.1, track_id="p")]))
+    known = Detection(bearing_rad=0.1, range_m=1.0, covariance=np.eye(2), track_id="p")
+    with pytest.raises(InputError, match="range, bearing, elevation"):
+        engine.process(Keyframe.spatial(0, detections=[known]))
+
+
+def test_a_straight_look_down_is_a_place_like_any_other() -> None:
+    """To a tenth of a millimetre per metre, with the covariance that it has."""
+    seen = Detection.along([0.0, 0.0, -1.0], 2.0, sigma_range_m=0.1, ray_covariance=1e-4 * np.eye(3))
+    step = SpatialReader(ConfiguredNoise()).step(Keyframe.spatial(0, detections=[seen]))
+    (found,) = step.detections
+    assert found.range_m == pytest.approx(2.0)
+    np.testing.assert_allclose(found.ray, [0.0, 0.0, -1.0], atol=2e-4)
+    np.testing.assert_allclose(found.covariance, np.diag([0.01, 1e-4, 1e-4]), atol=1e-6)
+
+
+def test_quaternions_of_three_digits_are_mended_and_others_refused() -> None:
+    keyframe = Keyframe.spatial(0, motion=(0.1, 0.0, 0.0, 0.0, 0.0, 0.383, 0.924))
+    assert np.linalg.norm(keyframe.odometry[3:]) == pytest.approx(1.0, abs=1e-15)
+    with pytest.raises(InputError, match="quaternion of unit length"):
+        Keyframe.spatial(0, motion=(0.1, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5))
+    with pytest.raises(InputError, match="T_body_sensor"):
+        Detection.along([1.0, 0.0, 0.0], 2.0, T_body_sensor=np.zeros(7))
+    with pytest.raises(InputError, match="both sigma_range_m and ray_covariance"):
+        Detection.along([1.0, 0.0, 0.0], 2.0, sigma_range_m=0.1)
+
+
+def test_motions_and_rays_without_covariances_err_as_configured() -> None:
+    motion = se3.exp(np.array([0.0, 0.0, 0.5, 1.0, 0.0, 0.0]))
+    seen = Detection.along([1.0, 2.0, 3.0], 2.0)
+    step = SpatialReader(ConfiguredNoise()).step(Keyframe.spatial(0, motion=motion, detections=[seen]))
+    variances = np.diagonal(step.motion.covariance)
+    assert len(set(variances[:3])) == len(set(variances[3:])) == 1 and (variances > 0.0).all()
+    assert step.detections[0].is_round
