@@ -26,7 +26,11 @@ class RevisionConfiguration:
     carried_m: float = parameter(
         4.0, "standard deviation along x and y of where it is carried to, from where it was", minimum=1.0, maximum=16.0
     )
-    proposals: int = parameter(4, "revised histories that are weighed in one look", minimum=1)
+    proposals: int = parameter(
+        4,
+        "revised histories of each kind that are weighed in one look: objects that are one, that move, that stand",
+        minimum=1,
+    )
     splits: int = parameter(
         4, "returns to an object, likeliest first, that one look takes to have been to another one; 0: none", minimum=0
     )

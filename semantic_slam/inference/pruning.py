@@ -39,7 +39,7 @@ def widened(limits: PruningConfiguration, unexplained: float) -> PruningConfigur
 class Kinds:
     """What K candidates differ in at large."""
 
-    positions: Array  # (K, 2) of the robot, metres
+    positions: Array  # (K, 3) of the robot, metres
     beginnings: NDArray[np.int_]  # (K,) under which noises, and from which start, each began
 
     def of(self, order: NDArray[np.int_], place_m: float) -> NDArray[np.int_]:
@@ -47,7 +47,7 @@ class Kinds:
         kinds, left = np.zeros(len(order), dtype=int), np.arange(len(order))
         positions, beginnings, number = self.positions[order], self.beginnings[order], 0
         while len(left):
-            near = np.hypot(*(positions[left] - positions[left[0]]).T) <= place_m
+            near = np.hypot.reduce(positions[left] - positions[left[0]], axis=1) <= place_m
             near &= beginnings[left] == beginnings[left[0]]
             kinds[left[near]] = number
             left, number = left[~near], number + 1
@@ -83,14 +83,20 @@ def prune(
 
 
 def _chosen(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfiguration) -> NDArray[np.int_]:
-    """(S,) rows that are kept, of weights (K,) in descending order; half of the room goes in turn to each kind."""
+    """(S,) rows that are kept, of weights (K,) in descending order."""
     heaviest = log_weights[np.unique(kinds, return_index=True)[1]]
     admitted = heaviest[kinds] >= log_weights[0] - np.log(max(limits.kind_ratio, limits.ratio))
     admitted &= log_weights >= heaviest[kinds] - np.log(limits.ratio)
     rows = np.flatnonzero(admitted)
-    if len(rows) <= limits.max_hypotheses:
+    return np.asarray(rows[shared_out(kinds[rows], limits.max_hypotheses)])
+
+
+def shared_out(kinds: NDArray[np.int_], limit: int) -> NDArray[np.int_]:
+    """(S,) rows, at most ``limit`` of K in descending order of weight; half of the room goes in turn to each kind."""
+    rows = np.arange(len(kinds))
+    if len(rows) <= limit:
         return rows
-    turns = np.array([(kinds[rows[:at]] == kinds[row]).sum() for at, row in enumerate(rows)])
-    in_turn = rows[np.argsort(turns, kind="stable")[: limits.max_hypotheses // 2]]
+    turns = np.array([(kinds[:row] == kinds[row]).sum() for row in rows])
+    in_turn = rows[np.argsort(turns, kind="stable")[: limit // 2]]
     others = np.setdiff1d(rows, in_turn)
-    return np.sort(np.concatenate([in_turn, others[: limits.max_hypotheses - len(in_turn)]]))
+    return np.sort(np.concatenate([in_turn, others[: limit - len(in_turn)]]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from semantic_slam.configuration import PruningConfiguration
-from semantic_slam.inference.pruning import Kinds, Pruned, prune
+from semantic_slam.inference.pruning import Kinds, Pruned, prune, shared_out
 
 WEIGHTS = np.log([8.0, 4.0, 2.0, 1.0, 0.5, 1e-5])
 POSITIONS = np.array([[0.0, 0.0], [0.1, 0.0], [5.0, 0.0], [0.2, 0.0], [5.0, 0.1], [9.0, 9.0]])
@@ -49,3 +49,9 @@ def test_what_is_given_up_counts_as_discarded_whatever_kind_it_is_of() -> None:
     found = pruned(kinds((0, 0, 0, 0, 1, 1), np.zeros((6, 2))))
     assert found.discarded == pytest.approx((1.0 + 1e-5) / total)
     assert np.exp(found.log_weights).sum() == pytest.approx(1.0)
+
+
+def test_what_a_revision_finds_takes_the_room_of_no_other_kind() -> None:
+    """Of seven rows four stay: two in turn, of which one is of the second kind, and then the heaviest."""
+    assert shared_out(np.array([0, 0, 0, 0, 1, 0, 2]), 4).tolist() == [0, 1, 2, 4]
+    assert shared_out(np.array([0, 0, 1]), 4).tolist() == [0, 1, 2]

@@ -181,6 +181,13 @@ def test_objects_that_labels_cannot_judge_are_not_counted() -> None:
     assert kitti.counted([1, 2, 3], [1, 1, 2, 3, -1], kitti.Beside(near, ignored)) == (2, 1)
 
 
+def test_pairs_without_a_label_are_neither_right_nor_wrong() -> None:
+    """Of three sights of object 1 two have the same label, and the third none: nobody knows what that one was."""
+    own = small_run([[1]] * 3, [("car",), ("car",), ("",)], {1: [2.0, 1.0]})
+    assert kitti.pairs_of_labelled(own)["labelled_pair_right_at_90"] == 1.0
+    assert association_metrics(own)["pair_right_at_90"] == pytest.approx(1.0 / 3.0)
+
+
 def test_a_box_lies_in_a_region_by_half_of_its_area() -> None:
     boxes = np.array([[0.0, 0.0, 10.0, 10.0], [6.0, 6.0, 16.0, 16.0]])
     assert kitti.inside(boxes, np.array([[0.0, 0.0, 12.0, 10.0]])).tolist() == [True, False]

@@ -1,4 +1,4 @@
-"""Histories in which objects that were taken to stand still are one that moves: proposals, which replays then weigh.
+"""Histories in which what was taken to stand still moves, or the other way: proposals, which replays then weigh.
 
 Objects are joined greedily, by what their detections weigh as one moving object against what they weigh apart, the
 robot being where the history at hand has it. That is rough, and only says what is worth a replay.
@@ -21,6 +21,8 @@ from semantic_slam.inference.states.lineage import MOVES, LineageStep
 MOST_DETECTIONS = 40
 """Detections from which on an object stands where it was seen, or moves and is known to."""
 LEAST_DETECTIONS = 3
+ROUGHLY = 5.0
+"""Nats by which these scores may be off."""
 ROBOT_SIGMA_M = 0.05
 """By which the robot's path may be off from one keyframe to the next, besides what detections are off."""
 
@@ -84,14 +86,37 @@ def mover_proposals(
         apart[joined] = apart[pair[0]] + apart[pair[1]] + log_birth
         gains = {own: value for own, value in gains.items() if not set(own) & set(pair)}
         gains |= {own: gain(own) for own in ((joined, other) for other in groups if other != joined)}
-    kinds = (pair for step in lineage for pair in zip(step.association, step.class_assignment, strict=True))
-    known = {n for n, kind in kinds if kind == MOVES}
+    known = _moving(lineage)
     found = {
         group: scores[group][1] - apart[group]
         for group, own in groups.items()
         if len(own.stamps_ns) >= LEAST_DETECTIONS and not (len(group) == 1 and group[0] in known)
     }
     return sorted((group for group, value in found.items() if value > 0.0), key=lambda group: -found[group])
+
+
+def standing_proposals(
+    lineage: Lineage, steps: Sequence[Step], trail: Array, moving: Moving, since: int = 0
+) -> list[Group]:
+    """Objects of a history that move in it, each by itself, and may stand; those that gain most by it first.
+
+    Arguments as of :func:`mover_proposals`.
+    """
+    every, known = _sightings(lineage, steps, trail), _moving(lineage)
+    seen = {n: own for n, own in every.items() if n in known and own.keyframes[-1] >= since}
+    scores = {n: _scores(own, moving, moving.largest_share) for n, own in seen.items()}
+    gains = {n: stands - moves for n, (stands, moves) in scores.items() if stands - moves > -ROUGHLY}
+    return [(n,) for n in sorted(gains, key=lambda n: -gains[n])]
+
+
+def with_standing(lineage: Lineage, group: Group) -> Lineage:
+    """The history in which none of a group moves."""
+
+    def standing(step: LineageStep) -> LineageStep:
+        pairs = zip(step.association, step.class_assignment, strict=True)
+        return replace(step, class_assignment=tuple(-1 if n in group else kind for n, kind in pairs))
+
+    return tuple(standing(step) for step in lineage)
 
 
 def with_mover(lineage: Lineage, group: Group) -> Lineage:
@@ -107,6 +132,12 @@ def with_mover(lineage: Lineage, group: Group) -> Lineage:
                 started = True
         steps.append(replace(step, association=tuple(association), class_assignment=tuple(kinds)))
     return tuple(steps)
+
+
+def _moving(lineage: Lineage) -> set[int]:
+    """Objects that move in a history."""
+    pairs = (pair for step in lineage for pair in zip(step.association, step.class_assignment, strict=True))
+    return {n for n, kind in pairs if kind == MOVES}
 
 
 def _sightings(lineage: Lineage, steps: Sequence[Step], trail: Array) -> Mapping[int, Sightings]:

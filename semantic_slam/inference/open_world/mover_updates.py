@@ -68,7 +68,9 @@ def _missed(
         runs = update.rates.runs
         detectable = runs.next(runs.after(detectable, detected, np.zeros(len(left), dtype=bool)))
         detectable[undecided & kept] = _of_static(prediction, update, own.ids[undecided & kept])
-    return replace(own, existence=existence, moving=moving, detectable=detectable).take(np.asarray(kept))
+    log_speeds = predicted.log_speeds_missed(update.rates, update.rates_kept)[left]
+    own = replace(own, existence=existence, moving=moving, detectable=detectable, log_speeds=log_speeds)
+    return own.take(np.asarray(kept))
 
 
 def _of_static(prediction: Prediction, update: ExistenceUpdate, object_ids: Index) -> Array:

@@ -64,7 +64,7 @@ class PredictedMovers:
     model: Moving
     movers: Movers
     detections: PlacedDetections
-    detected: Array  # (T, G) detection probabilities, if they exist and move
+    detected_by_speed: Array  # (T, S, G) detection probabilities, if they exist and move
     shares: Array  # (D,) probability that what a detection would start moves
     recognised: Flags  # (T,) whether a detection may be of them
     rates: DetectionRates
@@ -96,6 +96,21 @@ class PredictedMovers:
         density, distance = (values.reshape(shape) for values in found)
         possible = self.detections.has_range[:, None] & self.recognised
         return np.where(possible, density, -np.inf), np.where(possible, distance, np.inf)
+
+    @cached_property
+    def detected(self) -> Array:
+        """(T, G) detection probabilities, if they exist and move, whatever their speed."""
+        return np.asarray(np.einsum("ts,tsg->tg", np.exp(self.movers.log_speeds), self.detected_by_speed))
+
+    def log_speeds_missed(self, rates: DetectionRates, kept: Flags | None) -> Array:
+        """(T, S) log probabilities of the speeds of what is not detected: who is fast may be out of view.
+
+        Under ``rates`` as they are known then, of which those ``kept`` (G,) are left; None: all.
+        """
+        detected = self.detected_by_speed if kept is None else self.detected_by_speed[..., kept]
+        with np.errstate(divide="ignore"):
+            log_speeds = self.movers.log_speeds + np.log(rates.average(1.0 - detected))
+        return np.asarray(log_speeds - np.logaddexp.reduce(log_speeds, axis=1, keepdims=True))
 
     @cached_property
     def log_missed(self) -> Array:
@@ -237,14 +252,14 @@ def predicted_movers(
     moved = _moved(model, movers, motion, stamp_ns)
     detected = _detected(moved, motion.covariance, region, rates)
     if moved.detectable is not None:
-        detected = detected * moved.detectable / rates.runs.share
+        detected = detected * (moved.detectable / rates.runs.share)[:, None]
     placed = PlacedDetections.of(detections)
     variances = 0.5 * np.trace(moved.spreads[..., :2, :2], axis1=-2, axis2=-1)
     return PredictedMovers(
         model=model,
         movers=moved,
         detections=placed,
-        detected=detected,
+        detected_by_speed=detected,
         shares=np.where(placed.has_range, model.shares(labels), 0.0),
         recognised=np.sqrt(variances.min(axis=1)) < LOST_M,
         rates=rates,
@@ -284,9 +299,9 @@ def _transition(model: Moving, movers: Movers, control: Array, elapsed_s: float)
 
 
 def _detected(movers: Movers, covariance: Array, region: SensorRegion, rates: DetectionRates) -> Array:
-    """(T, G) probabilities of being detected, if they exist and move; nothing hides anything."""
+    """(T, S, G) probabilities of being detected, if they exist and move; nothing hides anything."""
     if not len(movers):
-        return np.zeros((0, len(rates)))
+        return np.zeros((*movers.log_speeds.shape, len(rates)))
     turn = rotation(movers.robot[None])[0]
     relative = (movers.means[..., :2] - movers.robot[:2]) @ turn
     slope = turn.T @ movers.gains[..., :2, :]
@@ -297,7 +312,8 @@ def _detected(movers: Movers, covariance: Array, region: SensorRegion, rates: De
     spread = turn.T @ movers.spreads[..., :2, :2] @ turn + slope @ covariance @ np.swapaxes(slope, -1, -2)
     inside = region.contains(relative, spread)
     fall_off = rates.fall_off(np.hypot(relative[..., 0], relative[..., 1]))
-    return np.asarray(rates.probability * np.einsum("ts,ts,tsg->tg", np.exp(movers.log_speeds), inside, fall_off))
+    fall_off = rates.by_direction.times(fall_off, relative, region.direction_rad)
+    return np.asarray(rates.probability * inside[..., None] * fall_off)
 
 
 def as_objects(movers: Movers, robot_covariance: Array) -> tuple[Array, Array]:

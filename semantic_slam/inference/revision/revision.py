@@ -5,7 +5,8 @@ A revised history is replayed from the prior, and so is the one that it comes fr
 P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 
 import numpy as np
 
@@ -13,12 +14,19 @@ from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
+from semantic_slam.inference.open_world.mover_proposals import (
+    mover_proposals,
+    standing_proposals,
+    with_mover,
+    with_standing,
+)
+from semantic_slam.inference.pruning import Kinds, shared_out
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.returns import Returns
-from semantic_slam.inference.revision.tried import Tried
+from semantic_slam.inference.revision.tried import Group, Tried
 from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.problem import Problem
 
 HOPELESS_DISTANCE = 8.0
 """Mahalanobis distance between two objects, relative to each other, from which on a replay is spared.
@@ -34,7 +42,7 @@ class Revision:
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
         self.settings, self._replay = settings, replay
-        self._tried = Tried(AGAIN * settings.every_keyframes)
+        self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
 
     @property
@@ -116,7 +124,7 @@ class Revision:
         return self._returns.histories(followed, ratio) if followed is not None else []
 
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
-        """Histories in which objects are one that moves: all at once first, where there are several."""
+        """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
         problem, now = self._replay.problem, len(self._replay.steps)
         (followed,) = self._replay.log_joints([lineage]) if self._replay.may_move else (None,)
         if followed is None or followed.component.tracked is None:
@@ -125,21 +133,49 @@ class Revision:
         steps, trail = self._replay.steps, followed.component.tracked.trail
         since = now - AGAIN * self.settings.every_keyframes
         groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
-        groups = self._tried.news(groups, lineage)[: self.settings.proposals]
-        self._tried.note(groups, now)
-        found = [with_mover(lineage, group) for group in groups]
+        alone = standing_proposals(lineage, steps, trail, problem.moving, since)
+        return self._each_and_all(lineage, groups, self._tried, with_mover) + self._each_and_all(
+            lineage, alone, self._stood, with_standing
+        )
+
+    def _each_and_all(
+        self, lineage: Lineage, groups: Sequence[Group], tried: Tried, changed: Callable[[Lineage, Group], Lineage]
+    ) -> list[Lineage]:
+        """The history changed for each of the ``groups`` that were not ``tried``, and for all at once first."""
+        chosen = tried.news(groups, lineage)[: self.settings.proposals]
+        tried.note(chosen, len(self._replay.steps))
+        found = [changed(lineage, group) for group in chosen]
         if len(found) > 1:
-            together = lineage
-            for group in groups:
-                together = with_mover(together, group)
-            found.insert(0, together)
+            found.insert(0, reduce(changed, chosen, lineage))
         return found
 
 
-def with_revised(live: Mapping[int, Hypothesis], found: Mapping[int, Hypothesis], limit: int) -> dict[int, Hypothesis]:
-    """Live and revised hypotheses, heaviest first, at most ``limit``; weights in the live ones' unit."""
+def with_revised(
+    live: Mapping[int, Hypothesis],
+    found: Mapping[int, Hypothesis],
+    places: Mapping[int, Array],
+    problem: Problem,
+) -> dict[int, Hypothesis]:
+    """Live and revised hypotheses, heaviest first, as many as pruning keeps; weights in the live ones' unit.
+
+    What goes for them is a variant, not what pruning keeps for being of another kind. ``places`` (3,) of the live ones'
+    robots [m]: a revised history is held to be where the one is that it revises.
+    """
+    limits = problem.pruning
     every = sorted({**live, **found}.items(), key=lambda item: (-item[1].log_weight, item[0]))
-    return dict(every[:limit])
+    if limits.place_m <= 0.0:
+        return dict(every[: limits.max_hypotheses])
+    rows = [places[number] if number in live else places[_revised(own, live)] for number, own in every]
+    kinds = Kinds(
+        positions=np.array(rows),
+        beginnings=np.array([problem.beginning(own.lineage) for _, own in every]),
+    ).of(np.arange(len(every)), limits.place_m)
+    return dict([every[row] for row in shared_out(kinds, limits.max_hypotheses)])
+
+
+def _revised(own: Hypothesis, live: Mapping[int, Hypothesis]) -> int:
+    """The live one that a hypothesis revises."""
+    return next(number for number, other in live.items() if own.revises is other)
 
 
 def log_mass(hypotheses: Mapping[int, Hypothesis]) -> float:

@@ -5,7 +5,12 @@ from worlds.drives.moving_world import configuration, make_world, objects_of, ru
 
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.moving import Moving
-from semantic_slam.inference.open_world.mover_proposals import mover_proposals, with_mover
+from semantic_slam.inference.open_world.mover_proposals import (
+    mover_proposals,
+    standing_proposals,
+    with_mover,
+    with_standing,
+)
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import MOVES
 
@@ -60,3 +65,21 @@ def test_what_was_not_seen_lately_is_not_proposed_again() -> None:
     settled = lineage, steps, world.truth, 0, Moving(configuration(0.1).moving), blind.problem.open_world
     assert mover_proposals(*settled)
     assert mover_proposals(*settled, since=len(steps)) == []
+
+
+@pytest.mark.slow
+def test_what_stands_and_was_taken_to_move_is_proposed_to_stand_and_weighs_more() -> None:
+    world = make_world(20, seed=0)
+    engine, _ = run(world, configuration(0.1))
+    lineage, names = next(iter(engine.live.values())).lineage, objects_of(engine, world)
+    steps = [engine.problem.reader.step(keyframe) for keyframe in world.keyframes]
+    moving = engine.problem.moving
+    assert standing_proposals(lineage, steps, world.truth, moving) == []
+    posts = [n for n, own in names.items() if not {10, 11} & set(own) and len(own) > 10]
+    wrong = with_mover(lineage, (posts[0],))
+    assert standing_proposals(wrong, steps, world.truth, moving) == [(posts[0],)]
+    right = with_standing(wrong, (posts[0],))
+    assert right == lineage
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
+    before, after = replay.log_joints([wrong, right])
+    assert before is not None and after is not None and after.log_joint > before.log_joint

@@ -207,3 +207,26 @@ def test_a_frame_may_show_nothing_but_what_moves() -> None:
     sure = belief.existence > 0.5
     np.testing.assert_allclose(belief.moving[sure], 1.0, atol=0.05)
     assert sure.sum() == len(places)
+
+
+def test_what_is_missed_is_likelier_to_be_fast_and_out_of_view() -> None:
+    """One sight, and none a second later: speeds by Bayes' rule, each by how often it would have been missed."""
+    slow, fast, reach, elapsed_s = 0.05, 3.0, 3.5, 1.0
+    region = {"min_range_m": 0.0, "max_range_m": reach, "field_of_view_rad": 6.283185307179586}
+    rates = {"detection_probability": DETECTED, "clutter_per_frame": CLUTTER, "least_undetected_share": 0.0}
+    settings = Configuration.of(
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world={"iterate_updates": False, "occluder_radius_m": 0.0, "birth_density": 0.1, **region, **rates},
+        initial_pose={"sigma": [1e-6, 1e-6, 1e-6]},
+        moving={"share": SHARE, "speeds_m_s": [slow, fast], "steadiness_s": 1e3},
+    )
+    engine = Engine(settings)
+    sight = Detection(range_m=1.5, bearing_rad=0.0, covariance=np.diag([0.01**2, 0.01**2]))
+    for k, detections in enumerate(([sight], [])):
+        engine.process(Keyframe.planar(k, detections=detections, motion_sigmas=(1e-6,) * 3))
+    (held,) = engine.pool._backends[0].held.values()
+    random, places = np.random.default_rng(0), np.array([1.5, 0.0])
+    ends = [places + elapsed_s * speed * random.standard_normal((100_000, 2)) for speed in (slow, fast)]
+    missed = np.array([1.0 - DETECTED * (np.hypot(*end.T) < reach).mean() for end in ends])
+    np.testing.assert_allclose(np.exp(held.component.movers.log_speeds[0]), missed / missed.sum(), atol=0.02)

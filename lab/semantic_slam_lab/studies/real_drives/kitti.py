@@ -16,6 +16,8 @@ from semantic_slam.datasets.drives.kitti_tracking import (
 from semantic_slam.datasets.drives.kitti_tracking_import import PERIOD_NS, START_NS
 from semantic_slam.datasets.drives.kitti_truth import metre_of, tracks_of
 from semantic_slam.datasets.drives.tables import found, lines_of
+from semantic_slam.evaluation.association import CLUTTER
+from semantic_slam.evaluation.pairs import pair_calibration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.messages.ground_truth import MOVING
 from semantic_slam_lab.studies.real_drives.judged import Judged, votes
@@ -41,7 +43,7 @@ def kitti_metrics(run: Judged, folder: Path, drive: str) -> dict[str, float | in
     still = run.stated.ids[~run.stated.moves].tolist()
     num_objects, ghosts = counted(still, run.estimate, beside)
     found: dict[str, float | int | None] = {"num_objects": num_objects, "ghosts": ghosts, "parked_recall": None}
-    found |= metrics_in_labels_metre(run, folder, drive)
+    found |= metrics_in_labels_metre(run, folder, drive) | pairs_of_labelled(run)
     objects = run.truth.objects
     if objects is None:
         return found
@@ -50,6 +52,14 @@ def kitti_metrics(run: Judged, folder: Path, drive: str) -> dict[str, float | in
     standing_for = votes(run.names, run.estimate)
     seen = {standing_for.get(int(number)) for number in still}
     return found | {"parked_recall": len(parked & seen) / len(parked) if parked else None, "num_parked": len(parked)}
+
+
+def pairs_of_labelled(run: Judged) -> dict[str, float | int | None]:
+    """Calibration of pairs of detections that both have a label: whether others are of one thing nobody knows."""
+    numbers = run.numbers()
+    labelled = numbers > CLUTTER
+    pairs = pair_calibration(run.weights, run.objects[:, labelled], numbers[labelled].tolist())
+    return {"labelled_pair_right_at_90": pairs.right_at_90, "labelled_pair_ece": pairs.ece_of_stated}
 
 
 def metrics_in_labels_metre(run: Judged, folder: Path, drive: str) -> dict[str, float | int | None]:

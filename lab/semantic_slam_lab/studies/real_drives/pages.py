@@ -29,6 +29,7 @@ COLUMNS = {
     "log_density": ("log density", ".2f"),
     "pair_right_at_90": ("right of P ≥ 0.9", ".2f"),
     "pair_ece": ("ECE of pairs", ".3f"),
+    "labelled_pair_right_at_90": ("of labelled pairs", ".2f"),
     "parked_recall": ("parked found", ".2f"),
     "moving_recall": ("movers called", ".2f"),
     "odometry_factor": ("odometry covariance ×", ".0f"),
