@@ -102,6 +102,16 @@ def appearances_of(
     settings: SemanticModelConfiguration,
 ) -> Appearances:
     """From all beliefs of a run, and the measurements by their stamps, of a robot in the plane. Raises InputError."""
+    views, others = seen_views(beliefs, measurements)
+    size = len(views[0].vector) if views else 0
+    alike = [vector for vector in others if len(vector) == size]
+    return Appearances.of(views, np.array(alike).reshape(len(alike), size), settings)
+
+
+def seen_views(
+    beliefs: Sequence[HybridBelief], measurements: Mapping[int, SemanticMeasurements]
+) -> tuple[list[SeenView], list[Array]]:
+    """Views of objects in the order of the drive, by the best history, and vectors of no object."""
     last = beliefs[-1]
     places = {
         int(number): planar_from_pose_vector(pose)
@@ -118,15 +128,13 @@ def appearances_of(
         for column, detection in enumerate(belief.detection_ids):
             vector = told.embeddings[rows[int(detection)]] if int(detection) in rows else None
             number = -1 if ids is None else int(ids[column])
-            if vector is None or not np.isfinite(vector).all():
+            if vector is None or not np.isfinite(vector).all() or not vector.any():
                 continue
             if number in places:
                 views.append(_view(number, vector, robot, places[number], told.sensor_position[:2]))
             else:
                 others.append(vector)
-    size = len(views[0].vector) if views else 0
-    alike = [vector for vector in others if len(vector) == size]
-    return Appearances.of(views, np.array(alike).reshape(len(alike), size), settings)
+    return views, others
 
 
 def _view(number: int, vector: Array, robot: Array, place: Array, sensor: Array) -> SeenView:

@@ -8,7 +8,6 @@ import numpy as np
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.viewpoint.detection_values import UNTOLD
 from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
 from semantic_slam.viewpoint.label_settings import LabelSettings
@@ -39,12 +38,16 @@ def with_fitted_detection(
     Raises InputError.
     """
     fitted = fitted_labels(settings)
-    told = UNTOLD if fitted is None else fitted.detection_of(bag_sha256)
+    inferred = world.detection_probabilities, world.detection_half_ranges_m, world.miss_persistences
+    if fitted is None or any(inferred) or world.detection_by_direction:
+        return world
+    told = fitted.detection_of(bag_sha256)
     return replace(
         world,
-        detection_probabilities=world.detection_probabilities or _known(told.probability),
-        detection_half_ranges_m=world.detection_half_ranges_m or _known(told.half_range_m),
-        miss_persistences=world.miss_persistences or _known(told.persistence),
+        detection_probabilities=_known(told.probability),
+        detection_half_ranges_m=_known(told.half_range_m),
+        detection_by_direction=told.over(world.field_of_view_rad),
+        miss_persistences=_known(told.persistence),
     )
 
 

@@ -1,15 +1,31 @@
-"""The configured model of vectors of appearance: nothing to train, nothing to load."""
+"""The configured model of vectors of appearance: as any network's, or as runs with this one have shown."""
+
+from pathlib import Path
 
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.viewpoint.embedding_model import EmbeddingModel
+from semantic_slam.viewpoint.embedding_store import ANEW, read_embeddings
 
 
-def load_embedding_model(settings: SemanticModelConfiguration) -> EmbeddingModel | None:
-    """The model of what objects look like, or None where vectors of appearance say nothing. Raises InputError."""
+def load_embedding_model(settings: SemanticModelConfiguration, bag_sha256: str = "") -> EmbeddingModel | None:
+    """The model of what objects look like, or None where vectors of appearance say nothing. Raises InputError.
+
+    ``bag_sha256`` is the digest of the bag that it is for: of one that it was fitted to, the others tell.
+    """
     load = class_model_kind(settings).embeddings
-    return load(settings) if load is not None else None
+    if load is None:
+        return None
+    model = load(settings)
+    return _fitted(model, settings, bag_sha256) if settings.path and load is embedding_model else model
+
+
+def _fitted(model: EmbeddingModel, settings: SemanticModelConfiguration, bag_sha256: str) -> EmbeddingModel:
+    try:
+        return read_embeddings(Path(settings.path)).model(model, bag_sha256)
+    except ValueError as fault:
+        raise InputError(f"{settings.path}: {fault}; set them as they were, or {ANEW}") from None
 
 
 def embedding_model(settings: SemanticModelConfiguration) -> EmbeddingModel:

@@ -1,4 +1,7 @@
-"""``semantic_slam fit --from-run DIR... --out FILE``: what a detector calls things, from runs of the user's own."""
+"""``semantic_slam fit --from-run DIR... --out FILE``: what a detector calls things, or how looks change by direction.
+
+From runs of the user's own.
+"""
 
 import argparse
 import json
@@ -26,12 +29,22 @@ def learn_labels(arguments: argparse.Namespace) -> None:
 
 
 def _learn(folders: list[Path], models: Path, report: Path) -> list[str]:
+    from semantic_slam.class_models.kind import class_model_kind
+    from semantic_slam.training.embeddings.learn import learn_embeddings
+    from semantic_slam.training.embeddings.learn import lines_of as lines_of_looks
     from semantic_slam.training.labels.learn import RunTracks, learn
     from semantic_slam.training.labels.report import lines_of
     from semantic_slam.training.labels.runs import read_runs
+    from semantic_slam.viewpoint.embedding_store import save_embeddings
     from semantic_slam.viewpoint.label_store import save_labels
 
-    fitted = learn(RunTracks.of(read_runs(folders)))
+    runs = read_runs(folders)
+    if class_model_kind(runs[0].configuration.semantic_model).labels is None:
+        looks = learn_embeddings(runs)
+        save_embeddings(looks, models)
+        report.write_text(json.dumps(looks.report, indent=1) + "\n", encoding="utf-8")
+        return lines_of_looks(looks)
+    fitted = learn(RunTracks.of(runs))
     save_labels(fitted, models)
     report.write_text(json.dumps(fitted.report, indent=1) + "\n", encoding="utf-8")
     return lines_of(fitted.report)

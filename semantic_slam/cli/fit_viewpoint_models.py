@@ -33,8 +33,8 @@ def parse() -> argparse.Namespace:
         type=Path,
         nargs="+",
         metavar="DIR",
-        help="folders of reports of runs with semantic_model.kind: detector: what the detector calls things from where,"
-        " learned from their beliefs, without anybody's labels",
+        help="folders of reports of runs with semantic_model.kind: detector or embedding: what a detector calls things"
+        " from where, or how looks change by direction, learned from beliefs, without anybody's labels",
     )
     add_photographs(parser)
     parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")

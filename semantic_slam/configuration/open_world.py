@@ -18,6 +18,11 @@ class OpenWorldConfiguration:
         "ranges at which an object is detected half as often as right at the sensor (half-normal); how far each is"
         " right is inferred; empty: as often everywhere in the region",
     )
+    detection_by_direction: tuple[float, ...] = parameter(
+        (),
+        "shares of the detection probability from the right edge of the field of view to its left one, evenly spaced"
+        " and linear between them: less than 1 where the sensor sees less; empty: as often in every direction",
+    )
     miss_persistence: float = parameter(
         0.0,
         "correlation from keyframe to keyframe of whether an object can be detected; 0: misses are independent",

@@ -46,6 +46,7 @@ class EmbeddingModel:
     noise_shares: tuple[float, ...]  # n
     repeat_rad: float  # r
     outlier_share: float  # e
+    shared_counts: tuple[float, ...] = ()  # (R,) objects that count for each setting before any was seen; (): alike
 
     @cached_property
     def settings(self) -> tuple[Array, Array]:
@@ -72,7 +73,8 @@ class EmbeddingModel:
 
     def usual(self, told: Array) -> Array:
         """(R,) log probabilities of the settings of an object, from the sum (R,) of what the others' views tell."""
-        counts = SHARED_COUNTS / len(told) + np.maximum(told, 0.0)
+        before = np.array(self.shared_counts) if self.shared_counts else SHARED_COUNTS / len(told)
+        counts = before + np.maximum(told, 0.0)
         return np.asarray(np.log(counts / counts.sum()))
 
     def evidence(self, record: "EmbeddingRecord", log_ratios: Array, usual: Array) -> float:

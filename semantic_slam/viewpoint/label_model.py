@@ -31,8 +31,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, TURNS, Confusion
+from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelRecord, LabelView, ViewShares
+from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS, RunnersUp
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
 
@@ -45,6 +46,7 @@ class LabelModel:
     confusions: tuple[Confusion, ...]  # of each stretch, fitted without it; the last of all other views
     class_shares: Array  # (C,) probability that an object that no map knows is of each class
     stretch_edges_ns: tuple[int, ...] = field(default=())  # where stretches begin, and where the last one ends
+    habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) shares of objects by how second words come
     is_lean: bool = True  # classes that look alike from all sides have one heading
 
     @property
@@ -110,6 +112,10 @@ class LabelModel:
 
     def start(self) -> LabelRecord:
         """Nothing seen yet."""
+        return self._nothing
+
+    @cached_property
+    def _nothing(self) -> LabelRecord:
         size = (self.num_settings, self.priors[-1].shape[1])
         return LabelRecord(
             log_likelihood=np.zeros(size),
@@ -117,6 +123,7 @@ class LabelModel:
             counts=np.zeros((0, *size)),
             answers=np.full(DIRECTIONS, -1),
             log_ranges=np.full(DIRECTIONS, np.inf),
+            seconds=RunnersUp.start(self.num_words, self.habits),
         )
 
     def after(self, record: LabelRecord, view: LabelView) -> LabelRecord:
@@ -135,23 +142,32 @@ class LabelModel:
         meant = np.array([[float(word == view.answer) for word in words], view.shares[words]])  # (2, n)
         counts = (prior.T[words, None] * meant.T[..., None]) * ((1.0 - share) / (totals * likelihood))  # (n, 2, K)
         answers, log_ranges = record.newest_with(view)
+        seconds = record.seconds.after(record.runner_up(view, (view.direction, 0.0)), view.direction)
         return LabelRecord(
-            log_likelihood=record.log_likelihood + np.log(likelihood)[self._by_score],
+            log_likelihood=self._with_second(record.log_likelihood + np.log(likelihood)[self._by_score], seconds),
             words=view.reported,
             counts=counts[:, self._by_score],
             answers=answers,
             log_ranges=log_ranges,
+            seconds=seconds,
         )
+
+    def _with_second(self, log_likelihood: Array, seconds: RunnersUp) -> Array:
+        """(R, K) log likelihood with the last second word, where scores do not count besides; changed in place."""
+        log_likelihood[self._by_word] += seconds.gained[self._classes_of_rows[0]]
+        return log_likelihood
 
     def counted(self, record: LabelRecord, view: LabelView, shares: ViewShares) -> LabelRecord:
         """With one more view, which has a word, by what it may be."""
         answers, log_ranges = record.newest_with(view)
+        seconds = record.seconds.after(record.runner_up(view, shares.nearest), view.direction)
         return LabelRecord(
-            log_likelihood=record.log_likelihood + np.log(shares.likelihood),
+            log_likelihood=self._with_second(record.log_likelihood + np.log(shares.likelihood), seconds),
             words=shares.words,
             counts=shares.after,
             answers=answers,
             log_ranges=log_ranges,
+            seconds=seconds,
         )
 
     def shares(self, record: LabelRecord, view: LabelView) -> ViewShares:
@@ -160,7 +176,8 @@ class LabelModel:
         words = (*record.words, *[word for word in reported if word not in record.words])
         places = [words.index(word) for word in reported]
         before = _with_room(record.counts, len(words))
-        repeating, earlier = self._repeats(record, view)  # (R, 1), a word
+        nearest = record.nearest(view)
+        repeating, earlier = self._repeats(record, nearest)  # (R, 1), a word
         new, base, meant = self._meant(before, words, places, view)
         share = self.confusions[view.stretch].outlier_share
         anew = 1.0 - repeating
@@ -168,6 +185,7 @@ class LabelModel:
         outlier = anew * (share / self.num_words)
         likelihood = inlier + (outlier + repeating if earlier == view.answer else outlier)
         return ViewShares(
+            nearest=nearest,
             words=words,
             before=before,
             reported=places,
@@ -214,9 +232,14 @@ class LabelModel:
         """(R,) 1 where scores count besides the word, else 0."""
         return self.settings.by_score.astype(int)
 
+    @cached_property
+    def _by_word(self) -> Index:
+        """Settings by which the words alone count."""
+        return np.flatnonzero(self.settings.by_score == 0)
+
     def word_probabilities(self, record: LabelRecord, view: LabelView) -> Array:
         """(R, K, W) of what one more view may be called; its own answer and scores do not matter."""
-        repeating, earlier = self._repeats(record, view)
+        repeating, earlier = self._repeats(record, record.nearest(view))
         counts = self._factors[..., None] * self._prior(view)
         counts[..., list(record.words)] += np.moveaxis(record.counts, 0, -1)
         share = self.confusions[view.stretch].outlier_share
@@ -224,12 +247,11 @@ class LabelModel:
         repeated = repeating[..., None] * (np.arange(self.num_words) == earlier)
         return np.asarray(repeated + (1.0 - repeating[..., None]) * new)
 
-    def _repeats(self, record: LabelRecord, view: LabelView) -> tuple[Array, int]:
+    def _repeats(self, record: LabelRecord, nearest: tuple[int, float]) -> tuple[Array, int]:
         """(R, 1) probabilities that the nearest earlier view is repeated, and its word."""
-        away = np.hypot(TURNS[view.direction], record.log_ranges - view.log_range)
-        nearest = int(away.argmin())
-        share = self.settings.repeat_shares * np.exp(-away[nearest] / self.settings.repeat_rads)
-        return share[:, None], int(record.answers[nearest])
+        place, away = nearest
+        share = self.settings.repeat_shares * np.exp(-away / self.settings.repeat_rads)
+        return share[:, None], int(record.answers[place])
 
     def _meant(
         self, before: Array, words: tuple[int, ...], places: list[int], view: LabelView

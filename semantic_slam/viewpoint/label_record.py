@@ -7,6 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.viewpoint.label_confusion import TURNS
+from semantic_slam.viewpoint.label_runner_up import NONE, RunnersUp, RunnerUp
 
 LEAST_REPORTED = 1.0 + 1e-9
 """Scores above the least by this factor were reported; the others share evenly what these leave."""
@@ -30,6 +32,12 @@ class LabelView:
         scored = np.flatnonzero(self.shares > self.shares.min() * LEAST_REPORTED).tolist()
         return tuple(scored) if self.answer in scored else (*scored, self.answer)
 
+    @cached_property
+    def second(self) -> int:
+        """The word with the best score besides the answer, -1 where none was reported."""
+        others = [word for word in self.reported if word != self.answer]
+        return max(others, key=self.shares.__getitem__) if others else NONE
+
 
 @dataclass(frozen=True, kw_only=True)
 class LabelRecord:
@@ -40,6 +48,20 @@ class LabelRecord:
     counts: Array  # (N, R, K) of new answers
     answers: Index  # (DIRECTIONS,) the newest word seen from each direction, -1: never seen from there
     log_ranges: Array  # (DIRECTIONS,) of the distances to these views, metres; inf: never seen from there
+    seconds: RunnersUp  # what the best words besides the answers tell
+
+    def nearest(self, view: LabelView) -> tuple[int, float]:
+        """Direction of the nearest earlier view, and how far it is: by turn and by the logarithm of the distance."""
+        away = np.hypot(TURNS[view.direction], self.log_ranges - view.log_range)
+        place = int(away.argmin())
+        return place, float(away[place])
+
+    def runner_up(self, view: LabelView, nearest: tuple[int, float]) -> RunnerUp:
+        """The second word of a view, and what it may repeat."""
+        place, away = nearest
+        same = self.answers[place] == view.answer
+        earlier = int(self.seconds.newest[place]) if same else NONE
+        return RunnerUp(first=view.answer, second=view.second, earlier=earlier, away=away)
 
     def newest_with(self, view: LabelView) -> tuple[Index, Array]:
         """(DIRECTIONS,) newest words and their log distances, with one more view."""
@@ -52,6 +74,7 @@ class LabelRecord:
 class ViewShares:
     """What a view may be under each setting and row, given the views before."""
 
+    nearest: tuple[int, float]  # direction of the nearest view before, and how far it is
     words: tuple[int, ...]  # N with those of this view
     before: Array  # (N, R, K) counts of new answers
     reported: Sequence[int]  # (n,) places of this view's words among them

@@ -1,6 +1,6 @@
 """Files of fitted label models: arrays and a JSON description in one safetensors file; nothing in it is executed."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.detection_values import UNTOLD, DetectionValues
 from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
 ANEW = "fit it anew with semantic_slam fit --from-run"
@@ -27,6 +28,7 @@ class FittedBag:
     stretch_edges_ns: tuple[int, ...]  # (F + 1,) where its stretches begin, and where the last one ends
     log_settings: tuple[float, ...]  # (R,) log weights of the settings
     class_shares: tuple[float, ...]  # (C,)
+    habits: tuple[float, ...] = tuple(EVEN_HABITS.tolist())  # (H,)
     detection: DetectionValues = UNTOLD
 
 
@@ -40,6 +42,7 @@ class FittedLabels:
     class_shares: Array  # (C,) with none of these
     bags: tuple[FittedBag, ...]
     report: dict[str, Any]
+    habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) shares of objects by how second words come
     detection: DetectionValues = UNTOLD
 
     def detection_of(self, sha256: str) -> DetectionValues:
@@ -56,12 +59,14 @@ class FittedLabels:
                 settings=self.settings,
                 confusions=self.confusions[-1:],
                 class_shares=self.class_shares,
+                habits=self.habits,
             )
         return LabelModel(
             labels=self.labels,
             settings=self.settings.weighted(np.array(known.log_settings)),
             confusions=self.confusions,
             class_shares=np.array(known.class_shares),
+            habits=np.array(known.habits),
             stretch_edges_ns=known.stretch_edges_ns,
         )
 
@@ -75,7 +80,7 @@ def save_labels(fitted: FittedLabels, path: Path) -> None:
     arrays = {f"settings.{item.name}": getattr(fitted.settings, item.name) for item in fields(LabelSettings)}
     for item in fields(Confusion):
         arrays[f"confusions.{item.name}"] = np.array([getattr(own, item.name) for own in fitted.confusions])
-    arrays["class_shares"] = fitted.class_shares
+    arrays["class_shares"], arrays["habits"] = fitted.class_shares, fitted.habits
     description = {
         "labels": list(fitted.labels),
         "bags": [asdict(bag) for bag in fitted.bags],
@@ -108,6 +113,7 @@ def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabe
             for counts, none, share in zip(*parts, strict=True)
         ),
         class_shares=arrays["class_shares"],
+        habits=arrays.get("habits", EVEN_HABITS),
         bags=tuple(_bag(own) for own in description["bags"]),
         report=dict(description["report"]),
         detection=_detection(description),
@@ -116,14 +122,18 @@ def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabe
 
 def _bag(told: dict[str, Any]) -> FittedBag:
     numbers = {name: tuple(told[name]) for name in ("stretch_edges_ns", "log_settings", "class_shares")}
-    return FittedBag(path=str(told["path"]), sha256=str(told["sha256"]), detection=_detection(told), **numbers)
+    habits = tuple(told.get("habits", EVEN_HABITS.tolist()))
+    return FittedBag(
+        path=str(told["path"]), sha256=str(told["sha256"]), habits=habits, detection=_detection(told), **numbers
+    )
 
 
 def _detection(told: dict[str, Any]) -> DetectionValues:
     """Raises TypeError or ValueError."""
     own = dict(told.get("detection") or {})
+    shares = tuple(float(value) for value in own.pop("by_direction", ()))
     values = {name: None if value is None else float(value) for name, value in own.items()}
-    return DetectionValues(**values)
+    return DetectionValues(by_direction=shares, **values)
 
 
 def _check(found: FittedLabels) -> None:
@@ -134,17 +144,18 @@ def _check(found: FittedLabels) -> None:
     for confusion in found.confusions:
         sectors = found.confusions[-1].num_sectors
         shapes += [(confusion.counts, (sectors, size, size + 1)), (confusion.none, (HIDDEN_NONE, size + 1))]
-    shapes.append((found.class_shares, (size + 1,)))
+    shapes += [(found.class_shares, (size + 1,)), (found.habits, EVEN_HABITS.shape)]
     for bag in found.bags:
         shapes.append((np.array(bag.stretch_edges_ns, dtype=np.int64), (len(found.confusions),)))
         shapes += [(np.array(bag.log_settings), (count,)), (np.array(bag.class_shares), (size + 1,))]
+        shapes.append((np.array(bag.habits), EVEN_HABITS.shape))
     for values_, shape in shapes:
         if values_.shape != shape or not np.all(np.isfinite(values_)):
             raise ValueError("an array has a wrong shape or is not finite")
     for own in (found.detection, *(bag.detection for bag in found.bags)):
         _check_detection(own)
     counts = [part for own in found.confusions for part in (own.counts, own.none)]
-    if min(part.min() for part in counts) <= 0.0 or found.class_shares.min() <= 0.0:
+    if min(part.min() for part in counts) <= 0.0 or min(found.class_shares.min(), found.habits.min()) <= 0.0:
         raise ValueError("counts and shares must be above 0")
 
 
@@ -157,3 +168,7 @@ def _check_detection(own: DetectionValues) -> None:
         raise ValueError("a half range must be above 0")
     if persistence is not None and not 0.0 <= persistence < 1.0:
         raise ValueError("a persistence must not be below 0, and be below 1")
+    if len(own.by_direction) == 1 or not all(0.0 < share <= 1.0 for share in own.by_direction):
+        raise ValueError("shares by direction must be two or more, above 0 and at most 1")
+    if own.by_direction and not (own.field_of_view_rad and own.field_of_view_rad > 0.0):
+        raise ValueError("shares by direction need the field of view that they are over")

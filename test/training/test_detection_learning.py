@@ -10,8 +10,9 @@ from semantic_slam.class_models.detector import with_fitted_detection
 from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.states.detection_rates import DetectionRates
-from semantic_slam.training.detection.looks import Looks
-from semantic_slam.training.detection.rates import grid, learned, log_evidence
+from semantic_slam.training.detection.evidence import log_evidence
+from semantic_slam.training.detection.looks import NUM_DIRECTIONS, Looks
+from semantic_slam.training.detection.rates import grid, learned
 from semantic_slam.viewpoint.detection_values import DetectionValues
 from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_settings import LabelSettings
@@ -21,17 +22,26 @@ AS_TOLD = OpenWorldConfiguration(detection_probability=0.9)
 
 
 def looks(seed: int, probability: float, half_range_m: float, keyframes: int = 60, objects: int = 8) -> Looks:
-    """All in view all the time, at distances that are drawn anew."""
+    """All in view all the time, at distances that are drawn anew, straight ahead."""
     random = np.random.default_rng(seed)
     ranges = random.uniform(0.5, 5.0, (keyframes, objects))
     return Looks(
-        weight=1.0,
-        existence=np.ones(objects),
+        weights=np.ones(objects),
         is_known=np.ones((keyframes, objects), dtype=bool),
         is_detected=random.random((keyframes, objects)) < probability * 2.0 ** -((ranges / half_range_m) ** 2),
         in_view=np.ones((keyframes, objects)),
         ranges_m=ranges,
+        off_centre_rad=np.zeros((keyframes, objects)),
+        field_of_view_rad=AS_TOLD.field_of_view_rad,
     )
+
+
+def looks_to_the_right(seed: int, keyframes: int = 60, objects: int = 8) -> Looks:
+    """From all over the field of view, of which the right half detects a third as often as the left one."""
+    random = np.random.default_rng(seed)
+    off_centre = AS_TOLD.field_of_view_rad * random.uniform(-0.5, 0.5, (keyframes, objects))
+    detected = random.random((keyframes, objects)) < np.where(off_centre < 0.0, 0.3, 0.9)
+    return replace(looks(0, 0.9, np.inf, keyframes, objects), is_detected=detected, off_centre_rad=off_centre)
 
 
 def test_the_evidence_of_independent_misses_is_that_of_coins() -> None:
@@ -56,14 +66,33 @@ def test_misses_that_come_in_runs_have_the_evidence_of_the_sum_over_what_was_det
 
 
 def test_a_detector_that_sees_less_far_off_is_told_from_its_looks() -> None:
-    found = learned([[looks(seed, 0.8, 4.0)] for seed in range(3)], AS_TOLD, 5)
-    assert found.is_kept and found.after > found.before + 100.0
+    found = learned([looks(seed, 0.8, 4.0) for seed in range(3)], AS_TOLD, 5)
+    assert found.is_kept and found.alike > found.before + 100.0
     assert found.values == DetectionValues(probability=0.8, half_range_m=4.0, persistence=0.0)
     assert len(found.without) == 3 and all(own.half_range_m == 4.0 for own in found.without)
 
 
+def test_a_detector_that_sees_less_to_one_side_is_told_from_its_looks() -> None:
+    found = learned([looks_to_the_right(seed) for seed in range(3)], AS_TOLD, 5)
+    assert found.by_direction > found.alike + 30.0
+    shares = np.array(found.values.by_direction)
+    assert np.all(shares[: NUM_DIRECTIONS // 2] <= 0.5) and np.all(shares[NUM_DIRECTIONS // 2 + 1 :] >= 0.8)
+    assert found.values.probability == pytest.approx(0.9, abs=0.06) and found.values.half_range_m is None
+    assert all(own.by_direction for own in found.without)
+
+
+def test_shares_of_directions_have_the_evidence_of_coins() -> None:
+    seen, shares = looks_to_the_right(1), np.linspace(0.2, 1.0, NUM_DIRECTIONS)
+    rates = DetectionRates.of(AS_TOLD)
+    chance = 0.9 * np.interp(seen.off_centre_rad, AS_TOLD.field_of_view_rad * np.linspace(-0.5, 0.5, 7), shares)
+    exact = np.where(seen.is_detected, np.log(chance), np.log1p(-chance)).sum(axis=1)
+    np.testing.assert_allclose(log_evidence(seen, rates, shares[:, None])[:, 0], exact)
+    configured = DetectionRates.of(replace(AS_TOLD, detection_by_direction=tuple(shares)))
+    np.testing.assert_allclose(log_evidence(seen, configured)[:, 0], exact)
+
+
 def test_a_detector_as_it_was_told_stays_so() -> None:
-    found = learned([[looks(1, 0.9, np.inf, keyframes=20)], []], AS_TOLD, 5)
+    found = learned([looks(1, 0.9, np.inf, keyframes=20), None], AS_TOLD, 5)
     assert not found.is_kept and found.without == (DetectionValues(), DetectionValues())
 
 
@@ -79,7 +108,9 @@ def test_a_run_takes_what_was_learned_without_its_own_bag(tmp_path: Path) -> Non
         class_shares=np.array([0.5, 0.5]),
         bags=(bag,),
         report={},
-        detection=DetectionValues(probability=0.7, half_range_m=4.0, persistence=0.5),
+        detection=DetectionValues(
+            probability=0.7, half_range_m=4.0, persistence=0.5, by_direction=(0.5, 1.0, 0.5), field_of_view_rad=1.4
+        ),
     )
     path = tmp_path / "models.safetensors"
     save_labels(fitted, path)
@@ -87,6 +118,9 @@ def test_a_run_takes_what_was_learned_without_its_own_bag(tmp_path: Path) -> Non
     settings = SemanticModelConfiguration(kind="detector", labels=("cup",), path=str(path))
     other = with_fitted_detection(AS_TOLD, settings, "cd")
     assert other.detection_probabilities == (0.7,) and other.detection_half_ranges_m == (4.0,)
+    assert other.detection_by_direction == (0.5, 1.0, 0.5)
+    narrow = with_fitted_detection(replace(AS_TOLD, field_of_view_rad=0.7), settings, "cd")
+    assert narrow.detection_by_direction == (0.75, 1.0, 0.75)
     assert with_fitted_detection(AS_TOLD, settings, "ab") == replace(AS_TOLD, detection_probabilities=(0.6,))
     asked = replace(AS_TOLD, detection_probabilities=(0.5, 0.9))
     assert with_fitted_detection(asked, settings, "cd").detection_probabilities == (0.5, 0.9)

@@ -23,6 +23,7 @@ from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.label_runner_up import HABITS
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
 LABELS = ("cup", "sofa", "tv")
@@ -67,6 +68,26 @@ def test_confusions_and_shares_are_found_without_being_told_what_is_what():
     counts = whole.confusions[0].counts[0]
     np.testing.assert_allclose(counts / counts.sum(axis=1, keepdims=True), THETA, atol=0.08)
     np.testing.assert_allclose(whole.class_shares, [10 / 22, 7 / 22, 4 / 22, 1 / 22], atol=0.03)
+
+
+@pytest.mark.usefixtures("few_settings")
+def test_how_often_the_truth_comes_second_is_found():
+    random, tracks = np.random.default_rng(4), []
+    for number, row in enumerate([0, 1, 0, 1, 0, 1]):
+        own = track(number, random.choice(4, 15, p=THETA[row]), around(random, 15))
+        views = [replace(view, shares=_with_second(view.answer, row, random)) for view in own.views]
+        tracks.append(replace(own, views=tuple(views)))
+    habits = alike(START, BEFORE, tracks).whole.model.habits
+    assert habits.sum() == pytest.approx(1.0) and habits[HABITS[0] > 0.0].sum() > 0.8
+
+
+def _with_second(answer: int, truth: int, random: np.random.Generator) -> np.ndarray:
+    """(W,) scores: where the answer is wrong, the truth is second nine times in ten, else anything is."""
+    others = [word for word in range(4) if word != answer]
+    second = truth if answer != truth and random.random() < 0.9 else int(random.choice(others))
+    shares = np.full(4, 0.05)
+    shares[answer], shares[second] = 0.6, 0.3
+    return shares
 
 
 @pytest.mark.usefixtures("few_settings")
@@ -137,5 +158,7 @@ def test_runs_that_tell_nothing_of_labels_are_refused(tmp_path):
         tmp_path / "out" / "belief",
         load_configuration(configuration),
     )
-    with pytest.raises(InputError, match=r"ran with semantic_model\.kind: none, by which labels name nothing"):
+    with pytest.raises(
+        InputError, match=r"ran with semantic_model\.kind: none, by which labels and vectors name nothing"
+    ):
         read_runs([tmp_path / "out"])

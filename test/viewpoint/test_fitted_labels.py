@@ -10,6 +10,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelView
+from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS
 from semantic_slam.viewpoint.label_settings import LabelSettings
 from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels, read_labels, save_labels
 from semantic_slam.viewpoint.label_vocabulary import with_vocabulary
@@ -127,9 +128,11 @@ FITTED = FittedLabels(
             stretch_edges_ns=(10, 20),
             log_settings=(0.0, -1.0, 0.0, 0.0),
             class_shares=(0.2, 0.2, 0.6),
+            habits=tuple((EVEN_HABITS + np.linspace(0.01, -0.01, len(EVEN_HABITS))).tolist()),
         ),
     ),
     report={"rounds": 2},
+    habits=EVEN_HABITS + np.linspace(-0.02, 0.02, len(EVEN_HABITS)),
 )
 
 
@@ -142,6 +145,8 @@ def test_a_file_gives_back_what_was_written(tmp_path):
     known, unknown = found.model("ab"), found.model("cd")
     assert (len(known.confusions), len(unknown.confusions)) == (2, 1)
     np.testing.assert_allclose(known.class_shares, [0.2, 0.2, 0.6])
+    np.testing.assert_allclose(known.habits, FITTED.bags[0].habits)
+    np.testing.assert_allclose(unknown.habits, FITTED.habits)
     assert known.settings.log_weights[1] < known.settings.log_weights[0]
     np.testing.assert_allclose(unknown.settings.log_weights, -np.log(4.0))
 
@@ -151,6 +156,7 @@ def test_a_file_of_something_else_is_refused_in_one_line(tmp_path):
     path.write_bytes(b"not a file of models")
     with pytest.raises(InputError, match="not readable as safetensors"):
         read_labels(path)
-    save_labels(replace(FITTED, class_shares=SHARES[:2]), path)
-    with pytest.raises(InputError, match="fit it anew with semantic_slam fit --from-run"):
-        read_labels(path)
+    for wrong in ({"class_shares": SHARES[:2]}, {"habits": EVEN_HABITS[1:]}, {"habits": 0.0 * EVEN_HABITS}):
+        save_labels(replace(FITTED, **wrong), path)
+        with pytest.raises(InputError, match="fit it anew with semantic_slam fit --from-run"):
+            read_labels(path)

@@ -87,7 +87,7 @@ def detection_probabilities(
         inside *= region.not_occluded(
             relative[..., :2], shown.ranges_m, shown.bearings_rad, shown.free_range_scan, variances
         )
-    return _by_rates(rates, inside, relative)
+    return _by_rates(region, rates, inside, relative)
 
 
 def predicted_detection_probabilities(
@@ -96,16 +96,17 @@ def predicted_detection_probabilities(
     """(N, G) the same at the prediction itself, nothing being hidden."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
     spread = _relative_covariance(relative, prediction, prediction.robot_covariance[None])
-    return _by_rates(rates, region.contains(relative[..., :2], spread)[0], relative[0])
+    return _by_rates(region, rates, region.contains(relative[..., :2], spread)[0], relative[0])
 
 
-def _by_rates(rates: DetectionRates, inside: Array, relative: Array) -> Array:
+def _by_rates(region: SensorRegion, rates: DetectionRates, inside: Array, relative: Array) -> Array:
     """(..., G) detection probabilities of objects at (..., 3) in the body frame, (...,) of which lies inside.
 
-    They fall off with the distance that is expected.
+    They fall off with the distance that is expected, and by the direction that is.
     """
     distance = np.hypot(relative[..., 0], relative[..., 1])
-    return np.asarray(inside[..., None] * rates.probability * rates.fall_off(distance))
+    found = inside[..., None] * rates.probability * rates.fall_off(distance)
+    return rates.by_direction.times(found, relative, region.direction_rad)
 
 
 def _relative_covariance(relative: Array, prediction: PredictedObjects, covariance: Array) -> Array:
@@ -134,6 +135,7 @@ def undetected_share(
     """
     sensors, which = rates.sensors
     numbers, times, ranges = _looks(region, trail, points, hiding)
+    shares = _shares(region, sensors, points[numbers], trail[times], ranges)
     ends = np.cumsum(np.bincount(numbers, minlength=len(points)))
     columns = np.arange(len(numbers)) - ends[numbers]  # -1: the newest look of its point
     newest = columns >= -MOST_LOOKS
@@ -143,9 +145,15 @@ def undetected_share(
     until = np.append(times[1:], 0)
     until[columns == -1] = len(trail)
     chances, gaps = np.zeros((count, len(points), len(sensors))), np.zeros((count, len(points)), dtype=int)
-    chances[columns[newest], numbers[newest]] = sensors.fall_off(ranges[newest])
+    chances[columns[newest], numbers[newest]] = shares[newest]
     gaps[columns[newest], numbers[newest]] = (until - times)[newest]
     return sensors.runs.still_undetected(chances, gaps)[:, which]
+
+
+def _shares(region: SensorRegion, sensors: DetectionRates, points: Array, robots: Array, ranges: Array) -> Array:
+    """(L, P) detection probabilities of (L, 2) points from (L, 3) poses, as shares of those right at the sensor."""
+    relative, direction_rad = points - robots[:, :2], region.direction_rad + robots[:, 2]
+    return sensors.by_direction.times(sensors.fall_off(ranges), relative, direction_rad)
 
 
 def _looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:

@@ -18,8 +18,8 @@ from semantic_slam.inference.association.gating import PairDensities, RankedAssi
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.candidates import Candidates
-from semantic_slam.inference.evidence.keyframe_problem import search_start
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
+from semantic_slam.inference.evidence.search_start import search_start
 from semantic_slam.inference.models.step import AssociatedDetection, Step
 from semantic_slam.inference.open_world.existence_accounts import ExistenceAccounts
 from semantic_slam.inference.open_world.keyframe_problems import open_keyframe_problem

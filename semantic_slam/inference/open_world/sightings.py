@@ -34,7 +34,8 @@ class Sightings:
         for k, (pose, region) in enumerate(zip(self.path, self.regions, strict=True)):
             relative = se2.between(np.broadcast_to(pose, poses.shape), poses)[..., :2]
             inside = region.contains(relative, np.broadcast_to(spread, (*relative.shape[:-1], 2, 2)))
-            found[..., k, :] = inside[..., None] * self.sensors.fall_off(np.hypot(relative[..., 0], relative[..., 1]))
+            seen = inside[..., None] * self.sensors.fall_off(np.hypot(relative[..., 0], relative[..., 1]))
+            found[..., k, :] = self.sensors.by_direction.times(seen, relative, region.direction_rad)
         return found
 
     def log_likelihoods(self, in_view: Array, detected: Flags, first: Index) -> Array:

@@ -29,6 +29,7 @@ def first_detections(
     places = np.concatenate([everywhere, points])
     distances = np.concatenate([ranges, np.hypot(*(points - robot[:2]).T)])
     found = rates.birth_density * rates.probability * rates.fall_off(distances)
+    found = rates.by_direction.times(found, places - robot[:2], region.direction_rad + robot[2])
     if least < 1.0 and len(trail):
         found = found * np.maximum(undetected_share(region, rates, trail, places, hiding), least)
     return region.area_m2 * found[: len(ranges)].mean(axis=0), found[len(ranges) :]

@@ -14,6 +14,7 @@ import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.states.direction_shares import ALIKE, DirectionShares
 from semantic_slam.inference.states.miss_runs import MissRuns
 
 LEAST_LOG_WEIGHT = float(np.log(1e-6))
@@ -38,6 +39,7 @@ class DetectionRates:
     clutter_per_frame: Array  # (G,) false alarms expected in a frame
     persistence: Array  # (G,) of whether an object can be detected, from one keyframe to the next
     log_weights: Array = field(default_factory=lambda: np.zeros(1))  # (G,) normalised
+    by_direction: DirectionShares = ALIKE  # under all settings
 
     @classmethod
     def of(cls, settings: OpenWorldConfiguration) -> Self:
@@ -57,6 +59,7 @@ class DetectionRates:
             clutter_per_frame=clutter,
             persistence=persistence,
             log_weights=np.full(len(density), -np.log(len(density))),
+            by_direction=DirectionShares.of(settings),
         )
 
     def __len__(self) -> int:
@@ -90,7 +93,7 @@ class DetectionRates:
             return_index=True,
             return_inverse=True,
         )
-        return self._take(first), which.ravel()
+        return self.take(first), which.ravel()
 
     def average(self, values: Array) -> Array:
         """(...,) means of (..., G) over the settings."""
@@ -114,9 +117,10 @@ class DetectionRates:
             return self, np.ones(1, dtype=bool)
         kept = log_weights >= LEAST_LOG_WEIGHT
         left = log_weights[kept]
-        return replace(self._take(np.flatnonzero(kept)), log_weights=left - np.logaddexp.reduce(left)), kept
+        return replace(self.take(np.flatnonzero(kept)), log_weights=left - np.logaddexp.reduce(left)), kept
 
-    def _take(self, rows: Index) -> Self:
+    def take(self, rows: Index) -> Self:
+        """Some of the settings, with the weights that they have."""
         some: dict[str, Any] = {name: getattr(self, name)[rows] for name in (*NAMES.values(), "log_weights")}
         return replace(self, **some)
 

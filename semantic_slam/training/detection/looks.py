@@ -1,11 +1,12 @@
-"""Looks of a run at the objects that it knows: how far they were, whether in view, and whether they were detected.
+"""Looks of a run at the objects that it knows: from how far and where, whether in view, and whether they were detected.
 
 As the hypotheses that live at the end have it, by their weights. An object is looked at from the keyframe after its
 first detection on; the first one is what it exists by, and tells nothing of how often it is detected.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,62 +18,83 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
+from semantic_slam.inference.states.direction_shares import even_directions
 
 LEAST_WEIGHT = 0.01
 """Hypotheses that are less likely are left out."""
 LEAST_EXISTENCE = 0.5
 """Objects that are less likely to be there are left out."""
+NUM_DIRECTIONS = 7
+"""Directions from the right edge of the field of view to its left one, in which detection probabilities may differ."""
 LEAST_SHARE = 1e-3
 """Probability that what is detected is in view: where it seems not to be, its place was wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Looks:
-    """K keyframes of one hypothesis of one run, and its O objects."""
+    """K keyframes of one run, and O objects; one that was detected in other keyframes by some is there for each."""
 
-    weight: float  # of the hypothesis
-    existence: Array  # (O,)
+    weights: Array  # (O,) probability that it exists, and was detected then
     is_known: Flags  # (K, O) since an earlier keyframe
     is_detected: Flags  # (K, O)
     in_view: Array  # (K, O) probability of being inside the region and not hidden
     ranges_m: Array  # (K, O)
+    off_centre_rad: Array  # (K, O) bearings off the middle of the region
+    field_of_view_rad: float  # of the region
 
     @property
     def num_in_view(self) -> int:
         """Looks at objects that are known and probably in view."""
-        return int((self.is_known & (self.in_view > 0.5)).sum())
+        return round(float((self.is_known & (self.in_view > 0.5)).sum(axis=0) @ self.weights))
+
+    @cached_property
+    def hats(self) -> Array:
+        """(K, O, NUM_DIRECTIONS) how far each look is in each of the directions; they add to 1."""
+        nodes = even_directions(NUM_DIRECTIONS, self.field_of_view_rad)
+        return np.stack([np.interp(self.off_centre_rad, nodes, own) for own in np.eye(NUM_DIRECTIONS)], axis=-1)
 
 
-def looks_of(record: Record, settings: Configuration) -> list[Looks]:
-    """Looks of each hypothesis that lives at the end; none where misses do not count in a region that was told."""
+def looks_of(record: Record, settings: Configuration) -> Looks | None:
+    """Looks of the hypotheses that live at the end; None where misses do not count in a region that was told."""
     beliefs = record.beliefs
     if not strategy_of(settings).counts_misses or settings.open_world.learn_region:
-        return []
+        return None
     last = beliefs[-1]
     kept = (last.existence >= LEAST_EXISTENCE) & np.isfinite(last.object_poses).all(axis=1)
     ids, existence = last.object_ids[kept].astype(int), last.existence[kept]
     if not len(ids):
-        return []
-    in_view, ranges = (
-        np.array(own) for own in zip(*_seen(record, sensor_region(settings.open_world), ids), strict=True)
-    )
-    weights = np.exp(last.log_weights)
-    found = histories(beliefs)
-    likely = np.flatnonzero(weights >= LEAST_WEIGHT).tolist()
-    return [_looks(float(weights[row]), existence, in_view, ranges, _detected(found, row, ids)) for row in likely]
-
-
-def _looks(weight: float, existence: Array, in_view: Array, ranges: Array, detected: Flags) -> Looks:
+        return None
+    columns, weights, detected = _distinct(beliefs, ids)
+    seen = [
+        np.array(own)[:, columns] for own in zip(*_seen(record, sensor_region(settings.open_world), ids), strict=True)
+    ]
+    in_view, ranges, off_centre = seen
     is_known = np.zeros_like(detected)
     is_known[1:] = np.logical_or.accumulate(detected, axis=0)[:-1]
     return Looks(
-        weight=weight,
-        existence=existence,
+        weights=weights * existence[columns],
         is_known=is_known,
         is_detected=detected,
         in_view=np.where(detected, np.maximum(in_view, LEAST_SHARE), in_view),
         ranges_m=ranges,
+        off_centre_rad=off_centre,
+        field_of_view_rad=settings.open_world.field_of_view_rad,
     )
+
+
+def _distinct(beliefs: Sequence[HybridBelief], ids: Index) -> tuple[Index, Array, Flags]:
+    """(R,) which of the objects was detected in which keyframes (K, R), by hypotheses that weigh so much (R,)."""
+    hypotheses = np.exp(beliefs[-1].log_weights)
+    likely = np.flatnonzero(hypotheses >= LEAST_WEIGHT)
+    found, weights = histories(beliefs), dict[tuple[int, bytes], float]()
+    for row in likely.tolist():
+        detected = _detected(found, row, ids)
+        for column in range(len(ids)):
+            what = column, detected[:, column].tobytes()
+            weights[what] = weights.get(what, 0.0) + float(hypotheses[row])
+    columns = np.array([column for column, _ in weights], dtype=int)
+    flags = np.array([np.frombuffer(own, dtype=bool) for _, own in weights])
+    return columns, np.array(list(weights.values())) / hypotheses[likely].sum(), flags.T
 
 
 def _detected(found: list[Index], row: int, ids: Index) -> Flags:
@@ -80,8 +102,8 @@ def _detected(found: list[Index], row: int, ids: Index) -> Flags:
     return np.array([np.isin(ids, own[row]) for own in found])
 
 
-def _seen(record: Record, region: SensorRegion, ids: Index) -> Iterator[tuple[Array, Array]]:
-    """For each keyframe (O,) probabilities that objects are in view, and their ranges, by what was believed then."""
+def _seen(record: Record, region: SensorRegion, ids: Index) -> Iterator[tuple[Array, Array, Array]]:
+    """For each keyframe (O,) probabilities that objects are in view, ranges and bearings, by what was believed then."""
     beliefs, ancestors = record.beliefs, lineage(record.beliefs)
     for belief, ancestor in zip(beliefs, ancestors, strict=True):
         robot = planar_from_pose_vector(belief.poses[max(ancestor, 0)])
@@ -91,7 +113,8 @@ def _seen(record: Record, region: SensorRegion, ids: Index) -> Iterator[tuple[Ar
         measured = record.measurements[belief.stamp_ns]
         inside = region.contains(relative, turned)
         clear = region.not_occluded(relative, measured.ranges_m, measured.bearings_rad, measured.free_range_scan)
-        yield inside * clear, np.hypot(relative[:, 0], relative[:, 1])
+        bearings = np.arctan2(relative[:, 1], relative[:, 0])
+        yield inside * clear, np.hypot(relative[:, 0], relative[:, 1]), region.off_centre(bearings)
 
 
 def _places(belief: HybridBelief, last: HybridBelief, ids: Index) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.labels.expectation import Expectation, Replayed, expected, replayed
 from semantic_slam.training.labels.fit import Fitted, fitted
-from semantic_slam.training.labels.maximisation import BeforeFit, class_shares
+from semantic_slam.training.labels.maximisation import BeforeFit, class_shares, habit_shares
 from semantic_slam.training.labels.passes import FOLDS, Pass, views_of
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE
@@ -35,8 +35,8 @@ def alike(start: LabelModel, before: BeforeFit, tracks: Sequence[Track]) -> Fitt
     settings = LabelSettings.grid(REPEAT_SHARES, REPEAT_RADS, COUNT_FACTORS, other_factor=1.0)
 
     def refit(own: Pass, _: int) -> LabelModel:
-        shares = class_shares(own.weights @ own.told.classes)
-        return replace(own.model, confusions=(before.fitted(own),), class_shares=shares)
+        shares, habits = class_shares(own.weights @ own.told.classes), habit_shares(own.weights @ own.told.habits)
+        return replace(own.model, confusions=(before.fitted(own),), class_shares=shares, habits=habits)
 
     return fitted([replace(start, settings=settings)] * len(FOLDS), refit, tracks, patience=1)
 

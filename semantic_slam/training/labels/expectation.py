@@ -27,6 +27,7 @@ class Expectation:
     inliers: Array  # (R,) new answers that are no outliers, however drawn
     outliers: Array  # (R,)
     classes: Array  # (R, C) objects of each class that no map knows
+    habits: Array  # (R, H) objects by how their second words come
     log_evidence: Array  # (R,) of the views
 
     @classmethod
@@ -38,6 +39,7 @@ class Expectation:
             inliers=np.zeros(count),
             outliers=np.zeros(count),
             classes=np.zeros((count, len(model.class_names))),
+            habits=np.zeros((count, len(model.habits))),
             log_evidence=np.zeros(count),
         )
 
@@ -48,6 +50,7 @@ class Expectation:
             inliers=self.inliers + weight * other.inliers,
             outliers=self.outliers + weight * other.outliers,
             classes=self.classes + weight * other.classes,
+            habits=self.habits + weight * other.habits,
             log_evidence=self.log_evidence + weight * other.log_evidence,
         )
 
@@ -107,11 +110,13 @@ def expected(model: LabelModel, told: Replayed, rows: Array) -> Expectation:
         drawn[:, (model.confusions[-1].sector_of(view.direction) - headings) % sectors] += words
         inliers += (rows * shares.inlier).sum(axis=1)
         outliers += (rows * shares.outlier).sum(axis=1)
+    classes = _classes(rows, labels, sectors)
     return Expectation(
         drawn=drawn,
         inliers=inliers,
         outliers=outliers,
-        classes=found.classes if told.is_mapped else _classes(rows, labels, sectors),
+        classes=found.classes if told.is_mapped else classes,
+        habits=classes @ told.record.seconds.habits,
         log_evidence=told.log_evidence,
     )
 

@@ -17,7 +17,7 @@ from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.expectation import Expectation
 from semantic_slam.training.labels.fit import Fitted, as_they_are
 from semantic_slam.training.labels.judgement import Judgement, judged
-from semantic_slam.training.labels.maximisation import BeforeFit, class_shares
+from semantic_slam.training.labels.maximisation import BeforeFit, class_shares, habit_shares
 from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, passed
 from semantic_slam.training.labels.report import report_of
 from semantic_slam.training.labels.runs import Run
@@ -65,8 +65,8 @@ class RunTracks:
         settings = self.runs[0].configuration.open_world
         return learned([looks_of(run.record, run.configuration) for run in self.runs], settings, STRETCHES)
 
-    def bags(self, without: Sequence[tuple[Array, Array]]) -> tuple[FittedBag, ...]:
-        """Each with the log weights of settings and the shares of classes that the others tell, and their rates."""
+    def bags(self, without: Sequence[tuple[Array, Array, Array]]) -> tuple[FittedBag, ...]:
+        """Each with log weights of settings and shares of classes and habits that the others tell, and their rates."""
         return tuple(
             FittedBag(
                 path=run.bag,
@@ -74,9 +74,10 @@ class RunTracks:
                 stretch_edges_ns=edges,
                 log_settings=tuple(log_settings.tolist()),
                 class_shares=tuple(shares.tolist()),
+                habits=tuple(habits.tolist()),
                 detection=detection,
             )
-            for run, edges, (log_settings, shares), detection in zip(
+            for run, edges, (log_settings, shares, habits), detection in zip(
                 self.runs, self.edges, without, self.detection.without, strict=True
             )
         )
@@ -115,13 +116,14 @@ def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> Fitted
     model = replace(whole.model, settings=whole.model.settings.take(kept))
     own = [passed(model, tracks, NO_STRETCH).told for tracks in told.tracks]
 
-    def of(runs: Sequence[Expectation]) -> tuple[Array, Array]:
-        """(R,) log weights of settings and (C,) shares of classes."""
+    def of(runs: Sequence[Expectation]) -> tuple[Array, Array, Array]:
+        """(R,) log weights of settings, (C,) shares of classes and (H,) of habits."""
         told = reduce(lambda one, other: one.plus(other, 1.0), runs, Expectation.nothing(model))
         settings = model.settings.weighted(model.settings.log_weights + told.log_evidence).log_weights
-        return settings, class_shares(np.exp(settings) @ told.classes)
+        weights = np.exp(settings)
+        return settings, class_shares(weights @ told.classes), habit_shares(weights @ told.habits)
 
-    log_settings, shares = of(own)
+    log_settings, shares, habits = of(own)
     words = np.tensordot(whole.weights, whole.told.drawn, axes=1).sum(axis=(0, 2))  # (L,)
     without = [of([*own[:number], *own[number + 1 :]]) for number in range(len(own))]
     return FittedLabels(
@@ -129,6 +131,7 @@ def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> Fitted
         settings=model.settings.weighted(log_settings),
         confusions=tuple(_lean(own.model.confusions[-1], words >= LEAST_WORDS) for own in found.passes),
         class_shares=shares,
+        habits=habits,
         bags=told.bags(without),
         report=report,
         detection=told.detection.values,
@@ -148,7 +151,7 @@ def _as_before(unfitted: Fitted, told: RunTracks, report: dict[str, Any]) -> Fit
         settings=model.settings,
         confusions=tuple(own.model.confusions[-1] for own in unfitted.passes),
         class_shares=model.class_shares,
-        bags=told.bags([(model.settings.log_weights, model.class_shares)] * len(told.runs)),
+        bags=told.bags([(model.settings.log_weights, model.class_shares, model.habits)] * len(told.runs)),
         report=report,
         detection=told.detection.values,
     )

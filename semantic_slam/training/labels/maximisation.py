@@ -28,6 +28,11 @@ def class_shares(objects: Array) -> Array:
     return np.asarray((CLASS_OBJECTS + objects) / (CLASS_OBJECTS + objects).sum())
 
 
+def habit_shares(objects: Array) -> Array:
+    """(H,) shares of habits, from (H,) objects that have each; one object is spread evenly before."""
+    return np.asarray((1.0 / len(objects) + objects) / (1.0 + objects.sum()))
+
+
 @dataclass(frozen=True, kw_only=True)
 class BeforeFit:
     """What is expected of any detector."""

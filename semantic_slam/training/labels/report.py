@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.training.labels.fit import Fitted
 from semantic_slam.training.labels.judgement import Judgement
+from semantic_slam.viewpoint.label_runner_up import truth_second
 
 MOST_OTHERS = 3
 """Names that a class is confused with, the most frequent ones, which are told."""
@@ -32,6 +33,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
         "repeat_share": float(weights @ settings.repeat_shares),
         "repeat_rad": float(weights @ settings.repeat_rads),
         "scores_count": float(weights @ settings.by_score),
+        "truth_second": float(whole.model.habits @ truth_second(whole.model.num_words)),
         "outlier_share": confusion.outlier_share,
         "classes": {
             label: {
@@ -61,22 +63,28 @@ def lines_of(report: Mapping[str, Any]) -> list[str]:
     how = "from all sides alike" if report["sides"] == 1 else f"by {report['sides']} sides"
     lines.append(
         f"{how}; a view from the place of an earlier one repeats its answer with {report['repeat_share']:.2f}; outliers"
-        f" {report['outlier_share']:.3f}; {report['rounds']} rounds"
+        f" {report['outlier_share']:.3f}; where the first name is wrong the truth is second in"
+        f" {report['truth_second']:.0%}; {report['rounds']} rounds"
     )
     return [*lines, judged, detection_line(report["detection"])]
 
 
 def detection_line(own: Mapping[str, Any]) -> str:
     """How often the detector detects."""
-    before, after = own["log_evidence"]["before"], own["log_evidence"]["after"]
-    judged = f"held-out log evidence {before:.1f} -> {after:.1f} nats of {own['looks']} looks at objects in view"
+    before, after, by_direction = (own["log_evidence"][name] for name in ("before", "after", "by_direction"))
+    judged = (
+        f"held-out log evidence {before:.1f} -> {after:.1f} nats, by direction {by_direction:.1f}, of {own['looks']}"
+        " looks at objects in view"
+    )
     if not own["is_kept"]:
         return f"detected how often: too little to learn from, so it stays as configured: {judged}"
     half_range = own["half_range_m"]
     far = "at any distance" if half_range is None else f"half as often at {half_range:g} m"
+    shares = ", ".join(f"{share:g}" for share in own["by_direction"])
+    aside = f"{shares} of that from the right to the left of the field of view" if shares else "alike in all directions"
     return (
-        f"detected {own['probability']:.0%} of the time, {far}; whether an object can be detected persists with"
-        f" {own['persistence']:g} from keyframe to keyframe; {judged}"
+        f"detected {own['probability']:.0%} of the time, {far}, {aside}; whether an object can be detected persists"
+        f" with {own['persistence']:g} from keyframe to keyframe; {judged}"
     )
 
 

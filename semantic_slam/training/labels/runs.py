@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from semantic_slam.class_models.embedding import embedding_model
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration, from_dict
 from semantic_slam.errors import InputError
@@ -27,8 +28,14 @@ class Run:
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
-    """The runs in the folders that reports were written to. Raises InputError for one that tells nothing of labels."""
+    """The runs in the folders that reports were written to.
+
+    Raises InputError for one that tells nothing of labels and looks, and for runs of several kinds.
+    """
     runs = [_read(folder) for folder in folders]
+    kinds = {run.configuration.semantic_model.kind for run in runs}
+    if len(kinds) > 1:
+        raise InputError(f"the runs are of semantic_model.kind {' and '.join(sorted(kinds))}; give those of one kind")
     named = [run.sha256 for run in runs if run.sha256]
     twice = [str(folder) for folder, run in zip(folders, runs, strict=True) if named.count(run.sha256) > 1]
     if twice:
@@ -44,11 +51,11 @@ def _read(folder: Path) -> Run:
         raise InputError(f"{folder}: has no beliefs; give a folder that semantic_slam report --out wrote")
     record = read_record(beliefs)
     configuration = from_dict(json_object(record.run.configuration), f"{folder}: run configuration")
-    kind = configuration.semantic_model.kind
-    if class_model_kind(configuration.semantic_model).labels is None:
+    kind = class_model_kind(configuration.semantic_model)
+    if kind.labels is None and kind.embeddings is not embedding_model:
         raise InputError(
-            f"{folder}: ran with semantic_model.kind: {kind}, by which labels name nothing; run the bag with --config"
-            " config/detector.yaml first"
+            f"{folder}: ran with semantic_model.kind: {configuration.semantic_model.kind}, by which labels and"
+            " vectors name nothing; run the bag with --config config/detector.yaml first"
         )
     return Run(
         record=record,

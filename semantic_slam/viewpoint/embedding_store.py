@@ -1,0 +1,84 @@
+"""Files of how vectors of appearance go with the direction of view, as runs have shown; nothing in it is executed."""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.errors import InputError
+from semantic_slam.model_files import ModelFormat
+from semantic_slam.viewpoint.embedding_model import EmbeddingModel
+
+ANEW = "fit it anew with semantic_slam fit --from-run"
+FORMAT = ModelFormat(kind="embedding", schema_version=1, remedy=f"check semantic_model.path, or {ANEW}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LooksByDirection:
+    """R settings of objects: how different their sides are, and how much a view has of its own."""
+
+    repeat_rad: float  # turn over which an object's looks change
+    counts: tuple[float, ...]  # (R,) objects that count for each setting before any is seen
+
+    def of(self, model: EmbeddingModel) -> EmbeddingModel:
+        """A model with what was learned in place of what is expected of any network."""
+        return replace(model, repeat_rad=self.repeat_rad, shared_counts=self.counts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedEmbeddings:
+    """What B runs tell of a network's vectors."""
+
+    dimensions: int
+    spread_shares: tuple[float, ...]
+    noise_shares: tuple[float, ...]
+    whole: LooksByDirection | None  # None: too little was seen to tell
+    without: dict[str, LooksByDirection]  # by digest of a bag: what the others tell
+    report: dict[str, Any]
+
+    def model(self, model: EmbeddingModel, sha256: str) -> EmbeddingModel:
+        """What a bag with that digest is run with. Raises ValueError where ``model`` has other settings."""
+        own = (model.dimensions, model.spread_shares, model.noise_shares)
+        if own != (self.dimensions, self.spread_shares, self.noise_shares):
+            raise ValueError("it was fitted with other embedding_dimensions, spread_shares or noise_shares")
+        told = self.without.get(sha256, self.whole)
+        return model if told is None else told.of(model)
+
+
+def save_embeddings(fitted: FittedEmbeddings, path: Path) -> None:
+    """Write what was learned; the file has no arrays."""
+    FORMAT.write(path, {"none": np.zeros(1)}, asdict(fitted))
+
+
+def read_embeddings(path: Path) -> FittedEmbeddings:
+    """What is in a file. Raises InputError naming the file, what is wrong and the remedy."""
+    _, told = FORMAT.read(path)
+    try:
+        found = FittedEmbeddings(
+            dimensions=int(told["dimensions"]),
+            spread_shares=tuple(map(float, told["spread_shares"])),
+            noise_shares=tuple(map(float, told["noise_shares"])),
+            whole=None if told["whole"] is None else _looks(told["whole"]),
+            without={str(name): _looks(own) for name, own in dict(told["without"]).items()},
+            report=dict(told["report"]),
+        )
+        _check(found)
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InputError(f"{path}: incomplete models of vectors ({fault}); {ANEW}") from None
+    return found
+
+
+def _looks(told: dict[str, Any]) -> LooksByDirection:
+    return LooksByDirection(repeat_rad=float(told["repeat_rad"]), counts=tuple(map(float, told["counts"])))
+
+
+def _check(found: FittedEmbeddings) -> None:
+    """Raises ValueError for what no runs can tell."""
+    size = len(found.spread_shares) * len(found.noise_shares)
+    for own in (*([] if found.whole is None else [found.whole]), *found.without.values()):
+        counts = np.array(own.counts)
+        if counts.shape != (size,) or not np.isfinite(counts).all() or counts.min() <= 0.0:
+            raise ValueError("counts must be one for each setting, finite and above 0")
+        if not (np.isfinite(own.repeat_rad) and own.repeat_rad > 0.0):
+            raise ValueError("repeat_rad must be above 0")
