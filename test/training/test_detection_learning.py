@@ -10,7 +10,7 @@ from semantic_slam.class_models.detector import with_fitted_detection
 from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.states.detection_rates import DetectionRates
-from semantic_slam.training.detection.evidence import log_evidence
+from semantic_slam.training.detection.evidence import RunLooks, log_evidence
 from semantic_slam.training.detection.looks import NUM_DIRECTIONS, Looks
 from semantic_slam.training.detection.rates import grid, learned
 from semantic_slam.viewpoint.detection_values import DetectionValues
@@ -96,21 +96,54 @@ def test_a_detector_as_it_was_told_stays_so() -> None:
     assert not found.is_kept and found.without == (DetectionValues(), DetectionValues())
 
 
+def test_directions_are_told_apart_only_where_that_is_better_than_all_alike() -> None:
+    even = [replace(looks_to_the_right(seed), is_detected=looks(seed, 0.6, np.inf).is_detected) for seed in range(3)]
+    found = learned(even, AS_TOLD, 5)
+    assert found.is_kept and found.values.by_direction == () and found.values.field_of_view_rad is None
+
+
+def test_directions_of_several_fields_of_view_are_not_told_apart() -> None:
+    wide, narrow = looks_to_the_right(0), replace(looks_to_the_right(1), field_of_view_rad=0.5)
+    assert RunLooks(runs=[wide, None], num_stretches=5).of_one_view
+    assert not RunLooks(runs=[wide, narrow], num_stretches=5).of_one_view
+    found = learned([wide, narrow], AS_TOLD, 5)
+    assert found.is_kept and found.values.by_direction == ()
+
+
+def test_what_is_to_be_inferred_or_told_of_detection_leaves_out_all_that_was_fitted(tmp_path: Path) -> None:
+    settings = SemanticModelConfiguration(kind="detector", labels=("cup",), path=str(tmp_path / "models.safetensors"))
+    save_labels(fitted_labels(DetectionValues(probability=0.7, half_range_m=4.0, persistence=0.5)), Path(settings.path))
+    for told in (
+        replace(AS_TOLD, miss_persistences=(0.0, 0.9)),
+        replace(AS_TOLD, detection_half_ranges_m=(3.0,)),
+        replace(AS_TOLD, detection_by_direction=(0.5, 1.0, 0.5)),
+    ):
+        assert with_fitted_detection(told, settings, "cd") == told
+
+
+def fitted_labels(detection: DetectionValues, *bags: FittedBag) -> FittedLabels:
+    """Of a detector with one label."""
+    return FittedLabels(
+        labels=("cup",),
+        settings=LabelSettings.grid((0.0,), (0.5,), (1.0,)).take(np.array([0])),
+        confusions=(Confusion.symmetric(1, 0.8, 4.0, 0.05),) * (1 + len(bags)),
+        class_shares=np.array([0.5, 0.5]),
+        bags=bags,
+        report={},
+        detection=detection,
+    )
+
+
 def test_a_run_takes_what_was_learned_without_its_own_bag(tmp_path: Path) -> None:
     bag = FittedBag(
         path="bag", sha256="ab", stretch_edges_ns=(0, 1), log_settings=(0.0,), class_shares=(0.5, 0.5),
         detection=DetectionValues(probability=0.6),
     )  # fmt: skip
-    fitted = FittedLabels(
-        labels=("cup",),
-        settings=LabelSettings.grid((0.0,), (0.5,), (1.0,)).take(np.array([0])),
-        confusions=(Confusion.symmetric(1, 0.8, 4.0, 0.05),) * 2,
-        class_shares=np.array([0.5, 0.5]),
-        bags=(bag,),
-        report={},
-        detection=DetectionValues(
+    fitted = fitted_labels(
+        DetectionValues(
             probability=0.7, half_range_m=4.0, persistence=0.5, by_direction=(0.5, 1.0, 0.5), field_of_view_rad=1.4
         ),
+        bag,
     )
     path = tmp_path / "models.safetensors"
     save_labels(fitted, path)

@@ -16,7 +16,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.training.embeddings.learn import RunLooks, Told, learn_embeddings, lines_of
-from semantic_slam.training.labels.runs import read_runs
+from semantic_slam.training.labels.runs import Run, read_runs
 from semantic_slam.viewpoint.embedding_background import EmbeddingBackground
 from semantic_slam.viewpoint.embedding_model import EmbeddingModel
 from semantic_slam.viewpoint.embedding_store import FittedEmbeddings, LooksByDirection, read_embeddings, save_embeddings
@@ -41,7 +41,7 @@ def drawn(model: EmbeddingModel, seed: int, objects: int = 5, views: int = 12) -
             SeenView(object_id=number, vector=vector, direction=float(own), log_range=0.0)
             for vector, own in zip(vectors, directions, strict=True)
         ]
-    return RunLooks(views=found, background=BACKGROUND)
+    return RunLooks(views=found, background=BACKGROUND, sizes=frozenset({SIZE}))
 
 
 def test_how_far_looks_reach_and_how_different_sides_are_is_told_by_runs() -> None:
@@ -93,15 +93,30 @@ def test_a_run_takes_what_other_bags_tell(tmp_path: Path) -> None:
         read_embeddings(path)
 
 
-def test_one_run_is_not_enough(tmp_path: Path) -> None:
-    entries, looks = place_entries("ranges"), np.random.default_rng(0).normal(size=(2, 40))
+def run_with(looks: np.ndarray, folder: Path) -> Run:
+    """A run whose two detections of each keyframe have these vectors, (2, F)."""
+    entries = place_entries("ranges")
     for entry in of_topic(entries, topics.DETECTIONS):
         found = from_message(entry.message)
         entry.message = to_message(replace(found, embeddings=looks[: len(found)]))
     settings = {"association": "open", "semantic_model": {"kind": "embedding"}}
-    configuration = load_configuration(write_configuration(tmp_path / "configuration", **settings))
-    run_bag(write_bag(tmp_path / "bag", entries), tmp_path / "run" / "belief", configuration)
-    found = learn_embeddings(read_runs([tmp_path / "run"]))
+    configuration = load_configuration(write_configuration(folder / "configuration", **settings))
+    run_bag(write_bag(folder / "bag", entries), folder / "run" / "belief", configuration)
+    (run,) = read_runs([folder / "run"])
+    return run
+
+
+def test_one_run_is_not_enough(tmp_path: Path) -> None:
+    found = learn_embeddings([run_with(np.random.default_rng(0).normal(size=(2, 40)), tmp_path)])
     assert found.whole is None and found.report["views"] == 8
     (line,) = lines_of(found)
     assert line.startswith("one run alone cannot be judged by another")
+
+
+def test_vectors_of_zeros_tell_nothing_and_those_of_two_networks_are_not_mixed(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    short, long = (run_with(random.normal(size=(2, size)), tmp_path / str(size)) for size in (40, 48))
+    with pytest.raises(InputError, match=r"embeddings of \[40, 48\] components are mixed; give runs of one network"):
+        learn_embeddings([short, long])
+    half = run_with(np.array([random.normal(size=40), np.zeros(40)]), tmp_path / "half")
+    assert learn_embeddings([short, half]).report["views"] == 8 + 4

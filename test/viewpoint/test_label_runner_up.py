@@ -7,7 +7,7 @@ from scipy.special import gammaln
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelView
-from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS, HABITS, NONE, RunnersUp, RunnerUp
+from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS, HABITS, NONE, RunnersUp, RunnerUp, truth_second
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
 WORDS = 5
@@ -102,3 +102,9 @@ def test_habits_that_are_known_tell_more() -> None:
     known, unknown = (seconds(words, own)[1] for own in (sure / sure.sum(), EVEN_HABITS))
     assert known[CUP] - known[TV] > unknown[CUP] - unknown[TV] + 1.0
     assert seconds(words * 3)[0].habits[CUP] @ HABITS[0] > EVEN_HABITS @ HABITS[0] + 0.1
+
+
+def test_the_truth_is_second_by_chance_at_least() -> None:
+    shares = truth_second(WORDS)
+    assert shares.min() == pytest.approx(1.0 / (WORDS - 1)) and shares.max() < 1.0
+    assert truth_second(100).min() == pytest.approx(1.0 / 99.0)
