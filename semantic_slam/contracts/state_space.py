@@ -133,6 +133,18 @@ class StateSpaceContract:
         np.testing.assert_allclose(space.displacement(x, body, origin), points - origin, atol=1e-9)
         np.testing.assert_allclose(space.turned_back(x, points - space.position(x)), body, atol=1e-9)
 
+    def test_turns_about_the_vertical_leave_heights_and_the_position(self, random: np.random.Generator) -> None:
+        space, x, angle = self.space, self.states(random), 0.3
+        vertical, at, body = space.vertical(x), space.position(x), random.normal(size=space.position(x).shape)
+        before = space.displacement(x, body, at)
+        sine, cosine = (np.sin(angle), np.cos(angle)) if vertical.any() else (0.0, 1.0)
+        expected = before.copy()
+        expected[:, 0] = cosine * before[:, 0] - sine * before[:, 1]
+        expected[:, 1] = sine * before[:, 0] + cosine * before[:, 1]
+        np.testing.assert_allclose(
+            space.displacement(space.retract(x, angle * vertical), body, at), expected, atol=1e-12
+        )
+
     def test_rows_of_a_batch_are_single_states(self, random: np.random.Generator) -> None:
         space, x, y, t = self.space, self.states(random), self.states(random), self.tangents(random)
         pairs = {"compose": (x, y), "retract": (x, t), "local": (x, y), "between": (x, y), "exp": (t,)}

@@ -10,6 +10,8 @@ from semantic_slam.geometry.arrays import Array
 
 LEAST_OFF_VERTICAL_RAD = 1e-4
 """A tenth of a millimetre per metre."""
+LEAST_DISTANCE_M = 1e-6
+"""Of a point that has a direction."""
 STEEPEST_RAD = 0.5 * np.pi - LEAST_OFF_VERTICAL_RAD
 
 
@@ -19,6 +21,15 @@ def place_of_point(point: Array) -> Array:
     down = np.clip(np.arctan2(-point[..., 2], flat), -STEEPEST_RAD, STEEPEST_RAD)
     bearing = np.arctan2(point[..., 1], point[..., 0])
     return np.stack([np.hypot(flat, point[..., 2]) * np.cos(down), bearing, down], axis=-1)
+
+
+def in_plane(point: Array, covariance: Array) -> Array:
+    """(2, 2) of range in the plane and bearing of a point (3,), from its (3, 3) covariance in the body frame."""
+    reach, bearing = place_of_point(point)[:2]
+    cosine, sine = np.cos(bearing), np.sin(bearing)
+    slopes = np.array([[cosine, sine], [-sine / reach, cosine / reach]])
+    spread = slopes @ covariance[:2, :2] @ slopes.T
+    return np.asarray(0.5 * (spread + spread.T))
 
 
 def point_of_place(place: Array) -> tuple[Array, Array]:

@@ -48,6 +48,8 @@ MEASUREMENTS_LAYOUT: Layout = {
     "place_covariances": MayBeEmpty(("D", 3, 3)),
     "class_scores": MayBeEmpty(("D", "C")),
     "embeddings": MayBeEmpty(("D", "E")),
+    "points": MayBeEmpty(("D", 3)),
+    "point_covariances": MayBeEmpty(("D", 3, 3)),
 }
 FIELD_NAMES = {
     "ranges": "ranges_m",

@@ -46,6 +46,9 @@ class SemanticMeasurements:
     place_covariances: Array = field(
         default_factory=left_out
     )  # (D, 3, 3) of [range, bearing, elevation]; left out: NaN
+    points: Array = field(default_factory=left_out)  # (D, 3) in the body frame, metres, of which ranges, bearings and
+    # elevations are what a robot in the plane uses; left out: NaN
+    point_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) along the axes of the body; left out: NaN
     class_scores: Array = field(default_factory=left_out)  # (D, C) the detector's score of every class; left out: NaN
     embeddings: Array = field(
         default_factory=left_out
@@ -56,7 +59,8 @@ class SemanticMeasurements:
         if not len(self.elevations_rad):
             object.__setattr__(self, "elevations_rad", np.zeros(rows))
         shapes = {"class_scores": (rows, len(self.class_names)), "embeddings": (rows, 0)}
-        fill_left_out(self, shapes | {"place_covariances": (rows, 3, 3)})
+        spatial = {"points": (rows, 3), "place_covariances": (rows, 3, 3), "point_covariances": (rows, 3, 3)}
+        fill_left_out(self, shapes | spatial)
 
     def __len__(self) -> int:
         return len(self.detection_ids)

@@ -8,6 +8,7 @@ from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe
 from semantic_slam.geometry import se3
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 
 KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
@@ -55,14 +56,25 @@ def test_input_that_is_of_the_plane_is_refused_in_space() -> None:
         engine.process(Keyframe.spatial(0, detections=[known]))
 
 
-def test_a_straight_look_down_is_a_place_like_any_other() -> None:
-    """To a tenth of a millimetre per metre, with the covariance that it has."""
-    seen = Detection.along([0.0, 0.0, -1.0], 2.0, sigma_range_m=0.1, ray_covariance=1e-4 * np.eye(3))
-    step = SpatialReader(ConfiguredNoise()).step(Keyframe.spatial(0, detections=[seen]))
-    (found,) = step.detections
-    assert found.range_m == pytest.approx(2.0)
-    np.testing.assert_allclose(found.ray, [0.0, 0.0, -1.0], atol=2e-4)
-    np.testing.assert_allclose(found.covariance, np.diag([0.01, 1e-4, 1e-4]), atol=1e-6)
+def read(seen: Detection) -> SpatialDetection:
+    """A detection as the observation model gets it."""
+    return SpatialReader(ConfiguredNoise()).step(Keyframe.spatial(0, detections=[seen])).detections[0]
+
+
+def test_a_ray_errs_alike_whichever_way_it_points() -> None:
+    """Straight down and up too, and beside that, where bearings mean little: each has a plane of its own across it."""
+    random = np.random.default_rng(2)
+    for direction in [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], *(random.normal(size=(20, 3)) * [1e-6, 1e-6, 1.0])]:
+        found = read(Detection.along(direction, 2.0, sigma_range_m=0.1, ray_covariance=1e-4 * np.eye(3)))
+        assert found.range_m == pytest.approx(2.0, rel=1e-15)
+        np.testing.assert_allclose(found.ray, direction / np.linalg.norm(direction), atol=1e-15)
+        np.testing.assert_allclose(found.covariance, np.diag([0.01, 1e-4, 1e-4]), atol=1e-15)
+        assert found.is_round
+
+
+def test_points_at_the_body_have_no_direction() -> None:
+    with pytest.raises(InputError, match="leave out what has no direction"):
+        Detection.in_space([0.0, 0.0, 1.0], T_body_sensor=[0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0])
 
 
 def test_quaternions_of_three_digits_are_mended_and_others_refused() -> None:

@@ -32,8 +32,9 @@ def search_start(stack: KeyframeProblem) -> Array:
 
 def _turned_start(stack: KeyframeProblem, model: TurnsByTwo, best: Array, least: Array) -> Array:
     """(B, n) the ``best`` start, of energies ``least`` (B,), or one that two detections tell of an open heading."""
-    size, robot, heading = stack.layout.robot, stack.robots_of(stack.mean), stack.spaces.robot.heading
-    is_open = np.linalg.norm(stack.root[:, heading], axis=-1) > OPEN_HEADING_RAD
+    size, robot = stack.layout.robot, stack.robots_of(stack.mean)
+    turn = stack.spaces.robot.vertical(robot)[:, None]
+    is_open = np.linalg.norm((turn @ stack.root[:, :size])[:, 0], axis=-1) > OPEN_HEADING_RAD
     pairs = combinations(range(stack.rows.objects.shape[1] if is_open.any() else 0), 2)
     for one, other in pairs:
         objects = (stack.objects_of(stack.mean, number) for number in (one, other))

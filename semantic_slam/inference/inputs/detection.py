@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.sightline import place_of_point, point_of_place
+from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, in_plane, place_of_point
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
@@ -33,6 +33,10 @@ class Detection:
     label: str = ""  # what a detector calls it
     elevation_rad: float = 0.0  # downwards from the plane of x and y
     place_covariance: ArrayLike | None = None  # (3, 3) of [range, bearing, elevation], in space; None: as configured
+    point: ArrayLike | None = None  # (3,) in the body frame [m]; what :meth:`along` and :meth:`in_space` fill in
+    point_covariance: ArrayLike | None = (
+        None  # (3, 3) along the axes of the body; None: place_covariance, or as configured
+    )
     embedding: ArrayLike = ()  # appearance as a vector, of any length and unit; empty: none
 
     def __post_init__(self) -> None:
@@ -47,6 +51,10 @@ class Detection:
                 raise InputError(f"detection: {name} is {value}; leave detections out that have no such number")
         if self.range_m is not None and not (math.isfinite(self.range_m) and self.range_m > 0.0):
             raise InputError(f"detection: range_m is {self.range_m}; give metres above 0, or None for a bearing alone")
+        if self.point is not None:
+            _vector(self.point, 3, "detection: point")
+        if self.point_covariance is not None:
+            positive_definite(self.point_covariance, 3, "detection: point_covariance of [x, y, z]")
         if np.ndim(self.embedding) != 1 or not np.isfinite(np.asarray(self.embedding, dtype=np.float64)).all():
             raise InputError("detection: embedding must be one row of finite numbers; leave it out where there is none")
         if self.covariance is not None:
@@ -81,14 +89,17 @@ class Detection:
         if not se3.is_pose(pose):
             raise InputError("detection: T_body_sensor has no quaternion of unit length; give x y z qx qy qz qw")
         pose = se3.wrapped(pose)
-        place = place_of_point(pose[:3] + so3.rotated(pose[3:], seen))
+        in_body = pose[:3] + so3.rotated(pose[3:], seen)
+        if np.linalg.norm(in_body) < LEAST_DISTANCE_M:
+            raise InputError(
+                f"detection: point {point!r} is where the body is; leave out what has no direction from there"
+            )
         if covariance is not None:
-            by_point = np.linalg.inv(point_of_place(place)[1]) @ so3.matrix(pose[3:])
-            known = positive_definite(covariance, 3, "detection: covariance of [x, y, z]")
-            spread = by_point @ known @ by_point.T
-            others |= {"place_covariance": spread, "covariance": spread[:2, :2]}
-        reach, bearing, down = place.tolist()
-        return cls(range_m=reach, bearing_rad=bearing, elevation_rad=down, **others)
+            turn = so3.matrix(pose[3:])
+            known = turn @ positive_definite(covariance, 3, "detection: covariance of [x, y, z]") @ turn.T
+            others |= {"point_covariance": known, "covariance": in_plane(in_body, known)}
+        reach, bearing, down = place_of_point(in_body).tolist()
+        return cls(range_m=reach, bearing_rad=bearing, elevation_rad=down, point=in_body, **others)
 
     @classmethod
     def along(

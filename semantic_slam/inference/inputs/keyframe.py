@@ -134,16 +134,19 @@ def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) ->
         geometric_covariances=np.array([d.covariance_or_nan() for d in detections]).reshape(-1, 2, 2),
         sensor_position=np.zeros(3),
         elevations_rad=np.array([detection.elevation_rad for detection in detections], dtype=np.float64),
-        place_covariances=np.array([_told(d.place_covariance) for d in detections], dtype=np.float64).reshape(-1, 3, 3),
+        place_covariances=_told_rows([detection.place_covariance for detection in detections], (3, 3)),
+        points=_told_rows([detection.point for detection in detections], (3,)),
+        point_covariances=_told_rows([detection.point_covariance for detection in detections], (3, 3)),
         in_coverage=np.ones(count, dtype=np.bool_),
         class_scores=np.array(scores, dtype=np.float64).reshape(count, len(names)),
         embeddings=_embeddings(detections),
     )
 
 
-def _told(covariance: ArrayLike | None) -> ArrayLike:
-    """(3, 3), NaN where nothing tells it."""
-    return np.full((3, 3), np.nan) if covariance is None else covariance
+def _told_rows(values: Sequence[ArrayLike | None], shape: tuple[int, ...]) -> Array:
+    """(D, *shape), NaN where nothing tells it."""
+    rows = [np.full(shape, np.nan) if value is None else value for value in values]
+    return np.array(rows, dtype=np.float64).reshape(-1, *shape)
 
 
 def _embeddings(detections: Sequence[Detection]) -> Array:

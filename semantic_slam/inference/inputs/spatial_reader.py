@@ -5,7 +5,7 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.sightline import point_of_place
+from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, point_of_place
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, across
@@ -47,33 +47,50 @@ class SpatialReader:
 
     def _detection(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
         """Raises InputError."""
+        point, slopes = self._point(measurements, row)
+        distance = float(np.linalg.norm(point))
+        if not distance >= LEAST_DISTANCE_M:
+            raise InputError(
+                f"{_which(measurements, row)} is where the body is; leave out what has no direction from there"
+            )
+        ray = point / distance
+        told = self._told(measurements, row, slopes)
+        if told is None:
+            covariance = self._noise.of_detection_in_space(distance)
+        else:
+            polar = np.vstack([ray, across(ray).T / distance])
+            covariance = polar @ told @ polar.T
+        return SpatialDetection(ray=ray, range_m=distance, covariance=0.5 * (covariance + covariance.T))
+
+    def _point(self, measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:
+        """(3,) in the body frame, and its (3, 3) slopes by what is told of it. Raises InputError."""
+        if np.isfinite(measurements.points[row]).all():
+            return measurements.points[row], np.eye(3)
         place = np.array([values[row] for values in _places(measurements)])
         if not np.isfinite(place).all():
             raise InputError(
-                f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns has no range; state_space:"
-                " spatial needs one of every detection yet: leave it out, or set state_space: planar"
+                f"{_which(measurements, row)} has no range; state_space: spatial needs one of every detection yet:"
+                " leave it out, or set state_space: planar"
             )
-        point, slopes = point_of_place(place)
-        distance = float(np.linalg.norm(point))
-        ray = point / distance
-        return SpatialDetection(
-            ray=ray, range_m=distance, covariance=self._covariance(measurements, row, ray, distance, slopes)
-        )
+        return point_of_place(place)
 
-    def _covariance(
-        self, measurements: SemanticMeasurements, row: int, ray: Array, distance: float, slopes: Array
-    ) -> Array:
-        """(3, 3) of [range, off the ray], as told or, where nothing is told, as configured. Raises InputError."""
-        told = measurements.place_covariances[row]
-        if np.isfinite(told).all():
-            polar = np.vstack([ray, across(ray).T / distance]) @ slopes
-            return np.asarray(polar @ told @ polar.T)
+    def _told(self, measurements: SemanticMeasurements, row: int, slopes: Array) -> Array | None:
+        """(3, 3) of the point along the axes of the body; None where nothing is told. Raises InputError."""
+        of_point, of_place = measurements.point_covariances[row], measurements.place_covariances[row]
+        if np.isfinite(of_point).all():
+            return np.asarray(of_point)
+        if np.isfinite(of_place).all():
+            return np.asarray(slopes @ of_place @ slopes.T)
         if np.isfinite(measurements.geometric_covariances[row]).any():
             raise InputError(
-                f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns has a covariance of range"
-                " and bearing alone; state_space: spatial needs that of [range, bearing, elevation], or none"
+                f"{_which(measurements, row)} has a covariance of range and bearing alone; state_space: spatial needs"
+                " that of [range, bearing, elevation], or none"
             )
-        return self._noise.of_detection_in_space(distance)
+        return None
+
+
+def _which(measurements: SemanticMeasurements, row: int) -> str:
+    return f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns"
 
 
 def _places(measurements: SemanticMeasurements) -> tuple[Array, Array, Array]:

@@ -48,6 +48,9 @@ class PlanarPoses:
     def between(self, state: Array, other: Array) -> Array:
         return se2.between(state, other)
 
+    def vertical(self, state: Array) -> Array:
+        return np.broadcast_to([0.0, 0.0, 1.0], state.shape)
+
     def mean(self, states: Array, weights: Array) -> Array:
         heading = np.arctan2(weights @ np.sin(states[..., 2]), weights @ np.cos(states[..., 2]))
         return np.concatenate([np.tensordot(weights, states[..., :2], 1), heading[..., None]], axis=-1)

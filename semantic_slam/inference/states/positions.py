@@ -42,6 +42,9 @@ class Positions:
     def between(self, state: Array, other: Array) -> Array:
         return np.asarray(other - state)
 
+    def vertical(self, state: Array) -> Array:
+        return np.zeros(state.shape)
+
     def mean(self, states: Array, weights: Array) -> Array:
         return np.asarray(np.tensordot(weights, states, 1))
 

@@ -17,7 +17,7 @@ class SpatialPoses:
     tangent_size = 6
     storage_size = 7
     frame_size = 16
-    heading: ClassVar[int | None] = 2
+    heading: ClassVar[int | None] = None
     position_rows = se3.TRANSLATION
     origin = se3.exp(np.full(6, 0.7))
     relinearize_threshold = np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1])
@@ -46,6 +46,11 @@ class SpatialPoses:
 
     def between(self, state: Array, other: Array) -> Array:
         return se3.between(state, other)
+
+    def vertical(self, state: Array) -> Array:
+        turn = np.zeros((*state.shape[:-1], 6))
+        turn[..., se3.ROTATION] = so3.matrix(state[..., 3:])[..., 2, :]
+        return turn
 
     def mean(self, states: Array, weights: Array) -> Array:
         return se3.mean(states, weights)

@@ -38,7 +38,7 @@ class StateSpace(StateArithmetic, Protocol):
     tangent_size: int  # d
     storage_size: int  # s
     frame_size: int  # f
-    heading: ClassVar[int | None]  # tangent coordinate that turns a state about the vertical; None: states do not turn
+    heading: ClassVar[int | None]  # tangent coordinate that turns a state in the plane; None: no single one does
     position_rows: slice  # p tangent coordinates that move a state, along its own axes
     origin: Array  # (s,) a turned state, from which linearisation points are steps
     relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
@@ -55,6 +55,9 @@ class StateSpace(StateArithmetic, Protocol):
 
     def between(self, state: Array, other: Array) -> Array:
         """``other`` as seen from ``state``."""
+
+    def vertical(self, state: Array) -> Array:
+        """(..., d) turns of the states by a radian about the vertical of map, wherever their own axes point."""
 
     def mean(self, states: Array, weights: Array) -> Array:
         """(..., s) mean of (P, ..., s) states with (P,) normalised weights, in map: of positions and of directions."""
