@@ -8,11 +8,11 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
 from semantic_slam.inference.smoothing.factor_table import AddedFactors, RelinearisedFactors
 from semantic_slam.inference.smoothing.reoptimisation import changed, reoptimised
 from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, LinearisationPoints, SemanticFactor
-from semantic_slam.inference.smoothing.smoother import CONVERGED, Smoother, first_line
+from semantic_slam.inference.smoothing.smoother import CONVERGED, Smoother
 
 Outcome = Smoother | LostComponentError
 T = TypeVar("T")

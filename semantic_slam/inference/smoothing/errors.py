@@ -9,3 +9,8 @@ class LostComponentError(SemanticSlamError):
 
 class ConsumedSmootherError(Exception):
     """A smoother was asked after an update had consumed it: a mistake in the program, not in its data."""
+
+
+def first_line(fault: BaseException) -> str:
+    """What GTSAM says, in short."""
+    return next((line for line in str(fault).splitlines() if line.strip()), type(fault).__name__)

@@ -7,9 +7,9 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
 from semantic_slam.inference.smoothing.factor_table import FactorTable
-from semantic_slam.inference.smoothing.smoother import Smoother, first_line
+from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.summary import summary_of
 from semantic_slam.inference.states.keys import bias_key, is_bias, is_object, is_robot, number_of, robot_key
 

@@ -19,7 +19,8 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
 from semantic_slam.inference.smoothing.charts import Charts, Located
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.elimination import MOST_JOINT, groups, last_eliminated
+from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
 from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
     NO_FACTORS,
@@ -39,8 +40,6 @@ from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
 """Up to which reading the whole estimate once costs less than reading parts of it."""
-MOST_JOINT = 24
-"""States up to which their joint covariance costs less than those of single states."""
 MOST_JOINT_SUMMARISED = 200
 """States up to which it does where the past is summarised: every single one then goes through a clique of all."""
 CONVERGED = 1.5
@@ -87,7 +86,7 @@ class Smoother:
             semantics=semantics,
             owned=OwnedIsam(isam),
             num_variables=values.size(),
-            last=_last(values.keys()),
+            last=last_eliminated(values.keys()),
         )
 
     @property
@@ -314,8 +313,12 @@ class Smoother:
         for factor in (*added.factors, *renewal.factors):
             together.add(factor)
         removed = [self.factor_table.indices[row] for row in renewal.rows]
-        last = _last([*self.last, *values.keys()], added.measurements) if self.last and values.size() else self.last
-        indices = owned.isam.update(together, values, removed, _groups(last)).getNewFactorsIndices()[graph.size() :]
+        last = (
+            last_eliminated([*self.last, *values.keys()], added.measurements)
+            if self.last and values.size()
+            else self.last
+        )
+        indices = owned.isam.update(together, values, removed, groups(last)).getNewFactorsIndices()[graph.size() :]
         split = len(added.factors)
         made = self.factor_table.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.points)
         made = made.added(added.measurements, indices[:split], added.points)
@@ -348,13 +351,13 @@ class Smoother:
         graph = gtsam.NonlinearFactorGraph(kept)
         for factor in factors:
             graph.add(factor)
-        last = _last(values.keys())
+        last = last_eliminated(values.keys())
         isam = self._empty_isam()
         try:
-            result = isam.update(graph, values, [], _groups(last))
+            result = isam.update(graph, values, [], groups(last))
         except RuntimeError:
             isam = self._empty_isam("QR")
-            result = isam.update(graph, values, [], _groups(last))
+            result = isam.update(graph, values, [], groups(last))
         if not np.isfinite(isam.getDelta().vector()).all():
             raise RuntimeError("the system is not finite")
         indices = result.getNewFactorsIndices()[kept.size() :]
@@ -428,33 +431,3 @@ def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
 def _numbers(keys: tuple[int, ...]) -> tuple[Index, NDArray[np.bool_]]:
     """The number of each key, and whether it is a robot's."""
     return np.array([number_of(key) for key in keys]), np.array([is_robot(key) for key in keys])
-
-
-def _last(keys: Sequence[int], measurements: Sequence[SemanticFactor] = ()) -> tuple[int, ...]:
-    """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
-    return _ordered(tuple(keys), tuple(item.descriptor_key for item in measurements if item.descriptor_key is not None))
-
-
-@lru_cache(maxsize=256)
-def _ordered(keys: tuple[int, ...], descriptors: tuple[int, ...]) -> tuple[int, ...]:
-    objects = [key for key in keys if letter_of(key) == "o"]
-    robot = max(key for key in keys if letter_of(key) == "x")
-    if len(objects) >= MOST_JOINT:
-        return ()
-    return (*objects, robot, *descriptors)
-
-
-@lru_cache(maxsize=64)
-def _groups(last: tuple[int, ...]) -> Any:
-    """GTSAM's order of elimination with these keys last; None: its own."""
-    if not last:
-        return None
-    groups = gtsam.KeyGroupMap()
-    for key in last:
-        groups.insert2(key, 1)
-    return groups
-
-
-def first_line(fault: BaseException) -> str:
-    """What GTSAM says, in short."""
-    return next((line for line in str(fault).splitlines() if line.strip()), type(fault).__name__)
