@@ -44,7 +44,7 @@ class Configuration:
     state_space: str = parameter(
         "planar",
         "where the robot and its objects are: planar, or spatial with all six of the pose, for a Python session with"
-        " observation: points, semantic_model.kind: none and association: enumerated or given",
+        " observation: points and semantic_model.kind: none or detector",
         choices=STATE_SPACES,
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")

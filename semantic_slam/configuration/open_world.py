@@ -46,7 +46,9 @@ class OpenWorldConfiguration:
     second_box_m: float = parameter(
         0.3, "standard deviation of where such a box is, to each side of the object", minimum=1e-3
     )
-    birth_density: float = parameter(0.1, "objects per square metre expected where nothing was seen yet", minimum=1e-9)
+    birth_density: float = parameter(
+        0.1, "objects per square metre expected where nothing was seen yet, in space per cubic metre", minimum=1e-9
+    )
     birth_densities: tuple[float, ...] = parameter(
         (), "in place of birth_density; how far each is right is inferred; empty: that alone"
     )
@@ -58,6 +60,13 @@ class OpenWorldConfiguration:
     )
     field_of_view_rad: float = parameter(
         1.4, "full angle of the region in which a miss counts", minimum=1e-3, maximum=6.283185307179587
+    )
+    vertical_field_of_view_rad: float = parameter(
+        1.1,
+        "state_space: spatial: full angle of that region from the upper to the lower edge of the image;"
+        " field_of_view_rad is that from its left edge to its right one",
+        minimum=1e-3,
+        maximum=3.0,
     )
     direction_rad: float = parameter(
         0.0,
@@ -111,7 +120,9 @@ class OpenWorldConfiguration:
     merge_position_m: float = parameter(
         0.1, "hypotheses whose robots are so close are merged if all below agrees too; 0: never", minimum=0.0
     )
-    merge_heading_rad: float = parameter(0.05, "merging: largest difference of heading", minimum=0.0)
+    merge_heading_rad: float = parameter(
+        0.05, "merging: largest difference of heading, in space of attitude", minimum=0.0
+    )
     merge_object_m: float = parameter(
         0.15, "merging: largest distance between the objects that a recent detection was associated with", minimum=0.0
     )

@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array
 LEAST_OFF_VERTICAL_RAD = 1e-4
 """A tenth of a millimetre per metre."""
 LEAST_DISTANCE_M = 1e-6
-"""Of a point that has a direction."""
+"""Nearer to the body than that a point has no direction."""
 STEEPEST_RAD = 0.5 * np.pi - LEAST_OFF_VERTICAL_RAD
 
 

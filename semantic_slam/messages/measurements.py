@@ -50,6 +50,7 @@ MEASUREMENTS_LAYOUT: Layout = {
     "embeddings": MayBeEmpty(("D", "E")),
     "points": MayBeEmpty(("D", 3)),
     "point_covariances": MayBeEmpty(("D", 3, 3)),
+    "sensor_orientation": MayBeEmpty((4,)),
 }
 FIELD_NAMES = {
     "ranges": "ranges_m",

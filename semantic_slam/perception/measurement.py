@@ -10,7 +10,16 @@ from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
 from semantic_slam.geometry.rows import with_rows
 
 OF_THE_FRAME = frozenset(
-    {"stamp_ns", "sequence", "frame_id", "class_names", "sensor_position", "dropped", "free_range_scan"}
+    {
+        "stamp_ns",
+        "sequence",
+        "frame_id",
+        "class_names",
+        "sensor_position",
+        "sensor_orientation",
+        "dropped",
+        "free_range_scan",
+    }
 )
 """Fields of :class:`SemanticMeasurements` without a row per detection."""
 
@@ -49,6 +58,8 @@ class SemanticMeasurements:
     points: Array = field(default_factory=left_out)  # (D, 3) in the body frame, metres, of which ranges, bearings and
     # elevations are what a robot in the plane uses; left out: NaN
     point_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) along the axes of the body; left out: NaN
+    sensor_orientation: Array = field(default_factory=left_out)  # (4,) quaternion of the optical frame in the body
+    # frame, z ahead; left out: NaN, along the body's x
     class_scores: Array = field(default_factory=left_out)  # (D, C) the detector's score of every class; left out: NaN
     embeddings: Array = field(
         default_factory=left_out
@@ -60,6 +71,7 @@ class SemanticMeasurements:
             object.__setattr__(self, "elevations_rad", np.zeros(rows))
         shapes = {"class_scores": (rows, len(self.class_names)), "embeddings": (rows, 0)}
         spatial = {"points": (rows, 3), "place_covariances": (rows, 3, 3), "point_covariances": (rows, 3, 3)}
+        spatial |= {"sensor_orientation": (4,)}
         fill_left_out(self, shapes | spatial)
 
     def __len__(self) -> int:

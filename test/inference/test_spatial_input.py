@@ -17,9 +17,14 @@ KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
 @pytest.mark.parametrize(
     ("setting", "remedy"),
     [
-        ({"association": "open"}, "association: enumerated"),
+        ({"association": "open", "open_world": {"iterate_updates": False}}, "iterate_updates: true"),
         ({"association": "given", "open_world": {"iterate_updates": False}}, "iterate_updates: true"),
-        ({"semantic_model": {"kind": "parametric"}}, "semantic_model.kind: none"),
+        ({"association": "open", "revision": {"every_keyframes": 5}}, "revision.every_keyframes: 0"),
+        ({"association": "open", "open_world": {"learn_region": True}}, "learn_region: false"),
+        ({"association": "open", "open_world": {"direction_rad": 0.1}}, "direction_rad: 0"),
+        ({"association": "open", "open_world": {"field_of_view_rad": 3.2}}, "below half a turn"),
+        ({"association": "open", "perception": {"sigma_range_scale": 0.03}}, "sigma_range_scale: 0"),
+        ({"semantic_model": {"kind": "parametric"}}, "semantic_model.kind: none or detector"),
         ({"observation": "range_bearing"}, "observation: points"),
         ({"moving": {"share": 0.1}}, "moving.share: 0"),
         ({"closed_world": {"unmapped_objects": 1}}, "unmapped_objects: 0"),

@@ -37,6 +37,7 @@ STUDIES = {
     "rendered_model_uncertainty": "semantic_slam_lab.studies.rendered.model_uncertainty",
     "replay_scaling": "semantic_slam_lab.studies.replay_scaling.study",
     "second_session": "semantic_slam_lab.studies.second_session.study",
+    "tables": "semantic_slam_lab.studies.tables.study",
     "victoria_park": "semantic_slam_lab.studies.victoria_park.study",
 }
 """Name -> module with ``run(out, quick, jobs, seed) -> files written``."""

@@ -19,14 +19,13 @@ def clutter_of(configuration: Configuration, models: RunModels) -> Clutter | Non
 
     Those are views that share their errors, and descriptors.
     """
-    if configuration.is_spatial:
-        return EvenSpatialClutter.of(configuration.open_world)
     kind = class_model_kind(configuration.semantic_model)
+    clutter = EvenSpatialClutter if configuration.is_spatial else EvenClutter
     if models.labels is not None:
         even = EvenWords(models.labels.num_words).log_density
-        return EvenClutter.of(configuration.open_world, lambda seen: np.array([even([own]) for own in seen]))
+        return clutter.of(configuration.open_world, lambda seen: np.array([even([own]) for own in seen]))
     if kind.sees_places_alone:
-        return EvenClutter.of(configuration.open_world, None)
+        return clutter.of(configuration.open_world, None)
     if models.viewpoint is None or not kind.has_factors:
         return None
     broad = OutlierScores.of(models.viewpoint, 0.0)

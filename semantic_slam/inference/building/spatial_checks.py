@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
@@ -19,14 +21,27 @@ def check_space(configuration: Configuration, association: type[AssociationStrat
 
 def _planar_alone(configuration: Configuration, association: type[AssociationStrategy]) -> Iterator[tuple[bool, str]]:
     """Whether a run would need what there is in the plane alone, and what to set in its place."""
-    world = configuration.closed_world
+    closed, world = configuration.closed_world, configuration.open_world
+    errors, perception, revision = configuration.detection_errors, configuration.perception, configuration.revision
     yield (
-        association.tracks_objects,
-        "set association: enumerated with a map prior, or given with open_world.iterate_updates: true",
+        association.tracks_objects and not world.iterate_updates,
+        "set open_world.iterate_updates: true",
     )
-    yield configuration.semantic_model.kind != "none", "set semantic_model.kind: none"
+    yield configuration.semantic_model.kind not in ("none", "detector"), "set semantic_model.kind: none or detector"
     yield configuration.observation == "range_bearing", "set observation: points"
     yield Moving(configuration.moving).is_on, "set moving.share: 0 and moving.share_by_label: []"
-    yield world.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"
-    yield world.displaced_share > 0.0, "set closed_world.displaced_share: 0"
+    yield closed.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"
+    yield closed.displaced_share > 0.0, "set closed_world.displaced_share: 0"
     yield configuration.history.is_on, "set history.horizon_keyframes: 0"
+    if not association.tracks_objects:
+        return
+    yield revision.every_keyframes > 0, "set revision.every_keyframes: 0"
+    yield revision.lost_every_keyframes > 0, "set revision.lost_every_keyframes: 0"
+    yield revision.carried_probability > 0.0, "set revision.carried_probability: 0"
+    yield errors.correlated_share > 0.0, "set detection_errors.correlated_share: 0"
+    yield perception.sigma_range_scale > 0.0, "set perception.sigma_range_scale: 0"
+    yield world.learn_region, "set open_world.learn_region: false"
+    yield world.learn_scores, "set open_world.learn_scores: false"
+    yield world.direction_rad != 0.0, "set open_world.direction_rad: 0 and tell where the camera looks"
+    yield len(world.detection_by_direction) > 0, "set open_world.detection_by_direction: []"
+    yield world.field_of_view_rad >= np.pi, "set open_world.field_of_view_rad below half a turn"

@@ -1,7 +1,7 @@
 """A keyframe: the odometry since the previous one and the measurements taken at it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,20 +63,26 @@ class Keyframe:
         motion: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
         detections: Sequence[Detection] = (),
         motion_covariance: ArrayLike | None = None,
+        T_body_camera: ArrayLike | None = None,
         stamp_ns: int | None = None,
     ) -> "Keyframe":
         """Keyframe of a robot in space: what it saw after a ``motion`` x y z qx qy qz qw from the pose before.
 
         ``motion_covariance`` (6, 6) over x y z rx ry rz, along and about the axes of the body after the motion; None:
-        what ``odometry.*`` of the configuration makes of the motion. Raises InputError.
+        what ``odometry.*`` of the configuration makes of the motion. ``T_body_camera`` (7,) is the pose of the camera's
+        optical frame, z ahead, in the body frame, which says where misses count; None: it looks along the body's x.
+        Raises InputError.
         """
-        pose = np.asarray(motion, dtype=np.float64)
-        if pose.shape != (7,) or not se3.is_pose(pose):
-            raise InputError(f"keyframe: motion is {motion!r}; give x y z [m] and a quaternion of unit length")
+        pose = _pose(motion, "motion")
         covariance = np.full((6, 6), np.nan)
         if motion_covariance is not None:
             covariance = positive_definite(motion_covariance, 6, "keyframe: motion_covariance")
-        return cls._of(index, se3.wrapped(pose), covariance, detections, stamp_ns)
+        keyframe = cls._of(index, pose, covariance, detections, stamp_ns)
+        if T_body_camera is None:
+            return keyframe
+        camera = _pose(T_body_camera, "T_body_camera")
+        seen = replace(keyframe.measurements, sensor_position=camera[:3], sensor_orientation=camera[3:])
+        return replace(keyframe, measurements=seen)
 
     @classmethod
     def _of(
@@ -90,6 +96,14 @@ class Keyframe:
             odometry_covariance=covariance,
             measurements=_measurements(index, stamp_ns, detections),
         )
+
+
+def _pose(values: ArrayLike, what: str) -> Array:
+    """(7,) with a quaternion of unit length. Raises InputError."""
+    pose = np.asarray(values, dtype=np.float64)
+    if pose.shape != (7,) or not se3.is_pose(pose):
+        raise InputError(f"keyframe: {what} is {values!r}; give x y z [m] and a quaternion of unit length")
+    return se3.wrapped(pose)
 
 
 def _three(values: ArrayLike, what: str) -> Array:

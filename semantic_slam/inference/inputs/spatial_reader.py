@@ -7,17 +7,22 @@ from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, point_of_place
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, across
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 
 class SpatialReader:
-    """Takes all six of motions, and range and ray of detections."""
+    """Takes all six of motions, and range and ray of detections.
 
-    def __init__(self, noise: ConfiguredNoise) -> None:
-        self._noise = noise
+    ``words`` reads what the detector says, where that is evidence of classes.
+    """
+
+    def __init__(self, noise: ConfiguredNoise, words: WordReader | None = None) -> None:
+        self._noise, self._words = noise, words
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError for detections that do not say where in space their object is."""
@@ -31,6 +36,8 @@ class SpatialReader:
             scores=measurements.scores,
             names=measurements.track_ids,
             labels=measurements.labels,
+            words=None if self._words is None else self._words.words(measurements),
+            camera=_camera(measurements),
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
         )
@@ -60,7 +67,12 @@ class SpatialReader:
         else:
             polar = np.vstack([ray, across(ray).T / distance])
             covariance = polar @ told @ polar.T
-        return SpatialDetection(ray=ray, range_m=distance, covariance=0.5 * (covariance + covariance.T))
+        return SpatialDetection(
+            ray=ray,
+            range_m=distance,
+            covariance=0.5 * (covariance + covariance.T),
+            sensor=measurements.sensor_position,
+        )
 
     def _point(self, measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:
         """(3,) in the body frame, and its (3, 3) slopes by what is told of it. Raises InputError."""
@@ -87,6 +99,13 @@ class SpatialReader:
                 " that of [range, bearing, elevation], or none"
             )
         return None
+
+
+def _camera(measurements: SemanticMeasurements) -> Camera:
+    """Where the camera is mounted."""
+    turn = measurements.sensor_orientation
+    turn = turn if np.isfinite(turn).all() else LOOKS_AHEAD[3:]
+    return Camera(np.concatenate([measurements.sensor_position, turn]))
 
 
 def _which(measurements: SemanticMeasurements, row: int) -> str:

@@ -58,12 +58,13 @@ class EvenSpatialClutter:
     """Clutter of detections in space, per metre and square radian of range and ray."""
 
     volume_m3: float
+    scores: ScoreDensity | None = None
 
     @classmethod
-    def of(cls, region: OpenWorldConfiguration) -> "EvenSpatialClutter":
+    def of(cls, region: OpenWorldConfiguration, scores: ScoreDensity | None) -> "EvenSpatialClutter":
         """Over the region that the configuration states, whose field of view is the full angle of a cone."""
         solid_angle = 2.0 * np.pi * (1.0 - np.cos(0.5 * region.field_of_view_rad))
-        return cls(float(solid_angle * (region.max_range_m**3 - region.min_range_m**3) / 3.0))
+        return cls(float(solid_angle * (region.max_range_m**3 - region.min_range_m**3) / 3.0), scores)
 
     def log_place(self, detections: Sequence[Any]) -> Array:
         """(n,) log densities; a shell's volume grows with the square of its range."""
@@ -71,5 +72,5 @@ class EvenSpatialClutter:
         return np.asarray(2.0 * np.log(ranges) - np.log(self.volume_m3))
 
     def log_scores(self, detections: Sequence[Any]) -> Array:
-        """(n,) zeros: nothing looks at scores."""
-        return np.zeros(len(detections))
+        """(n,) log densities, 0 without class models."""
+        return np.zeros(len(detections)) if self.scores is None or not len(detections) else self.scores(detections)

@@ -37,6 +37,11 @@ class PlanarDetection:
     def has_range(self) -> bool:
         return bool(np.isfinite(self.range_m))
 
+    @property
+    def turn_variance(self) -> float:
+        """[rad^2] of the direction, where its distance is known, too; infinite for a bearing alone."""
+        return float(self.covariance[1, 1]) if self.has_range else np.inf
+
     @cached_property
     def whiten(self) -> Array:
         """(2, 2) residuals of [range, bearing] to unit covariance, no row for a range that is missing."""

@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.detection_vectors import DetectionVectors
 from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.sensed_region import SensedRegion
+from semantic_slam.inference.models.spatial.camera import Camera
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,7 @@ class Step:
     words: DetectorWords | None = None  # D, where they are evidence of classes
     vectors: DetectionVectors | None = None  # D, where looks are evidence
     sensed: SensedRegion | None = None  # of the detections so far, where the sensor's region is learned
+    camera: Camera | None = None  # in space, with which the sensor's region goes
     dropped: int = 0  # inputs not used so far
     free_range_scan: Array = field(
         default_factory=lambda: np.zeros((0, 2))

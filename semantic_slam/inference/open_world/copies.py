@@ -129,7 +129,7 @@ class Copies:
 
     def __init__(self, problem: Problem):
         self.settings, self._ratio = problem.open_world, float(np.log(problem.pruning.ratio))
-        self.num_merged = 0
+        self.num_merged, self._is_spatial = 0, problem.spaces.name == "spatial"
         nothing = RecentAssociations(
             objects=np.zeros((0, 3)), classes=np.zeros(0, dtype=int), confirms=np.zeros(0, dtype=bool)
         )
@@ -167,6 +167,7 @@ class Copies:
             confirms=np.concatenate([confirmed, now], axis=1),
             parents=numbers,
             alike=self._alike([self._recent[int(n)] for n in parents]),
+            is_spatial=self._is_spatial,
         )
 
     def _alike(self, recent: list[RecentAssociations]) -> NDArray[np.bool_]:

@@ -1,13 +1,13 @@
 """How probably each object of one hypothesis is detected by a robot at each of K modes (planar poses)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
@@ -51,17 +51,6 @@ def polar_variances(relative: Array, covariance: Array) -> Array:
     across = np.stack([-radial[..., 1], radial[..., 0]], axis=-1) / distance
     axes = np.stack([radial, across], axis=-2)
     return np.asarray(np.einsum("...ai,...ij,...aj->...a", axes, covariance, axes))
-
-
-@dataclass(frozen=True, kw_only=True)
-class PredictedObjects:
-    """Robot and N objects of one parent before the detections; covariances in the tangent spaces at the means."""
-
-    robot: Array  # (3,)
-    robot_covariance: Array  # (3, 3)
-    objects: Array  # (N, 3)
-    gain: Array  # (N, 3, 3) Cov(o, x) Cov(x)^-1: how each object moves with the robot
-    remainder: Array  # (N, 3, 3) covariance of the object given the robot
 
 
 def detection_probabilities(
@@ -133,18 +122,29 @@ def undetected_share(
     Those are the robot's poses so far, from which nothing was detected there. Positions count as known: what is looked
     for lies where a detection is. What is behind the objects ``hiding`` (N, 2) was not looked at.
     """
-    sensors, which = rates.sensors
     numbers, times, ranges = _looks(region, trail, points, hiding)
-    shares = _shares(region, sensors, points[numbers], trail[times], ranges)
-    ends = np.cumsum(np.bincount(numbers, minlength=len(points)))
+    shares = _shares(region, rates.sensors[0], points[numbers], trail[times], ranges)
+    return share_after_looks(rates, numbers, times, shares, (len(points), len(trail)))
+
+
+def share_after_looks(
+    rates: DetectionRates, numbers: Index, times: Index, shares: Array, counts: tuple[int, int]
+) -> Array:
+    """(D, G) how much less likely first detections are after L looks, by points ``numbers`` (L,) and then ``times``.
+
+    ``shares`` (L, P) are the detection probabilities under each of the rates' sensors, as shares of those right at the
+    sensor; ``counts``: of points and of keyframes.
+    """
+    (num_points, num_times), (sensors, which) = counts, rates.sensors
+    ends = np.cumsum(np.bincount(numbers, minlength=num_points))
     columns = np.arange(len(numbers)) - ends[numbers]  # -1: the newest look of its point
     newest = columns >= -MOST_LOOKS
     count = int(-columns[newest].min(initial=0))
     if not count:
-        return np.ones((len(points), len(rates)))
+        return np.ones((num_points, len(rates)))
     until = np.append(times[1:], 0)
-    until[columns == -1] = len(trail)
-    chances, gaps = np.zeros((count, len(points), len(sensors))), np.zeros((count, len(points)), dtype=int)
+    until[columns == -1] = num_times
+    chances, gaps = np.zeros((count, num_points, len(sensors))), np.zeros((count, num_points), dtype=int)
     chances[columns[newest], numbers[newest]] = shares[newest]
     gaps[columns[newest], numbers[newest]] = (until - times)[newest]
     return sensors.runs.still_undetected(chances, gaps)[:, which]

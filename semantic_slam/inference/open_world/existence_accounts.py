@@ -10,8 +10,8 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.detection_probability import Occluders, detection_probabilities
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, missed
+from semantic_slam.inference.open_world.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
@@ -54,15 +54,14 @@ class ExistenceAccounts:
         """(K, O, G) detection probabilities at the modes; (1, O, G) at the prediction where that tells as much."""
         if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
             return prediction.detected[None]
-        occluders = Occluders.of(self._step.detections, self._step.free_range_scan)
         detected = np.zeros((len(rows), *prediction.detected.shape))
-        detected[:, prediction.in_reach] = detection_probabilities(
+        detected[:, prediction.in_reach] = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
             prediction.rates,
             prediction.objects,
             rows.column("robot"),
             rows.column("robot_covariance"),
-            occluders,
+            self._step,
         )
         if prediction.detectable is not None:
             detected *= prediction.detectable / prediction.rates.runs.share

@@ -10,10 +10,9 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.detection_probability import Occluders
 from semantic_slam.inference.open_world.existence import birth
-from semantic_slam.inference.open_world.nearby import tracked_states
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.open_world.unseen_ground import first_detections
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component import Component, tracked_states
 
 LEAST_IN_SIGHT = 0.02
 """Share of first detections left where something stands before them: what stands there may be a false alarm."""

@@ -92,7 +92,7 @@ class LinearisedEvidence:
             prediction.predicted.covariance[0],
             pairs,
             prediction.births,
-            np.sqrt([d.covariance[1, 1] if d.has_range else np.inf for d in prediction.detections]),
+            np.sqrt([d.turn_variance for d in prediction.detections]),
             prediction.errors,
         )
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array, Index, squared_norms
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 
 
@@ -27,6 +28,7 @@ class MergeCandidates:
     confirms: NDArray[np.bool_]  # (K, R) whether the detection is the second one of its object
     parents: Index  # (K,) from 0 on
     alike: NDArray[np.bool_]  # (P, P) whether two parents are sure of the same objects
+    is_spatial: bool = False  # robots are anywhere in space; False: x, y and yaw of their poses count
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,12 @@ def merge_copies(
     order = np.lexsort((ids, -log_weights))
     if limits.merge_position_m <= 0.0:
         return Merged(order, log_weights[order], 0)
-    planar = planar_from_pose_vector(looks.poses)
+    poses = looks.poses if looks.is_spatial else planar_from_pose_vector(looks.poses)
     kept = np.empty(len(order), dtype=int)
     weights = np.empty(len(order))
     count = 0
     for row in order.tolist():
-        original = _near(planar, looks, row, kept[:count], limits)
+        original = _near(poses, looks, row, kept[:count], limits)
         if len(original):
             weights[original[0]] = np.logaddexp(weights[original[0]], log_weights[row])
         else:
@@ -59,12 +61,10 @@ def merge_copies(
     return Merged(kept[:count], weights[:count], len(order) - count)
 
 
-def _near(planar: Array, looks: MergeCandidates, row: int, others: Index, limits: OpenWorldConfiguration) -> Index:
+def _near(poses: Array, looks: MergeCandidates, row: int, others: Index, limits: OpenWorldConfiguration) -> Index:
     """Places among ``others`` (n,) of those that the hypothesis is a near copy of, ascending."""
-    offset = planar[others] - planar[row]
-    near = np.hypot(offset[:, 0], offset[:, 1]) <= limits.merge_position_m
-    near &= np.abs(wrap_angle(offset[:, 2])) <= limits.merge_heading_rad
-    found = np.flatnonzero(near)
+    away, turned = (_apart_in_space if looks.is_spatial else _apart)(poses[row], poses[others])
+    found = np.flatnonzero((away <= limits.merge_position_m) & (turned <= limits.merge_heading_rad))
     if not len(found):
         return found
     others = others[found]
@@ -76,3 +76,15 @@ def _near(planar: Array, looks: MergeCandidates, row: int, others: Index, limits
     apart = looks.objects[others] - looks.objects[row]
     squared = apart[..., 0] ** 2 + apart[..., 1] ** 2 + apart[..., 2] ** 2  # NaN where given up: no distance
     return np.asarray(found[~(squared > limits.merge_object_m**2).any(axis=1)])
+
+
+def _apart(pose: Array, others: Array) -> tuple[Array, Array]:
+    """(n,) metres and radians between a robot (3,) in the plane and others (n, 3)."""
+    offset = others - pose
+    return np.hypot(offset[:, 0], offset[:, 1]), np.abs(wrap_angle(offset[:, 2]))
+
+
+def _apart_in_space(pose: Array, others: Array) -> tuple[Array, Array]:
+    """(n,) metres and radians between a pose (7,) and others (n, 7)."""
+    turned = so3.log(so3.product(so3.inverse(pose[3:]), others[:, 3:]))
+    return np.sqrt(squared_norms(others[:, :3] - pose[:3])), np.sqrt(squared_norms(turned))

@@ -6,31 +6,21 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
-from semantic_slam.geometry.moments import position_sigmas
-from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
-from semantic_slam.inference.models.planar.frames import object_in_body
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.detection_probability import (
-    PredictedObjects,
-)
 from semantic_slam.inference.open_world.existence import missed
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.open_world.open_geometry import geometry_of
+from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.smoothing.tracking import carried_keys
 from semantic_slam.inference.states.keys import object_key
-from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 LOCAL_OBJECTS = 40
 """Objects that a local map holds from the start besides those near the detections: amid these and the robot."""
-MOST_AHEAD = 80
-"""Objects where the sensor looks that it holds besides: any of them may be detected before it is read again."""
-AHEAD_RAD = 0.2
-"""Beyond the region's bearings, where a turn of the robot brings them into it."""
 
 
 def near_objects(
@@ -48,12 +38,12 @@ def near_objects(
     and object are taken as independent: what they share brings them closer.
     """
     limit, gate = settings.max_joint_objects, settings.gate_sigma
-    objects, tracked = component.objects, tracked_states(component)
+    objects, tracked, geometry = component.objects, tracked_states(component), geometry_of(component.spaces)
     if len(objects.ids) <= limit:
         return reach, np.full(len(births), -np.inf)
     away = np.full((len(births), len(objects.ids)), np.inf)
     for own, born, detection in zip(away, births, detections, strict=True):
-        own[reach] = _sigmas_away(tracked, robot, spread, born, detection)[reach]
+        own[reach] = geometry.sigmas_away(tracked, robot, spread, born, detection)[reach]
     excess = away.min(axis=0, initial=np.inf)
     order = np.argsort(excess, kind="stable")
     order = order[excess[order] < gate]
@@ -62,14 +52,6 @@ def near_objects(
     weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
     beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
     return np.sort(order[:limit]), np.asarray(beyond)
-
-
-def ahead(region: SensorRegion, states: Array, robot: Array, reach: Index) -> Index:
-    """(n,) rows of the objects of those within ``reach`` (N,) towards which the sensor looks, the nearest ones."""
-    apart = states[reach, :2] - robot[:2]
-    off = region.off_centre(np.arctan2(apart[:, 1], apart[:, 0]) - robot[2])
-    seen = reach[np.abs(off) <= 0.5 * region.field_of_view_rad + AHEAD_RAD]
-    return seen[np.argsort(distances(states[seen], robot), kind="stable")[:MOST_AHEAD]]
 
 
 def local_around(component: Component, robot: Array, near: Index, ahead: Index) -> LocalMap:
@@ -83,7 +65,9 @@ def local_around(component: Component, robot: Array, near: Index, ahead: Index) 
         return known
     if component.single_steps:
         amid = robot[:2] if not len(near) else 0.5 * (robot[:2] + tracked.states[near, :2].mean(axis=0))
-        around = np.argsort(distances(tracked.states, amid), kind="stable")[:LOCAL_OBJECTS]
+        around = np.argsort(geometry_of(component.spaces).distances(tracked.states, amid), kind="stable")[
+            :LOCAL_OBJECTS
+        ]
         ids = component.objects.ids[np.union1d(np.union1d(near, ahead), around)]
     keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
     together = tracked.motion_covariance.copy()
@@ -101,13 +85,13 @@ def local_around(component: Component, robot: Array, near: Index, ahead: Index) 
 
 
 def objects_in_reach(
-    tracked: TrackedStates, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
+    spaces: Spaces, tracked: TrackedStates, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
 ) -> PredictedObjects:
     """Objects within range given the robot; without a covariance with it at hand they count as moving along."""
     r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
     spread = predicted.covariance[0, r, r]
     states = tracked.states[reach]
-    gain = se2.adjoint(se2.between(states, broadcast_copy(robot, states.shape)))
+    gain = geometry_of(spaces).moving_along(robot, states)
     remainder = np.zeros((len(reach), landmark.stop, landmark.stop))
     known = np.searchsorted(reach, near)
     inside = known < len(reach)
@@ -120,28 +104,3 @@ def objects_in_reach(
         gain[known[inside]] = own
         remainder[known[inside]] = blocks[numbers, landmark, numbers, landmark] - own @ np.swapaxes(cross, 1, 2)
     return PredictedObjects(robot=robot, robot_covariance=spread, objects=states, gain=gain, remainder=remainder)
-
-
-def _sigmas_away(tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
-    """(O,) standard deviations between a detection and where each object is predicted; of direction without a range."""
-    sigma = float(position_sigmas(spread[None])[0])
-    if detection.has_range:
-        swing, noise = spread[2, 2] * detection.range_m**2, float(position_sigmas(born.noise[None])[0])
-        errors = np.sqrt(sigma**2 + swing + tracked.sigmas**2 + noise**2)
-        return np.asarray(distances(tracked.states, born.prior.mean) / errors)
-    body = object_in_body(broadcast_copy(robot, tracked.states.shape), tracked.states) - detection.origin
-    distance, bearing = np.hypot(*body.T), np.arctan2(body[:, 1], body[:, 0])
-    across = (sigma**2 + tracked.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
-    turn = np.abs(wrap_angle(bearing - detection.bearing_rad))
-    return np.asarray(turn / np.sqrt(detection.covariance[1, 1] + spread[2, 2] + across))
-
-
-def tracked_states(component: Component) -> TrackedStates:
-    """The states that an open world's components track."""
-    assert component.tracked is not None
-    return component.tracked
-
-
-def distances(states: Array, point: Array) -> Array:
-    """(O,) distances [m] of objects from a point."""
-    return np.asarray(np.hypot(states[:, 0] - point[0], states[:, 1] - point[1]))

@@ -79,9 +79,10 @@ class OpenAssociation:
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """Each parent on its own."""
         sensed = [component.sensed(step.detections) for component in parents.components]
+        looks = step.camera or step.sensed
         predictions = [
             self.predictor.predict(
-                component, step.motion, detections, step.sensed, stamp_ns=step.stamp_ns, labels=step.labels
+                component, step.motion, detections, looks, stamp_ns=step.stamp_ns, labels=step.labels
             )
             for component, detections in zip(parents.components, sensed, strict=True)
         ]

@@ -8,24 +8,18 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.detection_probability import (
-    PredictedObjects,
-)
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.open_geometry import geometry_of
+from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
-
-LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
-"""Standard deviations of the predicted robot from which on it counts as lost."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +42,7 @@ class Prediction:
     in_reach: Index  # (N,) rows of the population that may be in the region
     objects: PredictedObjects  # of those
     detections: Sequence[Any]  # D, with the covariances that the hypothesis takes them to have
-    region: SensorRegion
+    region: Any  # as its geometry makes it
     detected: Array  # (O, G) detection probabilities at the prediction, nothing being hidden
     detectable: Array | None  # (O, G) probability that an object can be detected at all, where misses come in runs
     movers: PredictedMovers | None = None  # objects that move, or may; None: nothing does
@@ -90,9 +84,7 @@ class Prediction:
     @property
     def is_lost(self) -> bool:
         """Whether the prediction does not tell what is in sight."""
-        spread = self.objects.robot_covariance
-        far = float(position_sigmas(spread[None])[0]) > LOST_SIGMA_M
-        return far or float(spread[2, 2]) > LOST_SIGMA_RAD**2
+        return geometry_of(self.component.spaces).is_lost(self.objects.robot_covariance)
 
     @property
     def mover_ids(self) -> Index:

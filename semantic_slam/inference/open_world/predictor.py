@@ -7,33 +7,27 @@ import numpy as np
 
 from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.sensed_region import SensedRegion
+from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.open_world.births import birth_of
-from semantic_slam.inference.open_world.detection_probability import (
-    PredictedObjects,
-    predicted_detection_probabilities,
-)
-from semantic_slam.inference.open_world.expected_births import expected_births
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers, RobotMotion, predicted_movers
 from semantic_slam.inference.open_world.nearby import (
-    ahead,
-    distances,
     local_around,
     near_objects,
     objects_in_reach,
-    tracked_states,
 )
+from semantic_slam.inference.open_world.open_geometry import geometry_of
+from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.open_world.second_boxes import second_boxes
-from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 
@@ -50,14 +44,13 @@ class Predictor:
     ):
         self.model, self.settings, self.errors = model, settings, errors
         self._moving = moving or Moving()
-        self._region = sensor_region(settings)
 
     def predict(
         self,
         component: Component,
         motion: Motion,
         detections: Sequence[Any],
-        sensed: SensedRegion | None = None,
+        sensed: SensedRegion | Camera | None = None,
         named: Index | None = None,
         *,
         stamp_ns: int = 0,
@@ -65,11 +58,13 @@ class Predictor:
     ) -> Prediction:
         """Under the noises that the component takes robot and sensor to have. Raises LostComponentError.
 
-        ``sensed``: the sensor's region where it is learned. ``named``: (M,) rows of the objects that the detections may
-        be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter where objects move.
+        ``sensed``: the sensor's region where it is learned, or in space its camera. ``named``: (M,) rows of the objects
+        that the detections may be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter
+        where objects move.
         """
         motion, space, tracked = component.moved_by(motion), component.spaces.robot, tracked_states(component)
-        region, rates = self._region.reaching(sensed).read_by(component.settings), component.objects.rates
+        geometry, rates = geometry_of(component.spaces), component.objects.rates
+        region = geometry.region(self.settings).reaching(sensed).read_by(component.settings)
         control = _control(component, motion)
         robot = space.compose(tracked.robot, control)
         transition = space.propagation(control)
@@ -78,22 +73,22 @@ class Predictor:
         before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
         before = before[: transition.shape[1], : transition.shape[1]]
         spread = transition @ before @ transition.T + motion.covariance
-        births = [birth_of(self.model, detection, robot, region.field_of_view_rad) for detection in detections]
+        births = [geometry.birth(self.model, detection, robot, region) for detection in detections]
         reach = self._in_reach(component, region, robot, spread)
         if named is None:
             near, beyond = near_objects(self.settings, component, robot, spread, births, detections, reach)
         else:
             near, beyond = named, np.full(len(births), -np.inf)
-        local = local_around(component, robot, near, ahead(region, tracked.states, robot, reach))
+        local = local_around(component, robot, near, geometry.ahead(region, tracked.states, robot, reach))
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(robot, wider, transition, motion.covariance)
         carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         predicted = _predicted(component, robot, near, local)
-        objects = objects_in_reach(tracked, robot, reach, near, predicted)
-        detected = _detected(component, region, reach, objects)
+        objects = objects_in_reach(component.spaces, tracked, robot, reach, near, predicted)
+        detected = self._detected(component, region, reach, objects)
         num_second, second = second_boxes(self.settings, component, births, detected)
-        expected, intensity, existence = expected_births(
+        expected, intensity, existence = geometry.expected_births(
             self.settings, component, region, robot, births, detections, second
         )
         robot_motion = RobotMotion(
@@ -127,15 +122,27 @@ class Predictor:
             region=region,
         )
 
-    def _in_reach(self, component: Component, region: SensorRegion, robot: Array, spread: Array) -> Index:
+    def _in_reach(self, component: Component, region: Any, robot: Array, spread: Array) -> Index:
         """(N,) rows of objects that may be in the region of a robot with a covariance ``spread``."""
         tracked = tracked_states(component)
-        sigma = float(position_sigmas(spread[None])[0])
+        rows = component.spaces.robot.position_rows
+        sigma = float(largest_sigmas(spread[None, rows, rows])[0])
         margin = self.settings.gate_sigma * np.hypot(sigma, tracked.sigmas)
-        reach = np.flatnonzero(distances(tracked.states, robot) < region.farthest_m + margin)
+        reach = np.flatnonzero(
+            geometry_of(component.spaces).distances(tracked.states, robot) < region.farthest_m + margin
+        )
         if component.elsewhere:
             reach = reach[~np.isin(component.objects.ids[reach], list(component.elsewhere))]
         return reach
+
+    def _detected(self, component: Component, region: Any, reach: Index, objects: PredictedObjects) -> Array:
+        """(O, G) detection probabilities at the prediction; ``objects`` are those within ``reach`` (N,)."""
+        rates, detectable = component.objects.rates, component.objects.detectable
+        detected = np.zeros((len(component.objects.ids), len(rates)))
+        detected[reach] = geometry_of(component.spaces).predicted_detections(region, rates, objects)
+        if detectable is not None:
+            detected *= detectable / rates.runs.share
+        return detected
 
     def _movers(
         self,
@@ -189,13 +196,3 @@ def _control(component: Component, motion: Motion) -> Array:
     if motion.by_bias is None:
         return motion.control
     return component.spaces.robot.retract(motion.control, motion.by_bias @ tracked_states(component).bias)
-
-
-def _detected(component: Component, region: SensorRegion, reach: Index, objects: PredictedObjects) -> Array:
-    """(O, G) detection probabilities at the prediction; ``objects`` are those within ``reach`` (N,)."""
-    rates, detectable = component.objects.rates, component.objects.detectable
-    detected = np.zeros((len(component.objects.ids), len(rates)))
-    detected[reach] = predicted_detection_probabilities(region, rates, objects)
-    if detectable is not None:
-        detected *= detectable / rates.runs.share
-    return detected

@@ -9,14 +9,13 @@ import numpy as np
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.nearby import tracked_states
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component import Component, tracked_states
 
 
 def second_boxes(
     settings: OpenWorldConfiguration, component: Component, births: list[Birth], detected: Array
 ) -> tuple[Array, Array]:
-    """(G,) second boxes expected in a frame, and (D, G) their intensities [1/m^2] where its detections lie.
+    """(G,) second boxes expected in a frame, and (D, G) intensities [1/m^2 or, in space, 1/m^3] at its detections.
 
     ``detected`` (O, G) are the detection probabilities of the component's objects.
     """
@@ -25,8 +24,10 @@ def second_boxes(
     if settings.second_box_share <= 0.0 or not births:
         return expected, np.zeros((len(births), len(expected)))
     tracked = tracked_states(component)
-    places = np.array([born.prior.mean[:2] for born in births])
-    noise = np.array([0.5 * np.trace(born.noise[:2, :2]) for born in births])
+    landmark = component.spaces.landmark
+    places, own = landmark.position(np.array([born.prior.mean for born in births])), landmark.position_rows
+    size = places.shape[1]
+    noise = np.array([np.trace(born.noise[own, own]) / size for born in births])
     variances = settings.second_box_m**2 + noise[:, None] + tracked.sigmas**2  # (D, O)
-    squared = ((places[:, None] - tracked.states[:, :2]) ** 2).sum(axis=-1)
-    return expected, np.exp(-0.5 * squared / variances) / (2.0 * np.pi * variances) @ chances
+    squared = ((places[:, None] - landmark.position(tracked.states)) ** 2).sum(axis=-1)
+    return expected, np.exp(-0.5 * squared / variances) / (2.0 * np.pi * variances) ** (0.5 * size) @ chances

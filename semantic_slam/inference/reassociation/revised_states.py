@@ -7,10 +7,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY
-from semantic_slam.inference.open_world.nearby import tracked_states
 from semantic_slam.inference.reassociation.accounts import StretchAccount
 from semantic_slam.inference.reassociation.atoms import Atoms
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import carried_keys
 from semantic_slam.inference.states.keys import bias_key, error_keys, object_key, robot_key

@@ -6,10 +6,9 @@ from typing import Self
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.open_world.nearby import tracked_states
 from semantic_slam.inference.reassociation.atoms import Born
 from semantic_slam.inference.reassociation.joint_pairs import MOST_STARTS, JointPairs
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.reassociation import Sighted
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.keys import object_key

@@ -24,11 +24,17 @@ class ViewPlaces:
 def view_places(given: SemanticInput) -> ViewPlaces:
     """A turn and a ratio of distances in the same steps, of which there are DIRECTIONS around an object."""
     robot, objects = _states(given)
-    sensors = np.array([given.step.detections[index].sensor for index in given.used.tolist()]).reshape(-1, 2)
+    told = [given.step.detections[index].sensor for index in given.used.tolist()]
     rows, numbers = np.nonzero(given.candidates.assignments.objects >= 0)
     robots, seen = robot[rows], objects[rows, numbers]
-    bearing = camera_bearing(robots, np.column_stack([seen[:, :2], np.zeros(len(rows))]), sensors[numbers])
-    away = np.hypot(seen[:, 0] - robots[:, 0], seen[:, 1] - robots[:, 1])
+    spaces = given.parents[0].spaces
+    if spaces.name == "spatial":
+        from_here = spaces.viewpoints(robots, seen, np.array(told).reshape(-1, 3)[numbers])
+        bearing, away = from_here.azimuth_rad, from_here.range_m
+    else:
+        sensors = np.array(told).reshape(-1, 2)
+        bearing = camera_bearing(robots, np.column_stack([seen[:, :2], np.zeros(len(rows))]), sensors[numbers])
+        away = np.hypot(seen[:, 0] - robots[:, 0], seen[:, 1] - robots[:, 1])
     directions, log_ranges = np.zeros(objects.shape[:2], dtype=int), np.zeros(objects.shape[:2], dtype=int)
     directions[rows, numbers] = np.rint(bearing / STEP_RAD).astype(int) % DIRECTIONS
     log_ranges[rows, numbers] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD).astype(int)

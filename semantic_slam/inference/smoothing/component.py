@@ -251,6 +251,12 @@ class Component:
         )
 
 
+def tracked_states(component: Component) -> TrackedStates:
+    """The states that an open world's components track."""
+    assert component.tracked is not None
+    return component.tracked
+
+
 @dataclass(frozen=True)
 class WeightedComponent:
     """A hypothesis as a backend holds it."""

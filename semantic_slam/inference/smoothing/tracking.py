@@ -3,7 +3,7 @@
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.moments import position_sigmas
+from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.smoothing.smoother import Smoother
@@ -23,7 +23,7 @@ def tracked_before(
     return TrackedStates(
         states=np.array([prior.mean for prior in objects]).reshape(-1, storage.landmark),
         covariances=covariances,
-        sigmas=position_sigmas(covariances),
+        sigmas=_position_sigmas(spaces, covariances),
         robot=robot.mean,
         robot_covariance=robot.covariance,
         trail=np.zeros((0, storage.robot)),
@@ -54,7 +54,7 @@ def tracked_after(
     robot, objects = states[-1, : storage.robot], states[:-1, : storage.landmark]
     local = None if update.local is None else _local_at(update.local, ids, robot, objects)
     together, covariances[fresh] = _joint(smoother, keyframe, len(before.bias), errors, local, ids[fresh])
-    sigmas[fresh] = position_sigmas(covariances[fresh])
+    sigmas[fresh] = _position_sigmas(smoother.spaces, covariances[fresh])
     tracked = TrackedStates(
         states=objects,
         covariances=covariances,
@@ -105,6 +105,12 @@ def carried_keys(keyframe: int, num_biases: int, errors: CarriedErrors | None) -
     """The newest robot, the biases of its odometry, and the errors that repeat."""
     repeated = [] if errors is None else error_keys(errors.keyframe, errors.count)
     return [robot_key(keyframe), *[bias_key(keyframe)][:num_biases], *repeated]
+
+
+def _position_sigmas(spaces: Spaces, covariances: Array) -> Array:
+    """(O,) largest standard deviations of the positions of objects [m], from (O, l, l)."""
+    rows = spaces.landmark.position_rows
+    return largest_sigmas(covariances[:, rows, rows])
 
 
 def _with_unit_bias(robot: Array, num_biases: int) -> Array | None:

@@ -6,6 +6,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
+from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.states.gaussian import GaussianPrior
@@ -22,7 +23,10 @@ def points(settings: SensingSettings) -> Sensing:
     return Sensing(
         spaces=POSES_AND_POINTS_IN_SPACE,
         model=SpatialObservation(visibility_of(configuration), configuration.new_objects),
-        reader=SpatialReader(ConfiguredNoise(configuration.odometry, configuration.perception)),
+        reader=SpatialReader(
+            ConfiguredNoise(configuration.odometry, configuration.perception),
+            words=WordReader(settings.labels) if settings.labels else None,
+        ),
         robot_prior=pose_prior,
         object_prior=place_prior,
         joint_prior=joint_place_prior,

@@ -1,10 +1,10 @@
 """Detections as the observation model in space takes them: one by one, and as arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
-from typing import Any
+from typing import Any, ClassVar
 
 import gtsam
 import numpy as np
@@ -29,6 +29,13 @@ class SpatialDetection:
     ray: Array  # (3,) of unit length
     range_m: float
     covariance: Array  # (3, 3) of [range, off the ray along both columns of ``basis``], metres and radians
+    sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) camera in the body frame, metres
+    has_range: ClassVar[bool] = True
+
+    @property
+    def turn_variance(self) -> float:
+        """[rad^2] of the ray, in the direction in which it is largest."""
+        return float(np.linalg.eigvalsh(self.covariance[1:, 1:])[-1])
 
     @cached_property
     def direction(self) -> Any:

@@ -1,0 +1,1 @@
+"""A camera that flies over tables, in all six of its pose."""

@@ -1,0 +1,35 @@
+"""Where a camera is mounted: its optical frame, z ahead, x to the right and y down in the image."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semantic_slam.geometry import se3, so3
+from semantic_slam.geometry.arrays import Array
+
+LOOKS_AHEAD = np.array([0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5])
+"""The optical frame of a camera at the body's origin that looks along its x."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera on the robot."""
+
+    T_body_camera: Array = field(default_factory=lambda: LOOKS_AHEAD)  # (7,) of its optical frame
+
+    def seen(self, points: Array) -> Array:
+        """(..., 3) points of the body frame in the optical frame."""
+        return so3.rotated(so3.inverse(self.T_body_camera[3:]), points - self.T_body_camera[:3])
+
+    def in_body(self, points: Array) -> Array:
+        """(..., 3) points of the optical frame in the body frame."""
+        return np.asarray(self.T_body_camera[:3] + so3.rotated(self.T_body_camera[3:], points))
+
+    def turned(self, covariances: Array) -> Array:
+        """(..., 3, 3) covariances along the axes of the body, along those of the optical frame."""
+        back = so3.matrix(self.T_body_camera[3:]).T
+        return np.asarray(back @ covariances @ back.T)
+
+    def on(self, robots: Array) -> Array:
+        """(..., 7) poses in map of the camera on robots (..., 7)."""
+        return se3.compose(robots, self.T_body_camera)

@@ -1,0 +1,123 @@
+"""Objects that detections start in space, and how many first detections are expected where.
+
+As in the plane, intensities being per cubic metre: a detection's evidence per metre and square radian under one of 1 is
+the square of its range, what a shell's volume grows by.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array, Index, squared_norms
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.open_world.births import WIDTH, Birth
+from semantic_slam.inference.open_world.detection_probability import share_after_looks
+from semantic_slam.inference.open_world.existence import birth
+from semantic_slam.inference.open_world.expected_births import HIDES, LEAST_IN_SIGHT
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.smoothing.component import Component, tracked_states
+from semantic_slam.inference.states.detection_rates import DetectionRates
+
+AROUND = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])
+"""(6, 3) points of equal weight that have the mean and the covariance of a standard normal."""
+
+
+def birth_in_space(model: ObservationModel, detection: SpatialDetection, robot: Array) -> Birth:
+    """The object that ``detection`` starts, seen from the predicted ``robot`` (7,)."""
+    point, turn = detection.range_m * detection.ray, so3.matrix(robot[3:])
+    polar = turn @ np.column_stack([detection.ray, detection.range_m * detection.basis])
+    noise = polar @ detection.covariance @ polar.T
+    return Birth(
+        prior=model.object_prior(detection, robot),
+        gain=np.hstack([-turn @ so3.hat(point), turn]),
+        spread=WIDTH**2 * noise,
+        noise=noise,
+        by_error=np.zeros((3, 0)),
+        log_area=2.0 * float(np.log(detection.range_m)),
+        log_stand_in=float(detection.log_normaliser - 1.5 * np.log1p(WIDTH**2)),
+    )
+
+
+def expected_births_in_space(
+    settings: OpenWorldConfiguration,
+    component: Component,
+    region: SpatialRegion,
+    robot: Array,
+    births: list[Birth],
+    detections: Sequence[SpatialDetection],
+    second: Array,
+) -> tuple[Array, Array, Array]:
+    """(G,) first detections expected from ``robot`` (7,), (D, G) log intensities [1/m^3] at detections, and existence.
+
+    Fewer where the camera has looked before, of which a share is left at least. ``second`` (D, G) are the intensities
+    of second boxes of what is known.
+    """
+    rates, tracked = component.objects.rates, tracked_states(component)
+    everywhere, shares = region.all_over()
+    at = region.camera.on(robot)
+    places = np.concatenate([at[:3] + so3.rotated(at[3:], everywhere), _born_at(births)])
+    distances = np.sqrt(squared_norms(places - at[:3]))
+    found = rates.birth_density * rates.probability * rates.fall_off(distances)
+    if settings.least_undetected_share < 1.0 and len(tracked.trail):
+        hiding = tracked.states[component.objects.existence > HIDES]
+        left = undetected_share_in_space(region, rates, tracked.trail, places, hiding)
+        found = found * np.maximum(left, settings.least_undetected_share)
+    count = len(shares)
+    expected = region.volume_m3 * (shares @ found[:count])
+    at_births = found[count:].reshape(len(births), len(AROUND), len(rates)).mean(axis=1)
+    at_births *= _in_sight(region, detections)[:, None]
+    intensity, existence = birth(at_births, rates.clutter_per_frame / region.volume_m3 + second)
+    return expected, np.log(intensity), existence
+
+
+def undetected_share_in_space(
+    region: SpatialRegion, rates: DetectionRates, trail: Array, points: Array, hiding: Array
+) -> Array:
+    """(D, G) how much less likely first detections at ``points`` (D, 3) in map are than without ``trail`` (T, 7).
+
+    Those are the robot's poses so far, from which nothing was detected there. What is behind the objects ``hiding``
+    (N, 3) was not looked at.
+    """
+    numbers, times, ranges = _looks(region, trail, points, hiding)
+    shares = rates.sensors[0].fall_off(ranges)
+    return share_after_looks(rates, numbers, times, shares, (len(points), len(trail)))
+
+
+def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> tuple[Array, Array]:
+    """(D, 3) detections in the optical frame, and (D, 2) variances of their distances [m^2] and directions [rad^2]."""
+    points = np.array([own.range_m * own.ray for own in detections]).reshape(-1, 3)
+    variances = [(own.covariance[0, 0], 0.5 * np.trace(own.covariance[1:, 1:])) for own in detections]
+    return region.camera.seen(points), np.array(variances).reshape(-1, 2)
+
+
+def _looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:
+    """(L,) which points the robot's poses have in the region, from where, at what range; by points, and then poses."""
+    cameras = region.camera.on(trail)
+    away = points[:, None] - cameras[:, :3]
+    squared = squared_norms(away)
+    numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
+    back = so3.inverse(cameras[:, 3:])
+    seen = so3.rotated(back[times], away[numbers, times])
+    inside = region.holds(seen)
+    if region.occluder_radius_m > 0.0 and len(hiding):
+        others = so3.rotated(back[times][:, None], hiding - cameras[times, None, :3])
+        inside &= ~region.hides(seen, others)
+    numbers, times = numbers[inside], times[inside]
+    return numbers, times, np.sqrt(squared[numbers, times])
+
+
+def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> Array:
+    """(D,) probability that none of the others stands before a detection, or else little."""
+    shown, variances = shown_by(region, detections)
+    nothing = np.zeros((len(shown), 3, 3))
+    doubled = 2.0 * variances  # of both; of the same error where it is the same detection, which does not hide itself
+    return np.maximum(region.not_occluded(shown, nothing, shown, doubled), LEAST_IN_SIGHT)
+
+
+def _born_at(births: list[Birth]) -> Array:
+    """(6 D, 3) points in map that stand for where the objects of detections may be, given the robot."""
+    places = [own.prior.mean + AROUND @ np.linalg.cholesky(own.noise).T for own in births]
+    return np.concatenate(places) if places else np.zeros((0, 3))

@@ -1,0 +1,139 @@
+"""Where a camera in space detects: what is in its image, and neither too near nor too far; and what hides what."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+from scipy.special import ndtr
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.geometry.arrays import Array, Flags, squared_norms
+from semantic_slam.inference.models.spatial.camera import Camera
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
+
+LEAST_SIGMA = 1e-6
+"""Metres and radians: the softest edge is never quite sharp."""
+NUM_SHELLS, NUM_COLUMNS, NUM_ROWS = 4, 6, 4
+"""Points over which the region is averaged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialRegion:
+    """What projects into the image, from one distance to another one; angles are off the optical axis, z.
+
+    To the side they are those of (x, z), and up and down those of (y, z): the image's edges are planes through the
+    optical centre.
+    """
+
+    min_range_m: float
+    max_range_m: float
+    half_width_rad: float  # to each side, below a quarter turn
+    half_height_rad: float  # up and down
+    occluder_radius_m: float = 0.0  # of what stands in front, a ball; 0: nothing hides anything
+    camera: Camera = field(default_factory=Camera)
+
+    @classmethod
+    def of(cls, settings: OpenWorldConfiguration) -> Self:
+        """As configured; the camera, which keyframes tell, looks along the body's x."""
+        return cls(
+            min_range_m=settings.min_range_m,
+            max_range_m=settings.max_range_m,
+            half_width_rad=0.5 * settings.field_of_view_rad,
+            half_height_rad=0.5 * settings.vertical_field_of_view_rad,
+            occluder_radius_m=settings.occluder_radius_m,
+        )
+
+    @property
+    def volume_m3(self) -> float:
+        solid_angle = 4.0 * np.arcsin(np.sin(self.half_width_rad) * np.sin(self.half_height_rad))
+        return float(solid_angle * (self.max_range_m**3 - self.min_range_m**3) / 3.0)
+
+    @property
+    def farthest_m(self) -> float:
+        """Distance from the body beyond which nothing lies inside."""
+        return self.max_range_m + float(np.linalg.norm(self.camera.T_body_camera[:3]))
+
+    def reaching(self, sensed: Camera | None) -> Self:
+        """The region with the camera of a keyframe; None: as it is."""
+        return self if sensed is None else replace(self, camera=sensed)
+
+    def read_by(self, settings: Any) -> Self:
+        """Itself: whatever a hypothesis takes noises to be, ranges are distances."""
+        return self
+
+    def contains(self, seen: Array, covariance: Array) -> Array:
+        """(...,) probability that objects at ``seen`` (..., 3) in the optical frame, with (..., 3, 3), lie inside.
+
+        Distance and both angles count as independent normals.
+        """
+        distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)
+        sigma = _sigma(seen / distance[..., None], covariance)
+        inside = ndtr((self.max_range_m - distance) / sigma) - ndtr((self.min_range_m - distance) / sigma)
+        for axis, half in ((0, self.half_width_rad), (1, self.half_height_rad)):
+            angle, slope = _angle(seen, axis)
+            sigma = _sigma(slope, covariance)
+            inside = inside * (ndtr((half - angle) / sigma) - ndtr((-half - angle) / sigma))
+        return np.asarray(np.maximum(inside, 0.0))
+
+    def holds(self, seen: Array) -> Flags:
+        """(...,) whether points (..., 3) of the optical frame lie inside."""
+        squared = squared_norms(seen)
+        inside = (squared > self.min_range_m**2) & (squared < self.max_range_m**2)
+        inside &= np.abs(np.arctan2(seen[..., 0], seen[..., 2])) <= self.half_width_rad
+        return np.asarray(inside & (np.abs(np.arctan2(seen[..., 1], seen[..., 2])) <= self.half_height_rad))
+
+    def not_occluded(self, seen: Array, covariance: Array, shown: Array, variances: Array) -> Array:
+        """(...,) probability that nothing stands in front of ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
+
+        What hides are balls of the occluder's radius about what a frame's detections have ``shown`` (D, 3), with
+        ``variances`` (D, 2) of distance and direction. Distance and angle count as independent normals.
+        """
+        if self.occluder_radius_m <= 0.0 or not len(shown):
+            return np.ones(seen.shape[:-1])
+        distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)[..., None]
+        unit, ranges = seen / distance, np.maximum(np.sqrt(squared_norms(shown)), LEAST_DISTANCE_M)
+        along = np.einsum("...i,...ij,...j->...", unit, covariance, unit)[..., None]
+        across = 0.5 * (np.trace(covariance, axis1=-2, axis2=-1)[..., None] - along) / distance**2
+        turn = np.arccos(np.clip(unit @ (shown / ranges[:, None]).T, -1.0, 1.0))
+        half = np.arcsin(np.minimum(self.occluder_radius_m / ranges, 1.0))
+        sigma = np.sqrt(across + variances[:, 1]) + LEAST_SIGMA
+        aside = ndtr((half - turn) / sigma) - ndtr((-half - turn) / sigma)
+        apart = np.sqrt(along + variances[:, 0]) + LEAST_SIGMA
+        behind = ndtr((distance - ranges - 2.0 * self.occluder_radius_m) / apart)
+        return np.asarray((1.0 - aside * behind).prod(axis=-1))
+
+    def hides(self, seen: Array, hiding: Array) -> Flags:
+        """(Q,) whether one of N objects (Q, N, 3) stands before a point (Q, 3), all in the optical frame."""
+        distance, reach = np.sqrt(squared_norms(seen)), np.sqrt(squared_norms(hiding))
+        unit = seen / np.maximum(distance, LEAST_DISTANCE_M)[:, None]
+        along = (hiding * unit[:, None]).sum(axis=-1)
+        aside = np.sqrt(np.maximum(reach**2 - along**2, 0.0)) < self.occluder_radius_m
+        behind = (along > 0.0) & (distance[:, None] > reach + 2.0 * self.occluder_radius_m)
+        return np.asarray((aside & behind).any(axis=1))
+
+    def all_over(self) -> tuple[Array, Array]:
+        """(P, 3) points of the optical frame all over the region, and the shares (P,) of its volume they stand for."""
+        centres = (np.arange(NUM_SHELLS) + 0.5) / NUM_SHELLS
+        ranges = np.cbrt(self.min_range_m**3 + centres * (self.max_range_m**3 - self.min_range_m**3))
+        x, y = (
+            np.tan(half) * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
+            for half, count in ((self.half_width_rad, NUM_COLUMNS), (self.half_height_rad, NUM_ROWS))
+        )
+        right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, ranges, indexing="ij"))
+        rays = np.stack([right, down, np.ones(len(right))], axis=1)
+        length = np.sqrt(squared_norms(rays))
+        shares = length**-3  # solid angle per area of an image at depth 1
+        return rays * (reach / length)[:, None], shares / shares.sum()
+
+
+def _angle(seen: Array, axis: int) -> tuple[Array, Array]:
+    """(...,) angles off the optical axis along one axis of the image, and their slopes (..., 3) by the point."""
+    aside, ahead = seen[..., axis], seen[..., 2]
+    squared = np.maximum(aside * aside + ahead * ahead, LEAST_DISTANCE_M**2)
+    slope = np.zeros(seen.shape)
+    slope[..., axis], slope[..., 2] = ahead / squared, -aside / squared
+    return np.arctan2(aside, ahead), slope
+
+
+def _sigma(slope: Array, covariance: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("...i,...ij,...j->...", slope, covariance, slope)) + LEAST_SIGMA)

@@ -1,0 +1,149 @@
+"""Objects that come to exist in space: where the camera sees, what hides what, and a flight without a map."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
+from semantic_slam.geometry import se3, so3
+from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
+from semantic_slam.inference.open_world.open_geometry import geometry_of
+from semantic_slam.inference.open_world.spatial.births import birth_in_space
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+
+REGION = SpatialRegion(min_range_m=0.5, max_range_m=3.0, half_width_rad=0.7, half_height_rad=0.4, occluder_radius_m=0.1)
+POSE = se3.exp(np.array([0.4, -0.3, 0.8, 1.0, 2.0, 3.0]))
+OPTICAL_BODY = np.append(np.zeros(3), LOOKS_AHEAD[3:])
+
+
+def drawn(count: int = 400_000) -> np.ndarray:
+    """Points of the optical frame, even in a box of 7 x 5 x 4 m about the region."""
+    return np.random.default_rng(0).uniform([-3.5, -2.5, 0.0], [3.5, 2.5, 4.0], (count, 3))
+
+
+def test_the_region_s_volume_is_that_of_what_it_holds() -> None:
+    points = drawn()
+    assert REGION.volume_m3 == pytest.approx(140.0 * REGION.holds(points).mean(), rel=0.02)
+    everywhere, shares = REGION.all_over()
+    assert REGION.holds(everywhere).all() and shares.sum() == pytest.approx(1.0)
+    inside = points[REGION.holds(points)]
+    np.testing.assert_allclose(shares @ everywhere, inside.mean(axis=0), atol=0.03)
+    np.testing.assert_allclose(shares @ everywhere**2, (inside**2).mean(axis=0), rtol=0.06)
+
+
+@pytest.mark.parametrize(
+    "centre", [[0.0, 0.0, 2.0], [1.3, 0.1, 1.5], [0.2, -0.9, 2.0], [0.1, 0.2, 2.9], [0.0, 0.0, -1.0]]
+)
+def test_an_uncertain_object_lies_inside_as_often_as_its_samples_do(centre: list[float]) -> None:
+    spread = np.diag([0.02, 0.01, 0.015])
+    samples = np.random.default_rng(1).multivariate_normal(centre, spread, 100_000)
+    assert REGION.contains(np.array(centre), spread) == pytest.approx(REGION.holds(samples).mean(), abs=0.03)
+
+
+def test_what_stands_behind_a_detection_is_hidden_and_what_stands_beside_or_before_it_is_not() -> None:
+    shown, variances, exact = np.array([[0.1, -0.2, 1.0]]), np.zeros((1, 2)), np.zeros((3, 3, 3))
+    seen = np.array([1.8 * shown[0], 0.7 * shown[0], [0.5, -0.4, 2.0]])
+    np.testing.assert_allclose(REGION.not_occluded(seen, exact, shown, variances), [0.0, 1.0, 1.0], atol=1e-9)
+    np.testing.assert_array_equal(REGION.hides(seen, np.repeat(shown[None], 3, axis=0)), [True, False, False])
+
+
+def test_objects_follow_a_robot_as_their_slopes_say() -> None:
+    """Those that move along with it, and those that a detection starts."""
+    geometry, space = geometry_of(POSES_AND_POINTS_IN_SPACE), POSES_AND_POINTS_IN_SPACE.robot
+    body = np.array([0.5, -1.0, 1.5])
+    ray = body / np.linalg.norm(body)
+    detection = SpatialDetection(ray=ray, range_m=float(np.linalg.norm(body)), covariance=np.diag([0.01, 1e-4, 4e-4]))
+    born = birth_in_space(SpatialObservation(), detection, POSE)
+    place = space.displacement(POSE, body, np.zeros(3))
+    np.testing.assert_allclose(born.prior.mean, place, atol=1e-12)
+    steps = 1e-6 * np.eye(6)
+    moved = [space.displacement(space.retract(POSE, step), body, np.zeros(3)) for step in (*steps, *-steps)]
+    slopes = (np.array(moved[:6]) - np.array(moved[6:])).T / 2e-6
+    np.testing.assert_allclose(geometry.moving_along(POSE, place[None])[0], slopes, atol=1e-8)
+    np.testing.assert_allclose(born.gain, slopes, atol=1e-8)
+
+
+def test_the_noise_of_a_born_object_is_that_of_its_ray_and_range() -> None:
+    random, covariance = np.random.default_rng(4), np.diag([0.01, 1e-4, 4e-4])
+    detection = SpatialDetection(ray=np.array([0.6, 0.0, 0.8]), range_m=2.0, covariance=covariance)
+    off = random.multivariate_normal(np.zeros(3), covariance, 200_000)
+    rays = detection.ray + off[:, 1:] @ detection.basis.T
+    points = (2.0 + off[:, :1]) * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    sampled = np.cov(so3.matrix(POSE[3:]) @ points.T)
+    np.testing.assert_allclose(birth_in_space(SpatialObservation(), detection, POSE).noise, sampled, atol=2e-4)
+
+
+DRIFT = np.array([0.004, 0.004, 0.01, 0.02, 0.02, 0.02])
+RAY_SIGMA, RANGE_SIGMA = 0.01, 0.03
+LABELS = ("cup", "bottle", "book")
+
+
+def flown(seed: int, T_ahead_body: np.ndarray, labels: Sequence[str] = ()) -> tuple[HybridBelief, np.ndarray, set[int]]:
+    """A belief after 25 keyframes among 12 points, those points, and which of them were in the image at all."""
+    random = np.random.default_rng(seed)
+    points, seen_once = random.uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.5], (12, 3)), set[int]()
+    start = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+    camera = Camera(se3.between(T_ahead_body, LOOKS_AHEAD))
+    engine = Engine(
+        Configuration.of(
+            state_space="spatial",
+            observation="points",
+            association="open",
+            semantic_model={"kind": "detector" if labels else "none", "labels": list(labels)},
+            open_world={"birth_density": 0.3, "occluder_radius_m": 0.05, "least_undetected_share": 0.001},
+            pruning={"max_hypotheses": 20},
+        ),
+        initial_pose=se3.compose(start, T_ahead_body),
+        initial_covariance=1e-4 * np.eye(6),
+    )
+    x = start
+    for k in range(25):
+        motion = se3.exp(np.array([0.0, 0.0, 0.3, 0.1, 0.0, 0.0]) + random.normal(scale=0.02, size=6))
+        x = se3.retract(se3.compose(x, motion), random.normal(size=6) * DRIFT)
+        away = Camera().seen(so3.rotated(so3.inverse(x[3:]), points - x[:3]))
+        region = SpatialRegion.of(engine.problem.open_world)
+        detections = []
+        for n in np.flatnonzero(region.holds(away)).tolist():
+            if random.random() > 0.9:
+                continue
+            seen_once.add(n)
+            distance = np.linalg.norm(away[n])
+            detections.append(
+                Detection.along(
+                    away[n] / distance + RAY_SIGMA * random.normal(size=3),
+                    distance + RANGE_SIGMA * random.normal(),
+                    sigma_range_m=RANGE_SIGMA,
+                    ray_covariance=RAY_SIGMA**2 * np.eye(3),
+                    T_body_sensor=camera.T_body_camera,
+                    label=labels[n % len(labels)] if labels else "",
+                )
+            )
+        keyframe = Keyframe.spatial(
+            k,
+            motion=se3.between(T_ahead_body, se3.compose(motion, T_ahead_body)),
+            motion_covariance=se3.covariance_along_parent(se3.inverse(T_ahead_body), np.diag(DRIFT**2)),
+            detections=detections,
+            T_body_camera=camera.T_body_camera,
+        )
+        belief = engine.process(keyframe)
+    return belief, points, seen_once
+
+
+def test_a_flight_without_a_map_finds_what_is_there() -> None:
+    belief, points, seen = flown(1, se3.exp(np.zeros(6)), LABELS)
+    found = [item for item in belief.objects if item.existence > 0.5]
+    nearest = [int(np.linalg.norm(points - item.position, axis=1).argmin()) for item in found]
+    assert sorted(nearest) == sorted(seen) and len(seen) >= 8
+    assert max(np.linalg.norm(points[n] - item.position) for n, item in zip(nearest, found, strict=True)) < 0.25
+    assert [item.likeliest_class for item in found] == [LABELS[n % 3] for n in nearest]
+    assert belief.state_space == "spatial"
+
+
+def test_a_flight_is_the_same_whichever_axes_the_body_has() -> None:
+    ahead, optical = (flown(2, body)[0] for body in (se3.exp(np.zeros(6)), OPTICAL_BODY))
+    np.testing.assert_allclose(optical.object_poses, ahead.object_poses, atol=1e-6)
+    np.testing.assert_allclose(optical.existence, ahead.existence, atol=1e-6)
+    np.testing.assert_allclose(optical.log_weights, ahead.log_weights, atol=1e-5)
