@@ -7,26 +7,15 @@ import pytest
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, TableTops, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.imported import read_bag
-from worlds.table_bag import table_entries, write_table_bag
+from worlds.table_bag import in_space, table_entries, write_table_bag
 
-from semantic_slam.configuration import Configuration, from_dict, to_dict
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.messages import topics
 from semantic_slam.perception.places import BAD_COVARIANCE, NO_PLACE
 from semantic_slam.pipeline.offline import RunSummary, run_bag
 
-ODOMETRY = {"sigma_translation_per_m": 0.02, "sigma_rotation_per_rad": 0.02, "sigma_translation_floor_m": 0.003}
-
 OUTSIDE = "/classifier/measurements: detections outside the region of open_world"
-
-
-def in_space(room: TableTops) -> Configuration:
-    """The study's, from where the camera is mounted and the first pose is."""
-    values = to_dict(configuration())
-    values["perception"]["extrinsics"] = T_BODY_CAMERA.tolist()
-    values["odometry"] |= ODOMETRY
-    return from_dict(values, "test")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +27,7 @@ def room() -> TableTops:
 @pytest.fixture(scope="module")
 def run(room: TableTops, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunSummary]:
     folder = tmp_path_factory.mktemp("flight")
-    summary = run_bag(write_table_bag(folder / "bag", table_entries(room)), folder / "belief", in_space(room))
+    summary = run_bag(write_table_bag(folder / "bag", table_entries(room)), folder / "belief", in_space())
     return folder / "belief", summary
 
 
@@ -75,5 +64,5 @@ def test_what_cannot_be_used_in_space_is_counted(room: TableTops, tmp_path: Path
     )
     first.positions[:3] = np.nan
     second.position_covariances[:9] = -np.eye(3).ravel()
-    summary = run_bag(write_table_bag(tmp_path / "bag", entries), tmp_path / "belief", in_space(room))
+    summary = run_bag(write_table_bag(tmp_path / "bag", entries), tmp_path / "belief", in_space())
     assert summary.dropped == {OUTSIDE: 2, NO_PLACE: 1, BAD_COVARIANCE: 1}

@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from semantic_slam_lab.simulation.tables import TableTops
+from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, TableTops
+from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bag_factory import Entry, write_bag
 
+from semantic_slam.configuration import Configuration, from_dict, to_dict
 from semantic_slam.geometry import se3
 from semantic_slam.inference.inputs.keyframe import SECOND_NS
 from semantic_slam.messages import topics
@@ -13,6 +15,16 @@ from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.perception.frame import Detections
 from semantic_slam.pipeline.preamble import MAP_PRIOR_FILE
+
+ODOMETRY = {"sigma_translation_per_m": 0.02, "sigma_rotation_per_rad": 0.02, "sigma_translation_floor_m": 0.003}
+
+
+def in_space() -> Configuration:
+    """The study's, with where the camera is mounted."""
+    values = to_dict(configuration())
+    values["perception"]["extrinsics"] = T_BODY_CAMERA.tolist()
+    values["odometry"] |= ODOMETRY
+    return from_dict(values, "test")
 
 
 def table_entries(room: TableTops) -> list[Entry]:
