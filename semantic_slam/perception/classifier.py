@@ -21,7 +21,8 @@ from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, told_places
-from semantic_slam.perception.range_bearing import elevation
+from semantic_slam.perception.points_in_space import SpatialPoints, points_along_rays, told_points, with_points
+from semantic_slam.perception.range_bearing import elevation, viewing_ray
 
 if TYPE_CHECKING:
     from semantic_slam.perception.network import ClassifierNetwork
@@ -43,16 +44,17 @@ class Classifier:
         extractor: FeatureExtractor | None = None,
         coverage: CoverageCheck | None = None,
         appearance: AppearanceCheck | None = None,
+        in_space: bool = False,
     ) -> None:
         """Without ``extractor`` the class probabilities are the feature; a view that neither ``coverage`` nor
         ``appearance`` takes for unknown is in coverage.
 
         ``seed`` is that of every dropout mask. Without ``network`` the boxes' places alone are measured, and what their
-        detector says of them is passed on.
+        detector says of them is passed on. ``in_space``: where boxes and depth show objects is told as points, too.
         """
         self._network, self._settings, self._seed = network, settings, seed
         self._range_bearing_sensor, self._extractor = range_bearing_sensor, extractor
-        self._coverage, self._appearance = coverage, appearance
+        self._coverage, self._appearance, self._in_space = coverage, appearance, in_space
         self.dropped: Counter[str] = Counter()
 
     @property
@@ -74,8 +76,8 @@ class Classifier:
         boxes = rows.boxes.reshape(-1, 4)
         samples, total_entropy, model_part, recognised = self._dropout_samples(frame, kept)
         features, covariances = self._features(frame, boxes, samples)
-        places, are_told = self._places(frame, rows, T_base_camera)
-        return SemanticMeasurements(
+        places, are_told, points = self._places(frame, rows, T_base_camera)
+        measured = SemanticMeasurements(
             stamp_ns=frame.stamp_ns,
             sequence=sequence,
             frame_id=self._settings.base_frame,
@@ -102,9 +104,13 @@ class Classifier:
             class_scores=left_out() if self._network is not None else rows.class_scores,
             embeddings=rows.embeddings,
         )
+        return with_points(measured, points, T_base_camera) if self._in_space else measured
 
-    def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags]:
-        """Places that detections tell themselves, with a range, else what box and depth show; and which are told."""
+    def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags, SpatialPoints]:
+        """Places that detections tell themselves, with a range, else what box and depth show; and which are told.
+
+        In space the points that these are, besides.
+        """
         boxes = rows.boxes.reshape(-1, 4)
         sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
         covariances = np.full((len(boxes), 3, 3), np.nan)
@@ -118,7 +124,13 @@ class Classifier:
         told = told_places(rows)
         is_told = np.isfinite(told.bearings_rad) & (told.ranges_m > 0.0) & (told.ranges_m < np.inf)
         is_told &= told.are_covariances_usable()
-        return told.where(is_told, shown), is_told
+        if not self._in_space:
+            return told.where(is_told, shown), is_told, SpatialPoints.untold(len(boxes))
+        rays = np.array([viewing_ray(box, frame.camera) for box in boxes]).reshape(-1, 3)
+        distances = np.array([item.distance_m for item in sensed], dtype=np.float64)
+        seen, own = points_along_rays(rays, distances, T_base_camera, self._settings), told_points(rows)
+        is_told |= own.are_told & own.are_covariances_usable()
+        return told.where(is_told, shown), is_told, own.where(is_told, seen)
 
     def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
         """(D, F) semantic features and (D, F, F) their covariances: over the passes, none with a learned extractor."""

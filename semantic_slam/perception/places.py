@@ -17,6 +17,7 @@ from semantic_slam.perception.crops import IN_SHARES, is_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
+from semantic_slam.perception.points_in_space import SpatialPoints, told_points, with_points
 
 NO_PLACE = "detection without a place: neither range and bearing, nor position, nor a box that a known camera saw"
 BAD_RANGE = "range that is not above zero"
@@ -26,8 +27,9 @@ BAD_COVARIANCE = "covariance of a place that is not positive definite"
 class PlaceReader:
     """Measures detections by the places that they tell; ``dropped`` counts, by reason, those that could not be used."""
 
-    def __init__(self, settings: PerceptionConfiguration) -> None:
-        self._settings = settings
+    def __init__(self, settings: PerceptionConfiguration, *, in_space: bool = False) -> None:
+        """``in_space``: positions are told as points, too."""
+        self._settings, self._in_space = settings, in_space
         self.dropped: Counter[str] = Counter()
 
     def measure(
@@ -43,9 +45,12 @@ class PlaceReader:
         every bearing is seen from the body's origin, so that boxes alone are not used there.
         """
         places, sensor = _places(detections, camera, T_base_camera)
-        kept = np.flatnonzero(self._usable(detections, places))
-        places, rows = places.take(kept), detections.take(kept)
-        return SemanticMeasurements(
+        points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
+        if self._in_space:
+            places = points.places.where(points.are_told, places)
+        kept = np.flatnonzero(self._usable(detections, places, points))
+        places, rows, points = places.take(kept), detections.take(kept), points.take(kept)
+        measured = SemanticMeasurements(
             stamp_ns=detections.stamp_ns,
             sequence=sequence,
             frame_id=self._settings.base_frame,
@@ -71,8 +76,9 @@ class PlaceReader:
             class_scores=rows.class_scores,
             embeddings=rows.embeddings,
         )
+        return with_points(measured, points, self._settings.extrinsics) if self._in_space else measured
 
-    def _usable(self, detections: Detections, places: Places) -> Flags:
+    def _usable(self, detections: Detections, places: Places, points: SpatialPoints) -> Flags:
         """(D,) whether each can be used; the others are counted, each by its first reason."""
         known = self._settings.labels
         faults = {
@@ -84,7 +90,7 @@ class PlaceReader:
         faults[IN_SHARES] = small & ~np.isfinite(places.bearings_rad)
         faults[NO_PLACE] = ~np.isfinite(places.bearings_rad) | np.isinf(places.ranges_m)
         faults[BAD_RANGE] = places.ranges_m <= 0.0
-        faults[BAD_COVARIANCE] = ~places.are_covariances_usable()
+        faults[BAD_COVARIANCE] = ~(places.are_covariances_usable() & points.are_covariances_usable())
         usable = np.ones(len(detections), dtype=np.bool_)
         for reason, rows in faults.items():
             self.dropped[reason] += int((usable & rows).sum())

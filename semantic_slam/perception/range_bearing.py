@@ -26,6 +26,7 @@ class RangeBearing:
     range_m: float  # from the body's origin; NaN without depth
     bearing_rad: float  # counter-clockwise from x; from the body's origin with depth, from the camera without
     covariance: Array  # (2, 2) of [range, bearing]; its range entry is NaN without depth
+    distance_m: float = float("nan")  # from the camera, along the viewing ray; NaN without depth
 
 
 def viewing_ray(box: Array, camera: CameraModel) -> Array:
@@ -77,7 +78,8 @@ def range_and_bearing(
         covariance = np.diag([np.nan, bearing_variance])
         return RangeBearing(float("nan"), float(np.arctan2(direction[1], direction[0])), covariance)
     width_m = (box[2] - box[0]) / camera.fx * depth
-    centre_camera = ray * (depth / ray[2] + configuration.depth_to_width * width_m)
+    distance = depth / ray[2] + configuration.depth_to_width * width_m
+    centre_camera = ray * distance
     x, y, _ = transform_points(T_base_camera, centre_camera[None])[0]
     covariance = np.diag([configuration.sigma_range_m**2, bearing_variance])
-    return RangeBearing(float(np.hypot(x, y)), float(np.arctan2(y, x)), covariance)
+    return RangeBearing(float(np.hypot(x, y)), float(np.arctan2(y, x)), covariance, float(distance))

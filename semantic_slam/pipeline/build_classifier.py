@@ -33,6 +33,7 @@ def build_classifier(configuration: Configuration) -> Classifier:
         extractor=extractor,
         coverage=_coverage(semantic_model, num_features),
         appearance=_appearance(semantic_model, settings, network),
+        in_space=configuration.is_spatial,
     )
 
 

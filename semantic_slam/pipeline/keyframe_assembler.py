@@ -34,12 +34,14 @@ from semantic_slam.perception.usable_measurements import usable
 from semantic_slam.pipeline.motion import (
     OdometryPoint,
     motion_covariance,
+    motion_covariance_in_space,
     motion_shifts,
     motion_slopes,
     point_between,
     start,
 )
 from semantic_slam.pipeline.odometry_rate import RateMeter
+from semantic_slam.pipeline.points_input import PointsInput
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
@@ -60,17 +62,13 @@ class KeyframeAssembler:
     ) -> None:
         """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`.
 
-        ``passes_over``: whether measurements are to make no keyframe, which is counted. Raises InputError in space.
+        ``passes_over``: whether measurements are to make no keyframe, which is counted.
         """
-        if configuration.is_spatial:
-            raise InputError(
-                "state_space: spatial is for a Python session with semantic_slam.Engine yet, not for bags and nodes;"
-                " set state_space: planar"
-            )
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
         self._association = strategy_of(configuration)
         self._has_identities, self._passes_over = has_identities, passes_over
+        self._in_space = PointsInput(configuration, self.dropped) if configuration.is_spatial else None
         self._region = sensor_region(configuration.open_world)
         self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
@@ -118,6 +116,8 @@ class KeyframeAssembler:
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
         """The measurements of one frame; detections that are no measurements are dropped."""
         told = usable(measurements, topics.MEASUREMENTS, self.dropped)
+        if self._in_space is not None:
+            told = self._in_space.usable(told)
         found = joined(told, self._configuration.perception.same_outline)
         if len(found) < len(told):
             self.dropped[f"{topics.MEASUREMENTS}: boxes joined to one with the same outline"] += len(told) - len(found)
@@ -207,11 +207,12 @@ class KeyframeAssembler:
         if named is None:
             self.dropped[f"{topics.MEASUREMENTS}: no {topics.GROUND_TRUTH_ASSOCIATIONS} of their stamp"] += 1
             return None
+        covariance = motion_covariance if self._in_space is None else motion_covariance_in_space
         keyframe = Keyframe(
             index=self._next_index,
             stamp_ns=measurements.stamp_ns,
             odometry=between(self._last_keyframe.pose, point.pose),
-            odometry_covariance=motion_covariance(self._last_keyframe, point, self._configuration.odometry),
+            odometry_covariance=covariance(self._last_keyframe, point, self._configuration.odometry),
             measurements=named,
             odometry_slopes=motion_slopes(self._last_keyframe, point),
             odometry_shifts=self._shifts(point),
@@ -280,6 +281,8 @@ class KeyframeAssembler:
             return measurements
         if self._configuration.open_world.learn_region:
             return measurements
+        if self._in_space is not None:
+            return self._in_space.inside(measurements)
         outside = ~self._region.holds(measurements.ranges_m, measurements.bearings_rad)
         if not outside.any():
             return measurements

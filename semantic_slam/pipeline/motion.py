@@ -12,7 +12,7 @@ from semantic_slam.geometry.transform import between, interpolate, rotation_angl
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.models.clock_offset import shifts_of
 from semantic_slam.inference.models.odometry_bias import slopes
-from semantic_slam.inference.models.odometry_noise import odometry_covariance
+from semantic_slam.inference.models.odometry_noise import odometry_covariance, odometry_variances
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.odometry_rate import NOT_KNOWN, Rate
 
@@ -104,13 +104,26 @@ def motion_shifts(first: Array, second: Array) -> Array:
     return shifts_of(np.array(controls))
 
 
+def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
+    """:func:`motion_covariance` of all six, along and about every axis alike."""
+    travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
+    place, turn = odometry_variances(travelled, turned, noise)
+    more_place, more_turn = _missing(first, second)
+    return np.diag(np.repeat([place + more_place, turn + more_turn], 3))
+
+
 def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
     """(6, 6) covariance of the motion between two points, over x y z rx ry rz at the second; planar.
 
     What is not known of either point, where odometry was missing, adds to it as if the two were independent.
     """
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
+    place, turn = _missing(first, second)
+    return covariance_from_planar(odometry_covariance(travelled, turned, noise) + np.diag([place, place, turn]))
+
+
+def _missing(first: OdometryPoint, second: OdometryPoint) -> tuple[float, float]:
+    """Variances [m^2, rad^2] of what is not known of either point, where odometry was missing."""
     length_m = float(np.linalg.norm(second.pose[:3] - first.pose[:3]))
     place = first.sigma_m**2 + second.sigma_m**2 + (first.sigma_rad * length_m) ** 2
-    missing = np.diag([place, place, first.sigma_rad**2 + second.sigma_rad**2])
-    return covariance_from_planar(odometry_covariance(travelled, turned, noise) + missing)
+    return place, first.sigma_rad**2 + second.sigma_rad**2

@@ -28,7 +28,7 @@ class PlacesAssembler:
     def __init__(self, configuration: Configuration, camera_pose: Callable[[str], Array]) -> None:
         """``camera_pose`` gives (7,) T_base_camera of an optical frame, or raises InputError."""
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
-        self._reader = PlaceReader(configuration.perception)
+        self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
         self._camera_pose = camera_pose
         self._camera_is_of_another = False
         self._num_measured = 0

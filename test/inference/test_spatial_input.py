@@ -9,7 +9,6 @@ from semantic_slam.geometry import se3
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 
 KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
 
@@ -39,11 +38,6 @@ def test_what_is_planar_alone_is_refused_in_one_line_with_its_remedy(setting: di
     with pytest.raises(InputError, match=remedy) as fault:
         Engine(Configuration.of(state_space="spatial", **values), KNOWN)
     assert "\n" not in str(fault.value) and "spatial" in str(fault.value)
-
-
-def test_bags_and_nodes_are_refused_in_space() -> None:
-    with pytest.raises(InputError, match=r"Python session.* set state_space: planar"):
-        KeyframeAssembler(spatial())
 
 
 def test_input_that_is_of_the_plane_is_refused_in_space() -> None:

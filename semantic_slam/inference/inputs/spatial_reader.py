@@ -37,7 +37,7 @@ class SpatialReader:
             names=measurements.track_ids,
             labels=measurements.labels,
             words=None if self._words is None else self._words.words(measurements),
-            camera=_camera(measurements),
+            camera=camera_of(measurements),
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
         )
@@ -54,7 +54,12 @@ class SpatialReader:
 
     def _detection(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
         """Raises InputError."""
-        point, slopes = self._point(measurements, row)
+        point, slopes = point_of_row(measurements, row)
+        if not np.isfinite(point).all():
+            raise InputError(
+                f"{_which(measurements, row)} has no range; state_space: spatial needs one of every detection yet:"
+                " leave it out, or set state_space: planar"
+            )
         distance = float(np.linalg.norm(point))
         if not distance >= LEAST_DISTANCE_M:
             raise InputError(
@@ -74,18 +79,6 @@ class SpatialReader:
             sensor=measurements.sensor_position,
         )
 
-    def _point(self, measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:
-        """(3,) in the body frame, and its (3, 3) slopes by what is told of it. Raises InputError."""
-        if np.isfinite(measurements.points[row]).all():
-            return measurements.points[row], np.eye(3)
-        place = np.array([values[row] for values in _places(measurements)])
-        if not np.isfinite(place).all():
-            raise InputError(
-                f"{_which(measurements, row)} has no range; state_space: spatial needs one of every detection yet:"
-                " leave it out, or set state_space: planar"
-            )
-        return point_of_place(place)
-
     def _told(self, measurements: SemanticMeasurements, row: int, slopes: Array) -> Array | None:
         """(3, 3) of the point along the axes of the body; None where nothing is told. Raises InputError."""
         of_point, of_place = measurements.point_covariances[row], measurements.place_covariances[row]
@@ -101,7 +94,7 @@ class SpatialReader:
         return None
 
 
-def _camera(measurements: SemanticMeasurements) -> Camera:
+def camera_of(measurements: SemanticMeasurements) -> Camera:
     """Where the camera is mounted."""
     turn = measurements.sensor_orientation
     turn = turn if np.isfinite(turn).all() else LOOKS_AHEAD[3:]
@@ -112,6 +105,9 @@ def _which(measurements: SemanticMeasurements, row: int) -> str:
     return f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns"
 
 
-def _places(measurements: SemanticMeasurements) -> tuple[Array, Array, Array]:
-    """(D,) ranges in the plane, bearings and elevations of all detections."""
-    return measurements.ranges_m, measurements.bearings_rad, measurements.elevations_rad
+def point_of_row(measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:
+    """(3,) a detection in the body frame, NaN where nothing tells that, and its (3, 3) slopes by what is told of it."""
+    if np.isfinite(measurements.points[row]).all():
+        return measurements.points[row], np.eye(3)
+    told = measurements.ranges_m[row], measurements.bearings_rad[row], measurements.elevations_rad[row]
+    return point_of_place(np.array(told))

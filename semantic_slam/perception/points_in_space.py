@@ -1,0 +1,92 @@
+"""Where detections are in space, for runs in which all six of a pose are estimated: points of the body frame."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.pose import rotation_matrix, transform_points
+from semantic_slam.geometry.rows import take
+from semantic_slam.geometry.sightline import in_plane, place_of_point
+from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.places_geometry import Places
+
+
+@dataclass(frozen=True)
+class SpatialPoints:
+    """D points; NaN where not told."""
+
+    points: Array  # (D, 3) metres in the body frame
+    covariances: Array  # (D, 3, 3) along its axes
+
+    @classmethod
+    def untold(cls, count: int) -> "SpatialPoints":
+        """Of so many detections, none of which tells a point."""
+        return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
+
+    @property
+    def are_told(self) -> Flags:
+        """(D,)"""
+        return np.asarray(np.isfinite(self.points).all(axis=1))
+
+    def take(self, rows: Index) -> "SpatialPoints":
+        """The chosen points."""
+        return take(self, rows)
+
+    def where(self, chosen: Flags, other: "SpatialPoints") -> "SpatialPoints":
+        """Points where ``chosen`` (D,) is true, else those of ``other``."""
+        return SpatialPoints(
+            np.where(chosen[:, None], self.points, other.points),
+            np.where(chosen[:, None, None], self.covariances, other.covariances),
+        )
+
+    def are_covariances_usable(self) -> Flags:
+        """(D,) whether each covariance is symmetric and positive definite, or none is told."""
+        told = np.asarray(np.isfinite(self.covariances).all(axis=(1, 2)))
+        known = np.where(told[:, None, None], self.covariances, np.eye(3))
+        is_symmetric = np.isclose(known, np.swapaxes(known, 1, 2)).all(axis=(1, 2))
+        return np.asarray(is_symmetric & (np.linalg.eigvalsh(known)[:, 0] > 0.0))
+
+    @property
+    def places(self) -> Places:
+        """Their ranges in the plane, bearings and elevations, as what is of the plane looks at them."""
+        ranges, bearings, elevations = place_of_point(self.points).T
+        covariances = np.full((len(self.points), 3, 3), np.nan)
+        for row in np.flatnonzero(np.isfinite(self.covariances).all(axis=(1, 2)) & self.are_told).tolist():
+            covariances[row, :2, :2] = in_plane(self.points[row], self.covariances[row])
+        return Places(ranges, bearings, elevations, covariances)
+
+
+def told_points(detections: Detections) -> SpatialPoints:
+    """Positions that detections tell, where they tell no range and bearing, which count before."""
+    has_range = np.isfinite(detections.bearings_rad)
+    positions = SpatialPoints(detections.positions, detections.position_covariances)
+    return SpatialPoints.untold(len(detections)).where(has_range, positions)
+
+
+def points_along_rays(rays: Array, distances_m: Array, T_base_camera: Array, noise: Any) -> SpatialPoints:
+    """From rays (D, 3) of length 1 in the optical frame and distances along them, NaN where there is none.
+
+    ``noise`` has sigma_range_m, sigma_range_per_m and sigma_bearing_rad, by which each errs along its ray and across.
+    """
+    points = transform_points(T_base_camera, rays * distances_m[:, None])
+    turned = rays @ rotation_matrix(T_base_camera[3:]).T
+    along = turned[:, :, None] * turned[:, None, :]
+    by_range = noise.sigma_range_m**2 + (noise.sigma_range_per_m * distances_m) ** 2
+    by_ray = (noise.sigma_bearing_rad * distances_m) ** 2
+    return SpatialPoints(points, by_range[:, None, None] * along + by_ray[:, None, None] * (np.eye(3) - along))
+
+
+def with_points(
+    measured: SemanticMeasurements, points: SpatialPoints, T_base_camera: ArrayLike
+) -> SemanticMeasurements:
+    """Measurements with their points and where their camera is mounted, (7,) or empty: nobody knows."""
+    told = replace(measured, points=points.points, point_covariances=points.covariances)
+    pose = np.asarray(T_base_camera, dtype=np.float64)
+    if not len(pose):
+        return told
+    turn = pose[3:] / np.linalg.norm(pose[3:])
+    return replace(told, sensor_position=pose[:3], sensor_orientation=turn)

@@ -1,0 +1,58 @@
+"""Measurements for a run in space: those that tell where in space their objects are, and lie in the camera's region."""
+
+from collections import Counter
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.sightline import LEAST_DISTANCE_M
+from semantic_slam.inference.inputs.spatial_reader import camera_of, point_of_row
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.messages import topics
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.points_in_space import SpatialPoints
+from semantic_slam.perception.usable_measurements import FARTHEST_M
+
+
+class PointsInput:
+    """Passes on what can be used; ``dropped`` counts the rest, by reason."""
+
+    def __init__(self, configuration: Configuration, dropped: Counter[str]) -> None:
+        self._region, self._dropped = SpatialRegion.of(configuration.open_world), dropped
+
+    def usable(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
+        """Without detections of which nobody knows where in space they are."""
+        points = _points(measurements)
+        distances = np.linalg.norm(points, axis=1)
+        told = SpatialPoints(points, measurements.point_covariances)
+        by_range_alone = np.isfinite(measurements.geometric_covariances[:, 1, 1]) & ~(
+            np.isfinite(measurements.point_covariances).all(axis=(1, 2))
+            | np.isfinite(measurements.place_covariances).all(axis=(1, 2))
+        )
+        kept = np.ones(len(measurements), dtype=np.bool_)
+        for reason, faulty in (
+            ("no range, which state_space: spatial needs", ~told.are_told),
+            ("place that is no place", ~((distances >= LEAST_DISTANCE_M) & (distances <= FARTHEST_M))),
+            ("covariance of a point that is not positive definite", ~told.are_covariances_usable()),
+            ("covariance of range and bearing alone, where state_space: spatial needs elevation, too", by_range_alone),
+        ):
+            count = int((kept & faulty).sum())
+            if count:
+                self._dropped[f"{topics.MEASUREMENTS}: {reason}"] += count
+                kept &= ~faulty
+        return measurements if kept.all() else measurements.take(np.flatnonzero(kept))
+
+    def inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
+        """Without detections from outside the camera's region."""
+        camera = camera_of(measurements)
+        outside = ~self._region.reaching(camera).holds(camera.seen(_points(measurements)))
+        if not outside.any():
+            return measurements
+        self._dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
+        return measurements.take(np.flatnonzero(~outside))
+
+
+def _points(measurements: SemanticMeasurements) -> Array:
+    """(D, 3) in the body frame, NaN where nothing tells them."""
+    return np.array([point_of_row(measurements, row)[0] for row in range(len(measurements))]).reshape(-1, 3)
