@@ -43,8 +43,8 @@ class Configuration:
     )
     state_space: str = parameter(
         "planar",
-        "where the robot and its objects are: planar, or spatial with all six of the pose, for a Python session with"
-        " observation: points and semantic_model.kind: none or detector",
+        "where the robot and its objects are: planar, or spatial with all six of the pose, with observation: points and"
+        " semantic_model.kind: none or detector",
         choices=STATE_SPACES,
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")

@@ -24,12 +24,12 @@ class SpatialPoints:
 
     @classmethod
     def untold(cls, count: int) -> "SpatialPoints":
-        """Of so many detections, none of which tells a point."""
+        """No points, of so many detections."""
         return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
 
     @property
     def are_told(self) -> Flags:
-        """(D,)"""
+        """(D,) whether each is told."""
         return np.asarray(np.isfinite(self.points).all(axis=1))
 
     def take(self, rows: Index) -> "SpatialPoints":

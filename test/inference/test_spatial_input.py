@@ -94,3 +94,15 @@ def test_motions_and_rays_without_covariances_err_as_configured() -> None:
     variances = np.diagonal(step.motion.covariance)
     assert len(set(variances[:3])) == len(set(variances[3:])) == 1 and (variances > 0.0).all()
     assert step.detections[0].is_round
+
+
+def test_the_cone_of_what_is_visible_is_about_the_axis_of_the_camera() -> None:
+    """Of one whose mount is configured; else about the body's x."""
+    start = {"mean": [0.0] * 6, "sigma": [0.1] * 6}
+    for mounted, axis in (([], [1.0, 0.0, 0.0]), ([0.0] * 6 + [1.0], [0.0, 0.0, 1.0])):
+        engine = Engine(
+            spatial(initial_pose=start, visibility={"field_of_view_rad": 1.0}, perception={"extrinsics": mounted}),
+            KNOWN,
+        )
+        x, away = np.array([[0.0] * 6 + [1.0]] * 2), np.array([axis, np.roll(axis, 1)])
+        np.testing.assert_array_equal(engine.problem.model.log_visibility(x, away, soft=False), [0.0, -np.inf])

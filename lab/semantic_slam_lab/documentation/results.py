@@ -16,6 +16,7 @@ from semantic_slam_lab.documentation import (
     real_drives,
     real_turntables,
     rooms,
+    tables,
 )
 from semantic_slam_lab.documentation.kept_results import KeptResults
 from semantic_slam_lab.documentation.markdown import table
@@ -44,6 +45,7 @@ SECTIONS = tuple(
         own_detector,
         faulty_rooms,
         lost_robot,
+        tables,
         drawn_worlds,
         chapter_4,
         chapter_3,

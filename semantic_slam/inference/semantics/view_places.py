@@ -29,7 +29,8 @@ def view_places(given: SemanticInput) -> ViewPlaces:
     robots, seen = robot[rows], objects[rows, numbers]
     spaces = given.parents[0].spaces
     if spaces.name == "spatial":
-        from_here = spaces.viewpoints(robots, seen, np.array(told).reshape(-1, 3)[numbers])
+        places = seen[:, : spaces.storage.landmark]  # rows of a stack are as wide as the wider kind
+        from_here = spaces.viewpoints(robots, places, np.array(told).reshape(-1, 3)[numbers])
         bearing, away = from_here.azimuth_rad, from_here.range_m
     else:
         sensors = np.array(told).reshape(-1, 2)

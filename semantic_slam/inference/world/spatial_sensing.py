@@ -1,13 +1,16 @@
 """Range and ray in space, of points."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from semantic_slam.errors import InputError
-from semantic_slam.geometry import se3
+from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.planar_sensing import LEAST_VARIANCE, visibility_of
@@ -22,7 +25,9 @@ def points(settings: SensingSettings) -> Sensing:
     configuration = settings.configuration
     return Sensing(
         spaces=POSES_AND_POINTS_IN_SPACE,
-        model=SpatialObservation(visibility_of(configuration), configuration.new_objects),
+        model=SpatialObservation(
+            visibility_of(configuration), configuration.new_objects, _optical_axis(configuration.perception.extrinsics)
+        ),
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),
             words=WordReader(settings.labels) if settings.labels else None,
@@ -31,6 +36,12 @@ def points(settings: SensingSettings) -> Sensing:
         object_prior=place_prior,
         joint_prior=joint_place_prior,
     )
+
+
+def _optical_axis(extrinsics: Sequence[float]) -> Array:
+    """(3,) in the body frame, of the camera whose mount is configured; the body's x where none is."""
+    turn = np.asarray(extrinsics[3:] if len(extrinsics) else LOOKS_AHEAD[3:], dtype=np.float64)
+    return so3.rotated(so3.normalised(turn), np.array([0.0, 0.0, 1.0]))
 
 
 def pose_prior(pose: Array, covariance: Array) -> GaussianPrior:

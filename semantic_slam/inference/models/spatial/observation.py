@@ -32,10 +32,11 @@ POSES_AND_POINTS_IN_SPACE = Spaces(SpatialPoses(), SpatialPositions())
 
 @dataclass(frozen=True)
 class SpatialObservation(PointGeometry):
-    """Geometry alone; the field of view is a cone about the body's x axis."""
+    """Geometry alone; the field of view is a cone about an axis of the body frame."""
 
     visibility: PlanarVisibility = field(default_factory=PlanarVisibility)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
+    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))  # (3,) of the cone, of length 1
 
     spaces = POSES_AND_POINTS_IN_SPACE
 
@@ -66,7 +67,7 @@ class SpatialObservation(PointGeometry):
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
         point = self._seen(x, o)
-        return self.visibility.log_probability(distances(point), off_axis(point), soft=soft)
+        return self.visibility.log_probability(distances(point), off_axis(point, self.axis), soft=soft)
 
     def robot_start(self, detections: SpatialDetections, x: Array, o: Array) -> Array:
         """Keep the attitude, stand where the point is seen as measured."""

@@ -22,9 +22,10 @@ def distances(point: Array) -> Array:
     return np.maximum(np.sqrt(squared_norms(point)), LEAST_DISTANCE_M)
 
 
-def off_axis(point: Array) -> Array:
-    """(...,) angles [rad] of (..., 3) points off the x axis."""
-    return np.arctan2(np.hypot(point[..., 1], point[..., 2]), point[..., 0])
+def off_axis(point: Array, axis: Array) -> Array:
+    """(...,) angles [rad] of (..., 3) points off an ``axis`` (3,) of length 1."""
+    along = point @ axis
+    return np.arctan2(np.sqrt(squared_norms(point - along[..., None] * axis)), along)
 
 
 def polar(point: Array, ray: Array, basis: Array) -> Array:
