@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 from semantic_slam_lab.simulation.tables import Flight, TableTops, table_tops
+from semantic_slam_lab.studies.tables.lost import lost
 from semantic_slam_lab.studies.tables.run import configuration, flown
-from semantic_slam_lab.studies.tables.study import band, claims_of
+from semantic_slam_lab.studies.tables.study import band, claims_of, claims_of_starts
 
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
@@ -48,3 +49,10 @@ def test_a_flight_finds_the_things_and_their_names() -> None:
     claims = claims_of({"short": [told]})
     assert len(claims) == 3 and all(claim.holds for claim in claims[:1]) == (told.false == 0)
     np.testing.assert_allclose(band(3, 10), [1.68, 4.70], atol=0.01)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_camera_lost_by_metres_and_any_yaw_is_settled_right(named: bool) -> None:
+    settled = [lost(seed, named, Flight()) for seed in range(3)]
+    assert all(own.is_right and own.error_m < 0.15 for own in settled), settled
+    assert all(claim.holds for claim in claims_of_starts({"": settled}))

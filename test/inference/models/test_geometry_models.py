@@ -12,6 +12,7 @@ from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.ray import polar, polar_slopes
@@ -161,3 +162,13 @@ class TestOffsetsOfPositions(GeometryModelContract):
 
     def pairs(self, random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
         return landmarks(random, count, 2), landmarks(random, count, 2)
+
+
+def test_a_robot_anywhere_on_a_ring_about_a_landmark_is_not_steady() -> None:
+    """However surely it sees that one ahead: what stands near it is seen from another side."""
+    spaces, model = POSES_AND_POINTS_IN_SPACE, SpatialObservation()
+    x, o = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]), np.array([[2.0, 0.0, 0.0]])
+    along_ring = np.array([0.0, 0.0, 1.8, 0.0, -3.6, 0.0, 0.0, 0.0, 0.0])  # turned by 1.8 rad about the landmark
+    covariance, charts = np.outer(along_ring, along_ring)[None], np.eye(spaces.layout.size(1))[None]
+    assert PointGeometry.bearing_sigma(model, x, o, covariance, charts) == pytest.approx(0.0, abs=1e-9)
+    assert model.bearing_sigma(x, o, covariance, charts) == pytest.approx(1.8)

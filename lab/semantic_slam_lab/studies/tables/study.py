@@ -1,4 +1,4 @@
-"""Ten rooms with tables that a camera with depth flies over, in all six of its pose, with a detector's labels."""
+"""Rooms with tables that a camera with depth flies over, with a detector's labels: to map them, or lost on a map."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -13,6 +13,7 @@ from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.simulation.detector_words import DetectorFaults
 from semantic_slam_lab.simulation.tables import NAMES, OTHERS, Flight
 from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.tables.lost import Settled, lost
 from semantic_slam_lab.studies.tables.run import Flown, configuration, flown
 
 NAME = "tables"
@@ -27,8 +28,10 @@ FLIGHTS = {
         faults=DetectorFaults(confused=0.3, dropped=0.2, alarms_per_frame=0.5, names=(*NAMES, *OTHERS)),
     ),
 }
+STARTS = {"things that have names": True, "look-alikes": False}
 
 Found = Mapping[str, Sequence[Flown]]  # by flight
+Put = Mapping[str, Sequence[Settled]]  # by what is on the map
 
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
@@ -36,7 +39,14 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     rooms = range(seed, seed + (QUICK_ROOMS if quick else ROOMS))
     told = iter(repeat(flown, [(room, flight) for flight in FLIGHTS.values() for room in rooms], jobs, "flights"))
     found = {name: [next(told) for _ in rooms] for name in FLIGHTS}
-    return write_result(out, _result(found, quick, seed), claims_of(found), [_table(found)])
+    tasks = [(room, named, Flight()) for named in STARTS.values() for room in rooms]
+    put_down = iter(repeat(lost, tasks, jobs, "starts"))
+    settled = {name: [next(put_down) for _ in rooms] for name in STARTS}
+    result = _result(found, quick, seed) | {
+        "starts": {name: _summary_of_starts(rows) for name, rows in settled.items()},
+        "runs_of_starts": {name: [asdict(row) for row in rows] for name, rows in settled.items()},
+    }
+    return write_result(out, result, [*claims_of(found), *claims_of_starts(settled)], [_table(found)])
 
 
 def _result(found: Found, quick: bool, seed: int) -> dict[str, Any]:
@@ -98,6 +108,28 @@ def claims_of(found: Found) -> list[Claim]:
             holds = mean is not None and low < mean < high
             text = f"{name}: normalised squared error of one {what} in every room in the 95 % band of its mean"
             claims.append(_claim(text, "-" if mean is None else f"{mean:.2f} in {low:.2f} to {high:.2f}", holds))
+    return claims
+
+
+def _summary_of_starts(rows: Sequence[Settled]) -> dict[str, Any]:
+    return {
+        "rooms": len(rows),
+        "right": sum(row.is_right for row in rows),
+        "off_m": float(np.mean([row.off_m for row in rows])),
+        "error_m": float(np.median([row.error_m for row in rows])),
+        "most_wrong": max(row.wrong for row in rows),
+        "cpu_s": float(np.mean([row.cpu_s for row in rows])),
+        "slowest_s": max(row.slowest_s for row in rows),
+    }
+
+
+def claims_of_starts(settled: Put) -> list[Claim]:
+    """What a camera has to show that is put down on a map."""
+    claims = []
+    for name, rows in settled.items():
+        right = sum(row.is_right for row in rows)
+        text = f"lost by 3 m and any yaw among {name}: settled right in 9 of 10 rooms"
+        claims.append(_claim(text, f"{right} of {len(rows)}", right >= 0.9 * len(rows)))
     return claims
 
 

@@ -13,8 +13,9 @@ import gtsam
 import numpy as np
 
 from semantic_slam.configuration import NewObjectConfiguration
-from semantic_slam.geometry import so3
+from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.custom_factor import custom_factor
 from semantic_slam.inference.models.observation import Classes, Linearisation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
@@ -68,6 +69,17 @@ class SpatialObservation(PointGeometry):
         """P(beta | x, o) of Eq. 4.18."""
         point = self._seen(x, o)
         return self.visibility.log_probability(distances(point), off_axis(point, self.axis), soft=soft)
+
+    def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
+        """Standard deviation of the direction, or of the robot's attitude, whichever is larger.
+
+        A robot on a ring about a landmark sees what stands near that one in much the same direction wherever it is on
+        the ring, and yet at another distance: turned by so much, no linear step tells of it.
+        """
+        robot = charts[:, se3.ROTATION, : self.spaces.layout.robot]
+        known = covariance[:, : self.spaces.layout.robot, : self.spaces.layout.robot]
+        attitude = largest_sigmas(robot @ known @ np.swapaxes(robot, 1, 2))
+        return np.maximum(super().bearing_sigma(x, o, covariance, charts), attitude)
 
     def robot_start(self, detections: SpatialDetections, x: Array, o: Array) -> Array:
         """Keep the attitude, stand where the point is seen as measured."""
