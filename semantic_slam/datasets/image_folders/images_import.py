@@ -16,13 +16,13 @@ from semantic_slam.datasets.image_folders.detections import (
     placed,
     with_named_classes,
 )
+from semantic_slam.datasets.image_folders.detector_arguments import add_detector, given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.journey import Journey, journey_by_odometry, journey_by_truth
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.datasets.image_folders.pictures import pictures_of
 from semantic_slam.errors import InputError
 from semantic_slam.perception.frame import Detections
-from semantic_slam.perception.onnx_detector import OnnxDetector, read_class_names
 
 ODOMETRY_FILE = "odometry.txt"
 
@@ -31,8 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``import_dataset images``."""
     parser.add_argument("source", type=Path, metavar="SRC", help="folder laid out as 7-Scenes or CubeSLAM")
     parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="bag folder to write")
-    parser.add_argument("--detector", type=Path, metavar="ONNX", help="NanoDet file (default: the folder's own boxes)")
-    parser.add_argument("--labels-of", type=Path, metavar="NAMES", help="the detector's class names, one a line")
+    add_detector(parser, "the folder's own boxes")
     parser.add_argument(
         "--odometry",
         type=Path,
@@ -69,13 +68,6 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
     made_up = "" if folder.has_clock else "stamps are made up; "
     noise = f"the true increments with noise (--drift {arguments.drift:g})"
     print(f"{made_up}odometry: {file or noise}; boxes: {arguments.detector or 'of the folder'}")
-
-
-def given_detector(path: Path | None, labels_of: Path | None) -> OnnxDetector | None:
-    """The detector of the command line, None where the folder's own boxes are wanted. Raises InputError."""
-    if (path is None) != (labels_of is None):
-        raise InputError("--detector and --labels-of go together: a network, and what its classes are called")
-    return None if path is None or labels_of is None else OnnxDetector(path, read_class_names(labels_of))
 
 
 def found_in(folder: ImageFolder, journey: Journey, detector: Detector | None) -> list[Detections]:

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.datasets.image_folders.detections import placed
+from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
-from semantic_slam.datasets.image_folders.images_import import found_in, given_detector
+from semantic_slam.datasets.image_folders.images_import import found_in
 from semantic_slam.datasets.image_folders.journey import Journey, journey_by_truth
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.geometry import se2

@@ -15,8 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from semantic_slam.configuration import Configuration, to_dict
+from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
-from semantic_slam.datasets.image_folders.images_import import found_in, given_detector, write_images
+from semantic_slam.datasets.image_folders.images_import import found_in, write_images
 from semantic_slam.datasets.image_folders.journey import journey_by_odometry
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.evaluation.belief_bag import read_record
