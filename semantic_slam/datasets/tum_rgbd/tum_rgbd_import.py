@@ -5,19 +5,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from semantic_slam.datasets.avd_messages import camera_info, static_transform
-from semantic_slam.datasets.drives.drive import BODY_FRAME, Message
+from semantic_slam.datasets.drives.drive import Message
 from semantic_slam.datasets.drives.noisy_odometry import add_drift, check_drift
 from semantic_slam.datasets.drives.tables import found_or_none
 from semantic_slam.datasets.image_folders.detections import Detector
 from semantic_slam.datasets.image_folders.detector_arguments import add_detector, given_detector
-from semantic_slam.datasets.image_folders.intrinsics import CAMERA_FRAME
 from semantic_slam.datasets.space.drive import SpatialDrive, write_spatial_drive
+from semantic_slam.datasets.space.journey import drive_by_odometry, odometry_of
+from semantic_slam.datasets.space.mount import mounted
 from semantic_slam.datasets.tum_rgbd.boxes import read_placed_objects
 from semantic_slam.datasets.tum_rgbd.folder import ODOMETRY, TumFolder, read_tum_folder
-from semantic_slam.datasets.tum_rgbd.journey import spatial_drive
 from semantic_slam.datasets.tum_rgbd.sightings import DETECTIONS, found_boxes, pictures_at, with_places
-from semantic_slam.messages import topics
 
 OBJECTS = "objects.csv"
 
@@ -53,8 +51,9 @@ def read_drive(
     objects_file = found_or_none(folder.path, OBJECTS)
     objects = None if objects_file is None else read_placed_objects(objects_file)
     frames, associations = found_boxes(folder, detector)
+    odometry = odometry_of(folder.odometry, folder.truth, folder.path.resolve().name, drift, seed)
     return replace(
-        spatial_drive(folder, drift, seed, objects=objects),
+        drive_by_odometry(odometry, folder.truth, objects=objects),
         frames=[with_places(folder, told) for told in frames[:max_keyframes]],
         associations=None if associations is None else associations[:max_keyframes],
     )
@@ -63,7 +62,5 @@ def read_drive(
 def of_camera(folder: TumFolder, drive: SpatialDrive) -> Iterator[Message]:
     """Where the camera is on the body, its intrinsics and its pictures. Raises InputError."""
     stamps_ns = [frame.stamp_ns for frame in drive.frames]
-    first_ns = min(int(drive.odometry.stamps_ns[0]), stamps_ns[0])
-    yield first_ns, topics.TF_STATIC, static_transform(first_ns, BODY_FRAME, CAMERA_FRAME, 0.0)
-    yield first_ns, topics.CAMERA_INFO, camera_info(folder.camera, 1.0, first_ns, CAMERA_FRAME)
+    yield from mounted(folder.camera, min(int(drive.odometry.stamps_ns[0]), *stamps_ns))
     yield from pictures_at(folder, stamps_ns)

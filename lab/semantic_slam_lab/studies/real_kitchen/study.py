@@ -66,7 +66,7 @@ def write_bag(folder: ImageFolder, weights: Path, place: Path, seed: int) -> int
     np.savetxt(odometry, tum_rows(times, poses), fmt="%.9f")
     journey = journey_by_odometry(folder, odometry)
     detector = given_detector(weights / "nanodet_m.onnx", weights / "coco.names")
-    write_images(folder, journey, found_in(folder, journey, detector), place / "bag")
+    write_images(folder, journey, found_in(folder, detector), place / "bag")
     return failures
 
 
