@@ -104,7 +104,7 @@ class Classifier:
             class_scores=left_out() if self._network is not None else rows.class_scores,
             embeddings=rows.embeddings,
         )
-        return with_points(measured, points, T_base_camera) if self._in_space else measured
+        return with_points(measured, points, T_base_camera, frame.camera) if self._in_space else measured
 
     def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags, SpatialPoints]:
         """Places that detections tell themselves, with a range, else what box and depth show; and which are told.

@@ -10,7 +10,8 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.sightline import in_plane, place_of_point
-from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.box_sizes import angular_sizes
+from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places
 
@@ -81,10 +82,15 @@ def points_along_rays(rays: Array, distances_m: Array, T_base_camera: Array, noi
 
 
 def with_points(
-    measured: SemanticMeasurements, points: SpatialPoints, T_base_camera: ArrayLike
+    measured: SemanticMeasurements, points: SpatialPoints, T_base_camera: ArrayLike, camera: CameraModel | None
 ) -> SemanticMeasurements:
-    """Measurements with their points and where their camera is mounted, (7,) or empty: nobody knows."""
+    """Measurements with their points and where their camera is mounted, (7,) or empty: nobody knows.
+
+    Boxes that a known ``camera`` saw tell how large they are.
+    """
     told = replace(measured, points=points.points, point_covariances=points.covariances)
+    if camera is not None:
+        told = replace(told, angular_sizes_rad=angular_sizes(told.boxes, camera))
     pose = np.asarray(T_base_camera, dtype=np.float64)
     if not len(pose):
         return told

@@ -154,6 +154,7 @@ def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) ->
         in_coverage=np.ones(count, dtype=np.bool_),
         class_scores=np.array(scores, dtype=np.float64).reshape(count, len(names)),
         embeddings=_embeddings(detections),
+        angular_sizes_rad=_told_rows([detection.angular_size_rad for detection in detections], (2,)),
     )
 
 
