@@ -38,12 +38,17 @@ def write_images_in_space(
     folder: ImageFolder, drive: SpatialDrive, found: list[Detections], bag: Path, depth_to_width: float = 0.0
 ) -> Written:
     """Write the bag of a folder in whose frames these (F,) boxes were found. Raises InputError."""
+    frames = with_places(folder, found, depth_to_width)
+    return write_spatial_drive(replace(drive, frames=frames), bag, "images", others=_camera(folder))
+
+
+def with_places(folder: ImageFolder, found: list[Detections], depth_to_width: float = 0.0) -> list[Detections]:
+    """(F,) boxes with their places in the body of the camera, where depth tells them. Raises InputError."""
     rotation = rotation_matrix(OPTICAL[3:])
-    frames = [
+    return [
         placed(told, folder.depth_m(frame), folder.camera, rotation, depth_to_width)
         for frame, told in zip(folder.frames, with_named_classes(found), strict=True)
     ]
-    return write_spatial_drive(replace(drive, frames=frames), bag, "images", others=_camera(folder))
 
 
 def _camera(folder: ImageFolder) -> Iterator[Message]:
