@@ -79,7 +79,7 @@ class PlaceReader:
         if not self._in_space:
             return measured
         mounted = self._settings.extrinsics if T_base_camera is None else T_base_camera
-        return with_points(measured, points, mounted, camera)
+        return with_points(measured, points, mounted, camera, self._settings)
 
     def _usable(self, detections: Detections, places: Places, points: SpatialPoints) -> Flags:
         """(D,) whether each can be used; the others are counted, each by its first reason."""

@@ -15,7 +15,7 @@ from semantic_slam.perception.places import BAD_COVARIANCE, PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing
 
 SETTINGS = PerceptionConfiguration(
-    sigma_range_m=0.05, sigma_range_per_m=0.02, sigma_bearing_rad=0.01, depth_to_width=0.0, max_depth_m=10.0
+    sigma_range_m=0.05, sigma_range_per_m=0.02, sigma_bearing_rad=0.01, box_centre_share=0.0, depth_to_width=0.0
 )
 CAMERA = CameraModel(320, 240, 250.0, 250.0, 160.0, 120.0)
 BOXES = np.array([[10.0, 20.0, 70.0, 90.0], [150.0, 60.0, 260.0, 200.0]])

@@ -23,6 +23,7 @@ class OdometrySample:
 
     stamp_ns: int
     pose: Array  # (7,) T_odom_body: x y z qx qy qz qw
+    covariance: Array | None = None  # (6, 6) x y z rx ry rz along the axes of odom, since its start; None: not stated
 
 
 @dataclass(frozen=True, kw_only=True)
