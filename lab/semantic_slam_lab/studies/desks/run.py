@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from semantic_slam.configuration import Configuration, KeyframeConfiguration, load_configuration
+from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.datasets.space.drive import write_spatial_drive
 from semantic_slam.datasets.tum_rgbd.folder import read_tum_folder
 from semantic_slam.datasets.tum_rgbd.tum_rgbd_import import of_camera, read_drive
@@ -22,7 +22,6 @@ from semantic_slam_lab.simulation.desks import Office, write_office
 
 EXISTS, NEAR_M = 0.5, 0.25
 """Existence from which on an object counts as stated, and how far from the middle of a thing it may be."""
-SPACING = KeyframeConfiguration(policy="odometry", distance_m=0.25, angle_rad=0.25)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +44,8 @@ class Walked:
 
 
 def configuration(seed: int) -> Configuration:
-    """The shipped one for space, with keyframes where the camera has moved."""
-    return replace(load_configuration(configuration_file("spatial")), seed=seed, keyframes=SPACING)
+    """The shipped one for space."""
+    return replace(load_configuration(configuration_file("spatial")), seed=seed)
 
 
 def walked(seed: int, drift: float, office: Office) -> Walked:

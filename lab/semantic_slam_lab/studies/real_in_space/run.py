@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from semantic_slam.configuration import Configuration, KeyframeConfiguration, load_configuration
+from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.evaluate import evaluate
 from semantic_slam.evaluation.trajectory import alignment
@@ -18,8 +18,6 @@ from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.shipped import configuration_file
 
 EXISTS, FARTHEST_M = 0.5, 0.5
-SPACING = KeyframeConfiguration(policy="odometry", distance_m=0.1, angle_rad=0.1)
-"""Of every frame what is wrong in one is wrong in the next, too."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Task:
 def configuration(task: Task) -> Configuration:
     """The shipped one for space, of what is asked for."""
     base = load_configuration(configuration_file("spatial"))
-    return replace(base, seed=task.seed, keyframes=SPACING, perception=replace(base.perception, labels=task.labels))
+    return replace(base, seed=task.seed, perception=replace(base.perception, labels=task.labels))
 
 
 def outcome_of(task: Task) -> dict[str, Any]:
