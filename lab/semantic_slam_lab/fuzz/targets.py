@@ -19,6 +19,9 @@ from numpy.random import Generator
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration, from_dict, load_configuration
 from semantic_slam.datasets.label_map import read_label_map
+from semantic_slam.datasets.space.drive import write_spatial_drive
+from semantic_slam.datasets.tum_rgbd.folder import read_tum_folder
+from semantic_slam.datasets.tum_rgbd.tum_rgbd_import import of_camera, read_drive
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.backend import Backend
@@ -169,6 +172,35 @@ def drives(folder: Path) -> Case:
     return case
 
 
+def camera_folders(folder: Path) -> Case:
+    """Folders of a hand-held camera with a file that is damaged."""
+    poses = "".join(f"{1.0 + 0.1 * n} {0.1 * n} 0 1.4 -0.5 0.5 -0.5 0.5\n" for n in range(5))
+    texts = {
+        "groundtruth.txt": poses,
+        "odometry.txt": poses,
+        "camera.txt": "500 500 320 240 640 480\n",
+        "imu.txt": "".join(f"{1.0 + 0.1 * n} 0 -9.81 0 0 0 0\n" for n in range(5)),
+        "rgb.txt": "1.0 rgb/0.png\n1.1 rgb/1.png\n",
+        "detections.csv": "stamp_s,label,score,x_min,y_min,x_max,y_max\n1.0,cup,0.5,1,2,3,4\n1.2,cup,0.5,2,0,3,4\n",
+        "objects.csv": "object_id,x,y,z\n0,1,2,3\n",
+    }
+    source = folder / "source"
+    source.mkdir()
+
+    def case(chance: Generator) -> None:
+        names = sorted(texts)
+        hurt = names[chance.integers(len(names))]
+        for name in names:
+            text = texts[name].encode()
+            (source / name).write_bytes(damaged(text, chance) if name == hurt else text)
+        rmtree(folder / "bag", ignore_errors=True)
+        found = read_tum_folder(source)
+        drive = read_drive(found, 0.03, 0)
+        write_spatial_drive(drive, folder / "bag", "fuzz", others=of_camera(found, drive))
+
+    return case
+
+
 def messages(folder: Path) -> Case:
     """CDR of our own types, damaged as bytes or strange in one value."""
     samples = _samples()
@@ -258,7 +290,19 @@ def pictures(folder: Path) -> Case:
 
 TARGETS: dict[str, Target] = {
     target.__name__: target
-    for target in (configurations, labels, maps, map_files, bags, drives, messages, rounds, models, pictures)
+    for target in (
+        configurations,
+        labels,
+        maps,
+        map_files,
+        bags,
+        drives,
+        camera_folders,
+        messages,
+        rounds,
+        models,
+        pictures,
+    )
 }
 
 
