@@ -1,5 +1,7 @@
 """The camera that flies over tables: what it is shown errs as it says, and what it makes of that is right."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -49,6 +51,13 @@ def test_a_flight_finds_the_things_and_their_names() -> None:
     claims = claims_of({"short": [told]})
     assert len(claims) == 3 and all(claim.holds for claim in claims[:1]) == (told.false == 0)
     np.testing.assert_allclose(band(3, 10), [1.68, 4.70], atol=0.01)
+
+
+def test_a_flight_without_depth_finds_the_things_and_their_names() -> None:
+    told = flown(0, replace(SHORT, keyframes=30, depth=False))
+    assert told.found == told.named_right == told.seen >= 8 and told.false <= 1
+    assert told.associated > 0.95 and told.error_m < told.odometry_m
+    assert told.pose_nees < chi2.ppf(0.999, 6) and told.object_nees < chi2.ppf(0.999, 3)
 
 
 @pytest.mark.parametrize("named", [True, False])

@@ -20,8 +20,12 @@ NAME = "tables"
 ROOMS, QUICK_ROOMS = 10, 1
 POSE_DEGREES, OBJECT_DEGREES = 6, 3
 BAND = 0.95
+WITH_DEPTH, WITHOUT_DEPTH = "as configured", "without depth"
+MOST_TIMES = 2.0
+"""Error of the path without depth, in that with depth."""
 FLIGHTS = {
-    "as configured": Flight(),
+    WITH_DEPTH: Flight(),
+    WITHOUT_DEPTH: Flight(depth=False),
     "odometry three times as bad": Flight(odometry_share=0.06, odometry_floor=(0.009, 0.006)),
     "crowded, detector often wrong": Flight(
         things=30,
@@ -108,6 +112,10 @@ def claims_of(found: Found) -> list[Claim]:
             holds = mean is not None and low < mean < high
             text = f"{name}: normalised squared error of one {what} in every room in the 95 % band of its mean"
             claims.append(_claim(text, "-" if mean is None else f"{mean:.2f} in {low:.2f} to {high:.2f}", holds))
+    if WITH_DEPTH in found and WITHOUT_DEPTH in found:
+        with_depth, without = (_summary(found[name])["error_m"] for name in (WITH_DEPTH, WITHOUT_DEPTH))
+        text = "without depth: error of the path at most twice that with depth"
+        claims.append(_claim(text, f"{without:.3f} m against {with_depth:.3f} m", without <= MOST_TIMES * with_depth))
     return claims
 
 

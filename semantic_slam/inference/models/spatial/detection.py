@@ -46,7 +46,15 @@ class SpatialDetection:
 
     @property
     def turn_variance(self) -> float:
-        """[rad^2] of the ray, in the direction in which it is largest."""
+        """[rad^2] of the ray, in the direction in which it is largest; 0 of a ray alone, which puts nothing anywhere.
+
+        By how far a place that is turned bends, that is.
+        """
+        return self.ray_variance if self.has_range else 0.0
+
+    @property
+    def ray_variance(self) -> float:
+        """[rad^2] in the direction in which the ray errs most."""
         return float(np.linalg.eigvalsh(self.covariance[1:, 1:])[-1])
 
     @cached_property

@@ -95,7 +95,7 @@ class SpatialGeometry:
     ) -> Array:
         body = self.spaces.robot.turned_back(robot, tracked.states - robot[:3]) - detection.origin
         across = (place**2 + tracked.sigmas**2) / distances(body) ** 2
-        return np.asarray(off_axis(body, detection.ray) / np.sqrt(detection.turn_variance + turn**2 + across))
+        return np.asarray(off_axis(body, detection.ray) / np.sqrt(detection.ray_variance + turn**2 + across))
 
     def is_lost(self, spread: Array) -> bool:
         turn, place = _sigmas(spread)
