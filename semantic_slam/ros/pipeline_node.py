@@ -24,6 +24,7 @@ from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.messages import topics
 from semantic_slam.ros.diagnostics import Diagnostics
+from semantic_slam.ros.health import repeated_status
 from semantic_slam.ros.qos import PICTURES
 from semantic_slam.ros.transport import receive, relative_name
 from semantic_slam.ros.worker import Worker
@@ -65,6 +66,8 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.worker = Worker(self._failed)
         self.fault: Exception | None = None
         self.refused: Counter[str] = Counter()  # messages that could not be used, by topic and kind
+        self.repeated: Counter[str] = Counter()  # messages that came before, by topic
+        self.health.add_source(lambda: [repeated_status(self.repeated.copy())])
         self._arrivals = 0
         self._newest: dict[str, Callable[[], None]] = {}  # by topic: what waits for a node that is not active
 
