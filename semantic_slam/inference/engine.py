@@ -242,8 +242,7 @@ class Engine:
         log_reference = self.reference.log_density(step, belief) if self.reference is not None else np.nan
         log_evidence = kept.log_mass - candidates.log_found  # of the keyframe alone
         self.recovery.note(log_reference - log_evidence)
-        weights = np.exp(kept.log_weights)
-        outliers = belief.outlier_probability
+        weights, outliers = np.exp(kept.log_weights), belief.outlier_probability
         if self.problem.detection_errors.outlier_share > 0.0:  # of no known object, or far from where it is
             outliers = np.nan_to_num(outliers) + weights @ candidates.outlier_probability[kept.kept]
         return replace(

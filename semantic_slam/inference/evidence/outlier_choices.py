@@ -2,8 +2,9 @@
 
 Every detection of a known object is one or is none: of n, 2^n choices, each a Gaussian of the joint residual. From none
 on, and where that finds one also from all on, one detection after another is taken for what makes the whole likelier;
-the likelier choice enters the graph. Of the others the weight is summed about it: over every subset of the few detections that are least decided, exactly, and over each
-further one as if it hung on no other, which it does through the robot's pose alone.
+the likelier choice enters the graph. What the others weigh is summed about it: over every subset of the few detections
+that are least decided, exactly, and over each further one as if it hung on no other, which it does through the robot's
+pose alone.
 """
 
 from dataclasses import dataclass

@@ -94,7 +94,7 @@ class JointCosts:
         return self._table(values.reshape(count, count))
 
     def _conditional(self, others: Index, outlier: Flags) -> Array:
-        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1, of which some are an ``outlier`` (1, n)."""
+        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which of them are."""
         residual, covariance = self._joint(others)
         if self.tail is not None:
             added = (self.tail.added * (outlier & (others >= 0)))[..., None] * self.measured[others]

@@ -95,7 +95,7 @@ class Prediction:
     def local_after(
         self, pairs: PairDensities, observed: Sequence[AssociatedDetection], births: Collection[int]
     ) -> LocalMap:
-        """The local map with what is ``observed`` in one continuation, of objects that stand still, or that it starts."""
+        """The local map with what is ``observed`` in one continuation, of objects that stand or that it starts."""
         seen = []
         for item in observed:
             if item.object_id not in births:
