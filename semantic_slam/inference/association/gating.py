@@ -72,7 +72,7 @@ def pair_densities(
     log_density, distance = innovation.log_density.reshape(-1, count), innovation.distance.reshape(-1, count)
     if tail is None:
         return PairDensities(log_density, distance, parts)
-    wide = Innovation.of(part, jacobian, prior, tail.added * part.measured)
+    wide = Innovation.of(part, jacobian, prior, np.where(part.measured, tail.added, 0.0))
     mixed = np.logaddexp(tail.log_rest + log_density, tail.log_share + wide.log_density.reshape(-1, count))
     return PairDensities(mixed, distance, parts, tail, wide.distance.reshape(-1, count))
 

@@ -102,7 +102,7 @@ class _Search:
         covariance, diagonal = self.covariance.copy(), np.arange(self.residual.shape[1])
         added = self.tail.added * (outlier[..., None] & self.measured)
         covariance[:, diagonal, diagonal] += added.reshape(self.residual.shape)
-        precision = np.linalg.inv(covariance)
+        precision = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         weighted = (precision @ self.residual[..., None])[..., 0]
         log_choice = np.where(outlier, self.tail.log_share, self.tail.log_rest)
         log_density = -0.5 * (self.residual * weighted).sum(axis=1) - 0.5 * np.linalg.slogdet(covariance)[1]
