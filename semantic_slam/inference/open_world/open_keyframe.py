@@ -161,11 +161,13 @@ class OpenKeyframe:
         pairs = list(zip(taken.association, taken.class_assignment, strict=True))
         standing = [number for number, (object_id, kind) in enumerate(pairs) if object_id >= 0 and kind != MOVES]
         observed = [AssociatedDetection(*item, number) for number, item in enumerate(given)]
+        if (tail := self.pairs[parent].tail) is not None:
+            for number in np.flatnonzero(own.column("outlier")[row]).tolist():
+                observed[number] = observed[number].as_outlier(tail.width)
         modes = dict(zip(taken.association, states, strict=True))
         local = None
         if self.parents.components[parent].single_steps:
-            seen = [(number, taken.association[number]) for number in standing]
-            local = prediction.local_after(self.pairs[parent], seen, births)
+            local = prediction.local_after(self.pairs[parent], [observed[number] for number in standing], births)
         robot, spread = own.column("robot")[row], own.column("robot_covariance")[row]
         least = self.problem.open_world.least_existence
         return ComponentUpdate(
@@ -227,10 +229,14 @@ class OpenKeyframe:
 
     @property
     def _suits_searches(self) -> bool:
-        """Whether the small problems of own searches do, in which detections are as told, and err each on its own."""
+        """Whether the small problems of own searches do, in which detections are as told, and err each on its own.
+
+        None of them is an outlier there.
+        """
         settings = [component.settings for component in self.parents.components]
         are_told = all(own is None or own.as_told for own in settings)
-        return are_told and all(own.errors is None for own in self.predictions)
+        are_plain = all(own.tail is None for own in self.pairs)
+        return are_told and are_plain and all(own.errors is None for own in self.predictions)
 
     @property
     def _linearised(self) -> list[LinearisedEvidence]:

@@ -1,7 +1,7 @@
 """Detections as the observation model in space takes them: one by one, and as arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import sqrt
 from typing import Any
@@ -87,6 +87,16 @@ class SpatialDetection:
         """GTSAM's noise model, in its order: ray, range where it was measured."""
         order = [1, 2, 0] if self.has_range else [1, 2]
         return gtsam.noiseModel.Gaussian.Covariance(self.covariance[order][:, order])
+
+    def widened(self, width: float) -> "SpatialDetection":
+        """With errors so many times as wide: one object for each width, whoever asks."""
+        if width not in self._widened:
+            self._widened[width] = replace(self, covariance=width**2 * self.covariance)
+        return self._widened[width]
+
+    @cached_property
+    def _widened(self) -> dict[float, "SpatialDetection"]:
+        return {}
 
 
 @dataclass(frozen=True, kw_only=True)
