@@ -134,20 +134,22 @@ def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: Odomet
 
 
 def stated_motion(first: OdometryPoint, second: OdometryPoint) -> Array | None:
-    """(6, 6) over x y z rx ry rz at the second point, by how much what the odometry states grows; None where it says
-    none of the two, or where that is no covariance.
+    """(6, 6) over x y z rx ry rz at the second point, by how much what the odometry states grows; None where it states
+    nothing, or no covariance. Of its own start it knows all, which is stated as nothing is.
     """
-    if first.covariance is None or second.covariance is None:
+    if second.covariance is None:
         return None
-    return increment(first.pose, first.covariance, second.pose, second.covariance)
+    return increment(first.pose, _known(first.covariance), second.pose, second.covariance)
 
 
 def stated_between(first: OdometryPoint, second: OdometryPoint, pose: Array, share: float) -> Array | None:
     """(6, 6) along the axes of odom at a share of the way between two points; None where it is not stated there."""
     motion = stated_motion(first, second)
-    if motion is None or first.covariance is None:
-        return None
-    return since_start(first.pose, first.covariance, pose, share * motion)
+    return None if motion is None else since_start(first.pose, _known(first.covariance), pose, share * motion)
+
+
+def _known(covariance: Array | None) -> Array:
+    return np.zeros((6, 6)) if covariance is None else covariance
 
 
 def _missing(first: OdometryPoint, second: OdometryPoint) -> tuple[float, float]:

@@ -34,6 +34,13 @@ def test_the_motion_between_samples_has_the_covariance_of_its_own_noise():
     np.testing.assert_allclose(found, np.diag(SIGMAS**2), atol=1e-12)
 
 
+def test_odometry_knows_its_own_start_which_states_zeros():
+    rows = points()
+    first = replace(rows[0], covariance=None)
+    found = motion_covariance_in_space(first, rows[1], OdometryConfiguration())
+    np.testing.assert_allclose(found, np.diag(SIGMAS**2), atol=1e-12)
+
+
 def test_motions_between_samples_add_to_the_whole():
     rows = points()
     middle = point_between(rows[3], rows[4], (rows[3].stamp_ns + rows[4].stamp_ns) // 2)
@@ -45,11 +52,11 @@ def test_motions_between_samples_add_to_the_whole():
     np.testing.assert_allclose(slopes @ first @ slopes.T + second, whole, atol=1e-12)
 
 
-@pytest.mark.parametrize("scale", [0.0, 1.0])
-def test_what_does_not_grow_is_not_believed(scale):
-    """The same covariance in every message, and none."""
+@pytest.mark.parametrize("covariance", [None, 0.01 * np.eye(6)])
+def test_what_does_not_grow_is_not_believed(covariance):
+    """No covariance, and the same one in every message."""
     rows = points(covariances=False)
-    stated = [replace(row, covariance=scale * 0.01 * np.eye(6)) for row in rows]
+    stated = [replace(row, covariance=covariance) for row in rows]
     wanted = motion_covariance_in_space(rows[0], rows[2], OdometryConfiguration())
     np.testing.assert_array_equal(motion_covariance_in_space(stated[0], stated[2], OdometryConfiguration()), wanted)
     assert point_between(stated[0], stated[1], stated[0].stamp_ns + 1000).covariance is None

@@ -23,6 +23,7 @@ STUDIES = {
     "ch5_likelihood": "semantic_slam_lab.studies.ch5.likelihood",
     "ch5_localization": "semantic_slam_lab.studies.ch5.localization",
     "ch5_sensitivity": "semantic_slam_lab.studies.ch5.sensitivity",
+    "desks": "semantic_slam_lab.studies.desks.study",
     "drawn_worlds": "semantic_slam_lab.studies.drawn_worlds.study",
     "embeddings": "semantic_slam_lab.studies.embeddings.study",
     "faulty_rooms": "semantic_slam_lab.studies.faulty_rooms.study",
@@ -31,6 +32,7 @@ STUDIES = {
     "own_detector": "semantic_slam_lab.studies.own_detector.study",
     "real_cabinet": "semantic_slam_lab.studies.real_cabinet.study",
     "real_drives": "semantic_slam_lab.studies.real_drives.study",
+    "real_in_space": "semantic_slam_lab.studies.real_in_space.study",
     "real_turntables": "semantic_slam_lab.studies.real_turntables.study",
     "real_kitchen": "semantic_slam_lab.studies.real_kitchen.study",
     "rendered_localization": "semantic_slam_lab.studies.rendered.localization",
@@ -47,6 +49,7 @@ OPTIONS = {
     "lost_robot": ("data", "drives"),
     "real_cabinet": ("data",),
     "real_drives": ("data", "drives", "methods", "everything"),
+    "real_in_space": ("data",),
     "real_turntables": ("data",),
     "real_kitchen": ("data",),
 }

@@ -14,10 +14,11 @@ from semantic_slam.datasets.space.drive import SpatialDrive, write_spatial_drive
 from semantic_slam.datasets.space.journey import drive_by_odometry, odometry_of
 from semantic_slam.datasets.space.mount import mounted
 from semantic_slam.datasets.tum_rgbd.boxes import read_placed_objects
-from semantic_slam.datasets.tum_rgbd.folder import ODOMETRY, TumFolder, read_tum_folder
+from semantic_slam.datasets.tum_rgbd.folder import ODOMETRY, TRUTH, TumFolder, read_tum_folder
+from semantic_slam.datasets.tum_rgbd.inertial import up_of
 from semantic_slam.datasets.tum_rgbd.sightings import DETECTIONS, found_boxes, pictures_at, with_places
 
-OBJECTS = "objects.csv"
+OBJECTS, INERTIAL = "objects.csv", "imu.txt"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +43,13 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
     noise = f"the true increments with noise (--drift {arguments.drift:g})"
     odometry = noise if folder.odometry is None else folder.path / ODOMETRY
     print(f"odometry: {odometry}; boxes: {arguments.detector or folder.path / DETECTIONS}")
+    print(f"up is {_up(folder)}")
+
+
+def _up(folder: TumFolder) -> str:
+    if found_or_none(folder.path, INERTIAL) is not None:
+        return f"by {INERTIAL}"
+    return f"the z axis of {ODOMETRY if folder.truth is None else TRUTH}"
 
 
 def read_drive(
@@ -52,8 +60,10 @@ def read_drive(
     objects = None if objects_file is None else read_placed_objects(objects_file)
     frames, associations = found_boxes(folder, detector)
     odometry = odometry_of(folder.odometry, folder.truth, folder.path.resolve().name, drift, seed)
+    readings = found_or_none(folder.path, INERTIAL)
+    up = None if readings is None else up_of(readings, odometry, folder.truth)
     return replace(
-        drive_by_odometry(odometry, folder.truth, objects=objects),
+        drive_by_odometry(odometry, folder.truth, up=up, objects=objects),
         frames=[with_places(folder, told) for told in frames[:max_keyframes]],
         associations=None if associations is None else associations[:max_keyframes],
     )

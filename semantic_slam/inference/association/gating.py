@@ -33,6 +33,7 @@ class PairDensities:
     elsewhere: Flags | None = None  # (D, M) which were not linearised at the prediction
     tail: HeavyTail | None = None  # of detections' errors; None: none is an outlier
     outlier_distance: Array | None = None  # (D, M) Mahalanobis, of outliers
+    log_words: Array | None = None  # (D, M + 1) what each is called, as one of each object and of none; None: not asked
 
 
 def pair_densities(

@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.images_import import found_in
-from semantic_slam.datasets.image_folders.images_in_space import drive_in_space, with_places
+from semantic_slam.datasets.image_folders.images_in_space import drive_in_space
 from semantic_slam.datasets.space.drive import SpatialDrive, write_spatial_drive
 from semantic_slam.datasets.space.mount import mounted
 from semantic_slam.perception.frame import Detections
@@ -33,8 +33,7 @@ def cabinet(folder: ImageFolder, seed: int) -> tuple[SpatialDrive, list[Detectio
     return drive_in_space(folder, None, DRIFT, seed), found_in(folder, None)
 
 
-def write(folder: ImageFolder, drive: SpatialDrive, found: list[Detections], bag: Path, *, depth: bool) -> None:
-    """A bag without pictures: positions by ``depth``, or boxes alone."""
-    frames = with_places(folder, found) if depth else found
+def write(folder: ImageFolder, drive: SpatialDrive, frames: list[Detections], bag: Path) -> None:
+    """A bag without pictures."""
     first_ns = min(int(drive.odometry.stamps_ns[0]), frames[0].stamp_ns)
-    write_spatial_drive(replace(drive, frames=frames), bag, bag.name, others=mounted(folder.camera, first_ns))
+    write_spatial_drive(replace(drive, frames=frames), bag, "bag", others=mounted(folder.camera, first_ns))
