@@ -33,10 +33,13 @@ class DetectionErrorsConfiguration:
     )
     outlier_share: float = parameter(
         0.0,
-        "share of the detections of known objects that err far more than the others; 0: none; for association: open, or"
-        " given, with iterate_updates: false, without classes",
+        "share of the detections of known objects that err far more than the others, before any is seen; 0: none does;"
+        " for association: open, or given, with iterate_updates: false, without classes",
         minimum=0.0,
         maximum=0.5,
+    )
+    outlier_counts: float = parameter(
+        50.0, "detections that outlier_share counts as; those that a history has had are counted with them", minimum=1.0
     )
     outlier_factor: float = parameter(
         25.0, "covariance of the places of those, in that of others; what repeats does not grow", minimum=1.0

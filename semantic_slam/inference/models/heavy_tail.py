@@ -1,7 +1,8 @@
 """Detections that err far more than the others: a share of them, in what does not repeat.
 
 The place of a detection of a known object has the density (1 - e) N(0, R) + e N(0, F R). What repeats, a share s of R,
-repeats in both: the white rest (1 - s) R of an outlier is (F - s) R.
+repeats in both: the white rest (1 - s) R of an outlier is (F - s) R. Of e there is a beta distribution: what a keyframe
+takes it for is its mean after the keyframes before, each detection counting as an outlier by its probability.
 """
 
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
+from semantic_slam.inference.states.outlier_counts import OutlierCounts
 
 
 @dataclass(frozen=True)
@@ -19,12 +21,13 @@ class HeavyTail:
     width: float  # standard deviation of an outlier's white error, in those of others
 
     @classmethod
-    def of(cls, settings: DetectionErrorsConfiguration) -> "HeavyTail | None":
-        """As configured; None: no detection is an outlier."""
+    def of(cls, settings: DetectionErrorsConfiguration, counts: OutlierCounts) -> "HeavyTail | None":
+        """As configured, for a hypothesis that has had so many; None: no detection is an outlier."""
         if settings.outlier_share <= 0.0:
             return None
         repeated = settings.correlated_share
-        return cls(settings.outlier_share, float(np.sqrt((settings.outlier_factor - repeated) / (1.0 - repeated))))
+        width = float(np.sqrt((settings.outlier_factor - repeated) / (1.0 - repeated)))
+        return cls(counts.share(settings.outlier_share, settings.outlier_counts), width)
 
     @property
     def added(self) -> float:

@@ -35,7 +35,7 @@ class AssociatedDetection:
     width: float = 1.0  # of an outlier: standard deviation of what does not repeat, in that of others
 
     def as_outlier(self, width: float) -> "AssociatedDetection":
-        """The same, whose white error is so many times as wide."""
+        """An outlier, whose white error is so many times as wide."""
         return replace(self, detection=self.detection.widened(width), width=width)
 
 

@@ -46,7 +46,6 @@ class OpenAssociation:
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         self.problem, self.registry, self.settings = problem, registry, problem.open_world
         self.predictor = Predictor(problem.model, problem.open_world, problem.detection_errors, problem.moving)
-        self.tail = HeavyTail.of(problem.detection_errors)
 
     @classmethod
     def suited_to(cls, configuration: Configuration) -> type[Any]:
@@ -134,7 +133,7 @@ class OpenAssociation:
             prediction.predicted.mean[0],
             prediction.predicted.covariance[0],
             prediction.errors,
-            self.tail,
+            HeavyTail.of(self.problem.detection_errors, prediction.component.outliers),
         )
 
     def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:

@@ -30,6 +30,7 @@ from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
+from semantic_slam.inference.states.outlier_counts import OutlierCounts
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
@@ -164,6 +165,7 @@ class OpenKeyframe:
         if (tail := self.pairs[parent].tail) is not None:
             for number in np.flatnonzero(own.column("outlier")[row]).tolist():
                 observed[number] = observed[number].as_outlier(tail.width)
+        known = [number for number in standing if taken.association[number] not in births]
         modes = dict(zip(taken.association, states, strict=True))
         local = None
         if self.parents.components[parent].single_steps:
@@ -181,7 +183,13 @@ class OpenKeyframe:
             local=local,
             errors=None if prediction.errors is None else prediction.errors.transition,
             carried_errors=prediction.carried_errors,
+            outliers=None if tail is None else self._outliers(own, row, known),
         )
+
+    def _outliers(self, own: Assignments, row: int, known: list[int]) -> OutlierCounts:
+        """What an assignment has had of them, with its detections of ``known`` objects."""
+        before = self.parents.components[int(own.parents[row])].outliers
+        return before.with_more(own.column("outlier_probability")[row, known])
 
     @cached_property
     def _births(self) -> list[dict[int, GaussianPrior]]:

@@ -8,6 +8,7 @@ import pytest
 from semantic_slam import Configuration
 from semantic_slam.inference.evidence.outlier_choices import JOINT, OutlierChoices
 from semantic_slam.inference.models.heavy_tail import HeavyTail
+from semantic_slam.inference.states.outlier_counts import OutlierCounts
 
 TAIL = HeavyTail(share=0.03, width=10.0)
 
@@ -87,7 +88,14 @@ def test_what_one_detection_costs_grows_by_the_wide_gaussian_alone():
 
 def test_what_repeats_repeats_in_outliers_too():
     errors = Configuration.of(detection_errors={"outlier_share": 0.02, "outlier_factor": 9.0, "correlated_share": 0.9})
-    tail = HeavyTail.of(errors.detection_errors)
+    tail = HeavyTail.of(errors.detection_errors, OutlierCounts())
     assert tail is not None
     assert 0.9 + 0.1 * tail.width**2 == pytest.approx(9.0)
-    assert HeavyTail.of(Configuration().detection_errors) is None
+    assert HeavyTail.of(Configuration().detection_errors, OutlierCounts()) is None
+
+
+def test_the_share_is_what_was_known_before_with_what_a_history_has_had():
+    errors = Configuration.of(detection_errors={"outlier_share": 0.02, "outlier_counts": 50.0}).detection_errors
+    counts = OutlierCounts().with_more(np.array([1.0, 0.5, 0.0])).with_more(np.zeros(47))
+    tail = HeavyTail.of(errors, counts)
+    assert tail is not None and tail.share == pytest.approx((1.0 + 1.5) / 100.0)

@@ -184,7 +184,8 @@ def test_the_evidence_is_that_of_all_choices_of_outliers_where_these_are_clear(s
     jumping = plain.copy()
     jumping[12] += 8.0 * SIGMA_RANGE  # the first twin in keyframe 3
     expected, probability = world.log_density_with_outliers(jumping, 0.03, 16.0)
-    _, log_evidence = drive(share, jumping, {"outlier_share": 0.03, "outlier_factor": 16.0})
+    told = {"outlier_share": 0.03, "outlier_counts": 1e9, "outlier_factor": 16.0}
+    _, log_evidence = drive(share, jumping, told)
     assert log_evidence - drive(share, plain)[1] == pytest.approx(expected - world.log_density(plain), abs=0.1)
     assert probability[6] > 0.999
 
