@@ -9,6 +9,7 @@ Parameters:
   lossless   true in a replay by bag_player at rate 0 (default false)
 """
 
+from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,8 @@ NEWEST = (topics.RUN_CONFIGURATION, topics.PATH, topics.MARKERS)
 
 class BagRecorder(PipelineNode):
     """Writes parameter ``bag`` until the replay or the node ends. A gap in the keyframes is a fault."""
+
+    most_behind: Mapping[str, int] = {}  # what is recorded is whole, and disks are faster than sensors
 
     def __init__(self) -> None:
         super().__init__("bag_recorder")
