@@ -142,14 +142,14 @@ class Detection:
     ) -> "Detection":
         """A ray alone, along the body's axes: its covariance (3, 3) is that of bearing and elevation."""
         turn = so3.matrix(_sensor_pose(T_body_sensor)[3:])
-        seen = turn @ unit
-        _, bearing, down = place_of_point(seen).tolist()
+        _, bearing, down = place_of_point(turn @ unit).tolist()
         if covariance is not None:
-            _, by_place = point_of_place(np.array([math.cos(down), bearing, down]))
+            seen, by_place = point_of_place(np.array([math.cos(down), bearing, down]))
             known = turn @ _vector(np.ravel(covariance), 9, "detection: ray_covariance").reshape(3, 3) @ turn.T
             by_ray = np.linalg.pinv((np.eye(3) - np.outer(seen, seen)) @ by_place[:, 1:])
             place = np.full((3, 3), np.nan)
-            place[1:, 1:] = positive_definite(by_ray @ known @ by_ray.T, 2, "detection: ray_covariance")
+            spread = by_ray @ known @ by_ray.T
+            place[1:, 1:] = positive_definite(0.5 * (spread + spread.T), 2, "detection: ray_covariance")
             others |= {"place_covariance": place}
         return cls(bearing_rad=bearing, elevation_rad=down, **others)
 
