@@ -7,6 +7,7 @@ from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, point_of_place
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.inputs.score_features import FeatureReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
@@ -18,15 +19,17 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 class SpatialReader:
     """Takes all six of motions, and range and ray of detections.
 
-    ``words`` reads what the detector says, where that is evidence of classes.
+    ``words`` reads what the detector says, where that is evidence of classes, ``features`` what class models need.
     """
 
-    def __init__(self, noise: ConfiguredNoise, words: WordReader | None = None) -> None:
-        self._noise, self._words = noise, words
+    def __init__(
+        self, noise: ConfiguredNoise, words: WordReader | None = None, features: FeatureReader | None = None
+    ) -> None:
+        self._noise, self._words, self._features = noise, words, features or FeatureReader()
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError for detections that do not say where in space their object is."""
-        measurements = keyframe.measurements
+        measurements = self._features.with_features(keyframe.measurements)
         return Step(
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
@@ -77,6 +80,8 @@ class SpatialReader:
             range_m=distance,
             covariance=0.5 * (covariance + covariance.T),
             sensor=measurements.sensor_position,
+            feature=measurements.features[row],
+            feature_covariance=measurements.feature_covariances[row],
         )
 
     def _told(self, measurements: SemanticMeasurements, row: int, slopes: Array) -> Array | None:

@@ -30,6 +30,8 @@ class SpatialDetection:
     range_m: float
     covariance: Array  # (3, 3) of [range, off the ray along both columns of ``basis``], metres and radians
     sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) camera in the body frame, metres
+    feature: Array = field(default_factory=lambda: np.zeros(0))  # (F,) z_sem
+    feature_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (F, F) of the dropout samples
     has_range: ClassVar[bool] = True
 
     @property

@@ -85,7 +85,7 @@ class SpatialObservation(PointGeometry):
         """Keep the attitude, stand where the point is seen as measured."""
         detections, start = _repeated(detections, len(x)), x.copy()
         seen = detections.range_m[:, None] * detections.ray
-        start[:, :3] = o - self.spaces.robot.displacement(x, seen, x[:, :3])
+        start[:, :3] = self.spaces.landmark.position(o) - self.spaces.robot.displacement(x, seen, x[:, :3])
         return start
 
     def turned_start(self, detections: SpatialDetections, x: Array, first: Array, second: Array) -> Array:
@@ -121,7 +121,7 @@ class SpatialObservation(PointGeometry):
         return least_cost(detections, covariance, self._seen(robots, o), sigmas)
 
     def _seen(self, x: Array, o: Array) -> Array:
-        return self.spaces.robot.turned_back(x, o - x[..., :3])
+        return self.spaces.robot.turned_back(x, self.spaces.landmark.position(o) - x[..., :3])
 
 
 def _residual(detections: SpatialDetections, point: Array) -> Array:
