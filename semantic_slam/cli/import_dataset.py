@@ -24,6 +24,10 @@ FORMATS = {
         "semantic_slam.datasets.image_folders.images_import",
         "pictures and depth of a hand-held camera, levelled by gravity",
     ),
+    "tum_rgbd": (
+        "semantic_slam.datasets.tum_rgbd.tum_rgbd_import",
+        "a hand-held camera in all six with a detector's boxes, laid out as the TUM RGB-D benchmark",
+    ),
     "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
 }
 """Name -> (module with ``add_arguments(parser)`` and ``run(arguments, bag)``, description).

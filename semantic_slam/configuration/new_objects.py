@@ -19,3 +19,12 @@ class NewObjectConfiguration:
         minimum=1e-6,
     )
     range_m: float = parameter(3.0, "assumed range of an object first seen without depth", minimum=1e-3)
+    size_by_label: tuple[str, ...] = parameter(
+        (),
+        "state_space: spatial: how large what the detector calls so is, in metres, whatever the case: [cup=0.1]; beside"
+        " how large its box looks, that tells how far a new object is that is seen without depth. The size is the"
+        " square root of width times height",
+    )
+    sigma_log_size: float = parameter(
+        0.4, "standard deviation of the logarithm of these sizes: things of one name differ", minimum=0.01
+    )

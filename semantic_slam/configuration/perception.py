@@ -50,6 +50,13 @@ class PerceptionConfiguration:
         minimum=0.0,
     )
     sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
+    box_centre_share: float = parameter(
+        0.1,
+        "state_space: spatial: standard deviation of a box's centre as a share of its width and height, besides"
+        " sigma_bearing_rad; twice 0.1 beside the right box a box overlaps with it by two thirds",
+        minimum=0.0,
+        maximum=1.0,
+    )
     noise_factors: tuple[float, ...] = parameter(
         (1.0,),
         "association: open or given, iterate_updates: false, no classes: factors on the covariance of places, of which"

@@ -51,6 +51,7 @@ MEASUREMENTS_LAYOUT: Layout = {
     "points": MayBeEmpty(("D", 3)),
     "point_covariances": MayBeEmpty(("D", 3, 3)),
     "sensor_orientation": MayBeEmpty((4,)),
+    "angular_sizes_rad": MayBeEmpty(("D", 2)),
 }
 FIELD_NAMES = {
     "ranges": "ranges_m",

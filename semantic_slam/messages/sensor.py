@@ -36,11 +36,20 @@ def camera_model(message: Any, topic: str) -> CameraModel:
 
 
 def odometry_sample(message: Any, topic: str) -> OdometrySample:
-    """Pose of a nav_msgs/Odometry; raises MessageError that names the stamp when it is not finite."""
+    """Pose of a nav_msgs/Odometry; raises MessageError that names the stamp when it is not finite.
+
+    A covariance of zeros is what publishers send that know none.
+    """
     stamp, pose = header_stamp_ns(message), pose_vector(message.pose.pose)
     if not is_pose(pose):
         raise MessageError(f"{topic}: the pose at {stamp / NANOSECONDS:.3f} s is not a pose; correct the odometry")
-    return OdometrySample(stamp, pose)
+    return OdometrySample(stamp, pose, _stated_covariance(message.pose))
+
+
+def _stated_covariance(message: Any) -> Array | None:
+    """(6, 6) of a geometry_msgs/PoseWithCovariance; None where it is none."""
+    flat = np.asarray(message.covariance, dtype=np.float64)
+    return flat.reshape(6, 6) if flat.size == 36 and flat.any() and np.isfinite(flat).all() else None
 
 
 def transform_vector(transform: Any) -> Array:

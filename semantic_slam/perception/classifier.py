@@ -21,8 +21,8 @@ from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, told_places
-from semantic_slam.perception.points_in_space import SpatialPoints, points_along_rays, told_points, with_points
-from semantic_slam.perception.range_bearing import elevation, viewing_ray
+from semantic_slam.perception.points_in_space import SpatialPoints, points_of_boxes, told_points, with_points
+from semantic_slam.perception.range_bearing import elevation
 
 if TYPE_CHECKING:
     from semantic_slam.perception.network import ClassifierNetwork
@@ -104,7 +104,9 @@ class Classifier:
             class_scores=left_out() if self._network is not None else rows.class_scores,
             embeddings=rows.embeddings,
         )
-        return with_points(measured, points, T_base_camera) if self._in_space else measured
+        if not self._in_space:
+            return measured
+        return with_points(measured, points, T_base_camera, frame.camera, self._settings)
 
     def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags, SpatialPoints]:
         """Places that detections tell themselves, with a range, else what box and depth show; and which are told.
@@ -126,9 +128,8 @@ class Classifier:
         is_told &= told.are_covariances_usable()
         if not self._in_space:
             return told.where(is_told, shown), is_told, SpatialPoints.untold(len(boxes))
-        rays = np.array([viewing_ray(box, frame.camera) for box in boxes]).reshape(-1, 3)
         distances = np.array([item.distance_m for item in sensed], dtype=np.float64)
-        seen, own = points_along_rays(rays, distances, T_base_camera, self._settings), told_points(rows)
+        seen, own = points_of_boxes(boxes, distances, frame.camera, T_base_camera, self._settings), told_points(rows)
         is_told |= own.are_told & own.are_covariances_usable()
         return told.where(is_told, shown), is_told, own.where(is_told, seen)
 

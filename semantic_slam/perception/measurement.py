@@ -43,7 +43,8 @@ class SemanticMeasurements:
     predictive_entropy: Array  # (D,) nats
     mutual_information: Array  # (D,) nats
     ranges_m: Array  # (D,) NaN without depth
-    bearings_rad: Array  # (D,) seen from the body's origin with depth, from sensor_position without
+    bearings_rad: Array  # (D,) seen from the body's origin with depth, from sensor_position without: of the ray from
+    # there along the body's axes, with elevations_rad
     geometric_covariances: Array  # (D, 2, 2) of [range, bearing]
     sensor_position: Array  # (3,) camera in the body frame, metres
     in_coverage: Flags  # (D,)
@@ -64,6 +65,8 @@ class SemanticMeasurements:
     embeddings: Array = field(
         default_factory=left_out
     )  # (D, E) the detector's appearance vector; left out: without components
+    angular_sizes_rad: Array = field(default_factory=left_out)  # (D, 2) width and height of the box as seen from the
+    # camera; NaN where the image's border cuts them; left out: NaN
 
     def __post_init__(self) -> None:
         rows = len(self)
@@ -71,7 +74,7 @@ class SemanticMeasurements:
             object.__setattr__(self, "elevations_rad", np.zeros(rows))
         shapes = {"class_scores": (rows, len(self.class_names)), "embeddings": (rows, 0)}
         spatial = {"points": (rows, 3), "place_covariances": (rows, 3, 3), "point_covariances": (rows, 3, 3)}
-        spatial |= {"sensor_orientation": (4,)}
+        spatial |= {"sensor_orientation": (4,), "angular_sizes_rad": (rows, 2)}
         fill_left_out(self, shapes | spatial)
 
     def __len__(self) -> int:

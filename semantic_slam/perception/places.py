@@ -76,7 +76,10 @@ class PlaceReader:
             class_scores=rows.class_scores,
             embeddings=rows.embeddings,
         )
-        return with_points(measured, points, self._settings.extrinsics) if self._in_space else measured
+        if not self._in_space:
+            return measured
+        mounted = self._settings.extrinsics if T_base_camera is None else T_base_camera
+        return with_points(measured, points, mounted, camera, self._settings)
 
     def _usable(self, detections: Detections, places: Places, points: SpatialPoints) -> Flags:
         """(D,) whether each can be used; the others are counted, each by its first reason."""

@@ -1,16 +1,17 @@
 """Where detections are in space, for runs in which all six of a pose are estimated: points of the body frame."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.sightline import in_plane, place_of_point
-from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.box_rays import as_places, ray_covariances
+from semantic_slam.perception.box_sizes import angular_sizes
+from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places
 
@@ -67,26 +68,46 @@ def told_points(detections: Detections) -> SpatialPoints:
     return SpatialPoints.untold(len(detections)).where(has_range, positions)
 
 
-def points_along_rays(rays: Array, distances_m: Array, T_base_camera: Array, noise: Any) -> SpatialPoints:
-    """From rays (D, 3) of length 1 in the optical frame and distances along them, NaN where there is none.
+def points_of_boxes(
+    boxes: Array, distances_m: Array, camera: CameraModel, T_base_camera: Array, settings: PerceptionConfiguration
+) -> SpatialPoints:
+    """At distances along the rays through (D, 4) boxes, NaN where there is none.
 
-    ``noise`` has sigma_range_m, sigma_range_per_m and sigma_bearing_rad, by which each errs along its ray and across.
+    They err along their rays by sigma_range_m and sigma_range_per_m, and across as the boxes do.
     """
-    points = transform_points(T_base_camera, rays * distances_m[:, None])
-    turned = rays @ rotation_matrix(T_base_camera[3:]).T
-    along = turned[:, :, None] * turned[:, None, :]
-    by_range = noise.sigma_range_m**2 + (noise.sigma_range_per_m * distances_m) ** 2
-    by_ray = (noise.sigma_bearing_rad * distances_m) ** 2
-    return SpatialPoints(points, by_range[:, None, None] * along + by_ray[:, None, None] * (np.eye(3) - along))
+    rays, across = ray_covariances(boxes, camera, T_base_camera, settings)
+    along = rays[:, :, None] * rays[:, None, :]
+    by_range = settings.sigma_range_m**2 + (settings.sigma_range_per_m * distances_m) ** 2
+    covariances = by_range[:, None, None] * along + (distances_m**2)[:, None, None] * across
+    return SpatialPoints(T_base_camera[:3] + rays * distances_m[:, None], covariances)
 
 
 def with_points(
-    measured: SemanticMeasurements, points: SpatialPoints, T_base_camera: ArrayLike
+    measured: SemanticMeasurements,
+    points: SpatialPoints,
+    T_base_camera: ArrayLike,
+    camera: CameraModel | None,
+    settings: PerceptionConfiguration,
 ) -> SemanticMeasurements:
-    """Measurements with their points and where their camera is mounted, (7,) or empty: nobody knows."""
+    """Measurements with their points and where their camera is mounted, (7,) or empty: nobody knows.
+
+    Boxes that a known ``camera`` saw tell how large they are, and how well those without a range tell their rays.
+    """
     told = replace(measured, points=points.points, point_covariances=points.covariances)
     pose = np.asarray(T_base_camera, dtype=np.float64)
+    if camera is not None:
+        told = replace(told, angular_sizes_rad=angular_sizes(told.boxes, camera))
     if not len(pose):
         return told
     turn = pose[3:] / np.linalg.norm(pose[3:])
-    return replace(told, sensor_position=pose[:3], sensor_orientation=turn)
+    told = replace(told, sensor_position=pose[:3], sensor_orientation=turn)
+    return told if camera is None else _with_rays(told, camera, pose, settings)
+
+
+def _with_rays(
+    told: SemanticMeasurements, camera: CameraModel, pose: Array, settings: PerceptionConfiguration
+) -> SemanticMeasurements:
+    """With covariances of bearing and elevation of boxes that have no range, where none are told."""
+    alone = np.isnan(told.ranges_m) & np.isnan(told.points[:, 0]) & np.isnan(told.place_covariances[:, 1, 1])
+    shown = as_places(*ray_covariances(told.boxes, camera, pose, settings))
+    return replace(told, place_covariances=np.where(alone[:, None, None], shown, told.place_covariances))

@@ -99,7 +99,8 @@ class KeyframeAssembler:
             ] += 1
             return
         stamp_ns = sample.stamp_ns - self._expected_ns
-        self._odometry.add(stamp_ns, replace(sample, stamp_ns=stamp_ns))
+        stated = None if self._in_space is None else sample.covariance
+        self._odometry.add(stamp_ns, replace(sample, stamp_ns=stamp_ns, covariance=stated))
 
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
         """The point at the next sample; the first one is where the first keyframe's motion starts."""

@@ -15,6 +15,7 @@ from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.odometry_noise import odometry_covariance, odometry_variances
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.odometry_rate import NOT_KNOWN, Rate
+from semantic_slam.pipeline.stated_covariance import increment, since_start
 
 
 @dataclass(frozen=True)
@@ -29,13 +30,17 @@ class OdometryPoint:
     rate: Rate = NOT_KNOWN  # of the samples up to this one
     sigma_m: float = 0.0  # standard deviation of x and of y beyond the odometry's own: it was missing then
     sigma_rad: float = 0.0  # of yaw, likewise
+    covariance: Array | None = None  # (6, 6) x y z rx ry rz along the axes of odom, since its start; None: not stated
 
     def advance(self, sample: OdometrySample) -> "OdometryPoint":
         """The point at the next sample."""
         step = between(self.pose, sample.pose)
         travelled = self.travelled_m + float(np.linalg.norm(step[:3]))
         turned = self.turned_rad + rotation_angle(step)
-        return OdometryPoint(sample.stamp_ns, sample.pose, travelled, turned, self.slopes_at(sample.pose))
+        slopes_there = self.slopes_at(sample.pose)
+        return OdometryPoint(
+            sample.stamp_ns, sample.pose, travelled, turned, slopes_there, covariance=sample.covariance
+        )
 
     def standing_until(self, stamp_ns: int) -> "OdometryPoint":
         """The point at a later instant of which there is no odometry any more: the robot may have moved on."""
@@ -53,7 +58,8 @@ class OdometryPoint:
 
 def start(sample: OdometrySample, *, with_slopes: bool = False) -> OdometryPoint:
     """The point at the first sample; ``with_slopes``: how biases of the odometry change the motion is kept, too."""
-    return OdometryPoint(sample.stamp_ns, sample.pose, 0.0, 0.0, np.zeros((3, 3)) if with_slopes else None)
+    slopes_there = np.zeros((3, 3)) if with_slopes else None
+    return OdometryPoint(sample.stamp_ns, sample.pose, 0.0, 0.0, slopes_there, covariance=sample.covariance)
 
 
 def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) -> OdometryPoint:
@@ -70,6 +76,7 @@ def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) ->
         first.rate,
         sigma_m,
         sigma_rad,
+        stated_between(first, second, pose, share),
     )
 
 
@@ -105,7 +112,11 @@ def motion_shifts(first: Array, second: Array) -> Array:
 
 
 def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
-    """:func:`motion_covariance` of all six, along and about every axis alike."""
+    """:func:`motion_covariance` of all six: as the odometry states, else along and about every axis alike."""
+    stated = stated_motion(first, second)
+    if stated is not None:
+        more_place, more_turn = _missing(first, second)
+        return stated + np.diag(np.repeat([more_place, more_turn], 3))
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
     place, turn = odometry_variances(travelled, turned, noise)
     more_place, more_turn = _missing(first, second)
@@ -120,6 +131,23 @@ def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: Odomet
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
     place, turn = _missing(first, second)
     return covariance_from_planar(odometry_covariance(travelled, turned, noise) + np.diag([place, place, turn]))
+
+
+def stated_motion(first: OdometryPoint, second: OdometryPoint) -> Array | None:
+    """(6, 6) over x y z rx ry rz at the second point, by how much what the odometry states grows; None where it says
+    none of the two, or where that is no covariance.
+    """
+    if first.covariance is None or second.covariance is None:
+        return None
+    return increment(first.pose, first.covariance, second.pose, second.covariance)
+
+
+def stated_between(first: OdometryPoint, second: OdometryPoint, pose: Array, share: float) -> Array | None:
+    """(6, 6) along the axes of odom at a share of the way between two points; None where it is not stated there."""
+    motion = stated_motion(first, second)
+    if motion is None or first.covariance is None:
+        return None
+    return since_start(first.pose, first.covariance, pose, share * motion)
 
 
 def _missing(first: OdometryPoint, second: OdometryPoint) -> tuple[float, float]:

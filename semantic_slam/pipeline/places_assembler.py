@@ -29,6 +29,7 @@ class PlacesAssembler:
         """``camera_pose`` gives (7,) T_base_camera of an optical frame, or raises InputError."""
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
         self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
+        self._in_space = configuration.is_spatial
         self._camera_pose = camera_pose
         self._camera_is_of_another = False
         self._num_measured = 0
@@ -93,7 +94,8 @@ class PlacesAssembler:
         return made
 
     def _measure(self, detections: Detections) -> SemanticMeasurements:
-        camera = self.camera if _needs_camera(detections) else None
+        looks = _needs_camera(detections) or (self._in_space and not len(detections))  # a miss counts where it looks
+        camera = self.camera if looks else None
         if camera is None:
             return self._reader.measure(detections, self._num_measured)
         try:

@@ -1,4 +1,6 @@
-"""Measurements for a run in space: those that tell where in space their objects are, and lie in the camera's region."""
+"""Measurements for a run in space: those that tell where in space their objects are, or in which direction from the
+camera, and lie in the camera's region.
+"""
 
 from collections import Counter
 
@@ -7,7 +9,7 @@ import numpy as np
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M
-from semantic_slam.inference.inputs.spatial_reader import camera_of, point_of_row
+from semantic_slam.inference.inputs.spatial_reader import camera_of, point_of_row, ray_of_row
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.messages import topics
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -23,17 +25,19 @@ class PointsInput:
 
     def usable(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """Without detections of which nobody knows where in space they are."""
-        points = _points(measurements)
+        points, rays = _points(measurements), _rays(measurements)
         distances = np.linalg.norm(points, axis=1)
+        is_ray = np.isnan(points).any(axis=1) & np.isfinite(rays).all(axis=1)
         told = SpatialPoints(points, measurements.point_covariances)
         by_range_alone = np.isfinite(measurements.geometric_covariances[:, 1, 1]) & ~(
             np.isfinite(measurements.point_covariances).all(axis=(1, 2))
             | np.isfinite(measurements.place_covariances).all(axis=(1, 2))
+            | is_ray
         )
         kept = np.ones(len(measurements), dtype=np.bool_)
         for reason, faulty in (
-            ("no range, which state_space: spatial needs", ~told.are_told),
-            ("place that is no place", ~((distances >= LEAST_DISTANCE_M) & (distances <= FARTHEST_M))),
+            ("neither place nor direction", ~(told.are_told | is_ray)),
+            ("place that is no place", ~(is_ray | ((distances >= LEAST_DISTANCE_M) & (distances <= FARTHEST_M)))),
             ("covariance of a point that is not positive definite", ~told.are_covariances_usable()),
             ("covariance of range and bearing alone, where state_space: spatial needs elevation, too", by_range_alone),
         ):
@@ -44,9 +48,11 @@ class PointsInput:
         return measurements if kept.all() else measurements.take(np.flatnonzero(kept))
 
     def inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections from outside the camera's region."""
-        camera = camera_of(measurements)
-        outside = ~self._region.reaching(camera).holds(camera.seen(_points(measurements)))
+        """Without detections from outside the camera's region; a ray alone is held against the image."""
+        camera, points = camera_of(measurements), _points(measurements)
+        within = measurements.sensor_position + self._region.shells(1) * _rays(measurements)
+        placed = np.where(np.isnan(points).any(axis=1, keepdims=True), within, points)
+        outside = ~self._region.reaching(camera).holds(camera.seen(placed))
         if not outside.any():
             return measurements
         self._dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
@@ -56,3 +62,8 @@ class PointsInput:
 def _points(measurements: SemanticMeasurements) -> Array:
     """(D, 3) in the body frame, NaN where nothing tells them."""
     return np.array([point_of_row(measurements, row)[0] for row in range(len(measurements))]).reshape(-1, 3)
+
+
+def _rays(measurements: SemanticMeasurements) -> Array:
+    """(D, 3) directions along the body's axes, NaN where nothing tells them."""
+    return np.array([ray_of_row(measurements, row)[0] for row in range(len(measurements))]).reshape(-1, 3)

@@ -7,15 +7,18 @@ from worlds.image_folder import hand_held, write_cube_slam, write_seven_scenes
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import import_dataset
-from semantic_slam.configuration import from_dict
+from semantic_slam.configuration import from_dict, load_configuration
+from semantic_slam.datasets.image_folders.images_in_space import drive_in_space
 from semantic_slam.datasets.image_folders.journey import journey_by_truth
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.geometry import so3
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.shipped import CONFIGURATIONS
 
 PLANAR = np.array([[0.1 * k, 0.05 * k, 0.1 * k - 0.2] for k in range(6)])
 PITCHES, ROLLS = [0.35, 0.45, 0.3, 0.5, 0.4, 0.35], [0.1, -0.1, 0.05, 0.0, -0.05, 0.1]
@@ -183,3 +186,26 @@ def test_a_detector_finds_the_chairs_of_a_kitchen(tmp_path, data_set):
     told = messages(imported(data_set("redkitchen"), tmp_path, *words, "--max-keyframes", "3"), topics.DETECTIONS)
     assert all("chair" in row.labels for row in told)
     assert all(np.isfinite(row.positions).all(axis=1).any() for row in told)
+
+
+def test_in_space_a_folder_keeps_all_six_with_gravity_along_z(tmp_path):
+    leaning = [LEANING @ point for point in POINTS]
+    write_seven_scenes(tmp_path / "source", poses(LEANING), leaning, LEANING @ [0.0, 0.0, -1.0])
+    folder = read_image_folder(tmp_path / "source")
+    drive = drive_in_space(folder, None, 0.0, 0)
+    height = drive.truth.poses[:, 2]
+    np.testing.assert_allclose(height, np.array(HEIGHTS) - HEIGHTS[0], atol=1e-9)
+    np.testing.assert_allclose(drive.truth.poses[:, :2], in_first(PLANAR), atol=1e-9)
+    ahead = so3.rotated(drive.truth.poses[:, 3:], np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(np.arcsin(-ahead[:, 2]), PITCHES, atol=1e-9)
+    np.testing.assert_allclose(drive.start, drive.truth.poses[0], atol=1e-9)
+
+
+def test_the_pipeline_maps_them_in_space(folder, tmp_path):
+    bag = imported(folder, tmp_path, "--drift", "0", "--space")
+    summary = run_bag(bag, tmp_path / "beliefs", load_configuration(CONFIGURATIONS / "spatial.yaml"))
+    assert summary.num_keyframes == len(PLANAR)
+    last = read_record(tmp_path / "beliefs").beliefs[-1]
+    there = last.object_poses[last.existence > 0.5][:, :3]
+    points = np.column_stack([in_first(POINTS), POINTS[:, 2] - HEIGHTS[0]])
+    assert np.linalg.norm(there[:, None] - points, axis=2).min(axis=0).max() < 0.05

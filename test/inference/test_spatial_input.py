@@ -48,8 +48,6 @@ def test_input_that_is_of_the_plane_is_refused_in_space() -> None:
     with pytest.raises(InputError, match="x y z qx qy qz qw"):
         Engine(spatial(association="given"), initial_pose=(0.0, 0.0, 0.0), initial_covariance=np.eye(6))
     engine = Engine(spatial(association="given", **start))
-    with pytest.raises(InputError, match="has no range"):
-        engine.process(Keyframe.spatial(0, detections=[Detection(bearing_rad=0.1, track_id="p")]))
     known = Detection(bearing_rad=0.1, range_m=1.0, covariance=np.eye(2), track_id="p")
     with pytest.raises(InputError, match="range, bearing, elevation"):
         engine.process(Keyframe.spatial(0, detections=[known]))

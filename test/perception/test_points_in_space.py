@@ -7,6 +7,7 @@ import pytest
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry import se3, so3
+from semantic_slam.perception.box_sizes import angular_sizes
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -14,7 +15,7 @@ from semantic_slam.perception.places import BAD_COVARIANCE, PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing
 
 SETTINGS = PerceptionConfiguration(
-    sigma_range_m=0.05, sigma_range_per_m=0.02, sigma_bearing_rad=0.01, depth_to_width=0.0, max_depth_m=10.0
+    sigma_range_m=0.05, sigma_range_per_m=0.02, sigma_bearing_rad=0.01, box_centre_share=0.0, depth_to_width=0.0
 )
 CAMERA = CameraModel(320, 240, 250.0, 250.0, 160.0, 120.0)
 BOXES = np.array([[10.0, 20.0, 70.0, 90.0], [150.0, 60.0, 260.0, 200.0]])
@@ -81,3 +82,21 @@ def test_where_the_camera_is_mounted_is_told_where_it_is_known(extrinsics: tuple
     reader = PlaceReader(PerceptionConfiguration(extrinsics=extrinsics), in_space=True)
     told = reader.measure(seen(positions=np.ones((2, 3))), 0)
     assert np.isfinite(told.sensor_orientation).all() == bool(extrinsics)
+
+
+def test_how_large_boxes_look_where_the_image_does_not_cut_them() -> None:
+    """By the angles between rays to opposite edges; over a camera that is not known they tell nothing."""
+    boxes = np.array([[0.0, 20.0, 70.0, 90.0], [150.0, 60.0, 260.0, 200.0], [100.0, 200.0, 140.0, 240.0]])
+    sizes = angular_sizes(boxes, CAMERA)
+    assert np.isnan(sizes).tolist() == [[True, False], [False, False], [False, True]]
+    middle, rays = np.array([205.0, 130.0]), []
+    for pixel in ([150.0, middle[1]], [260.0, middle[1]]):
+        ray = np.append((np.array(pixel) - [160.0, 120.0]) / 250.0, 1.0)
+        rays.append(ray / np.linalg.norm(ray))
+    assert sizes[1, 0] == pytest.approx(np.arccos(rays[0] @ rays[1]), rel=1e-9)
+    found = measured(2.0)
+    np.testing.assert_array_equal(found.angular_sizes_rad, angular_sizes(BOXES, CAMERA))
+    assert np.isnan(measured(2.0, in_space=False).angular_sizes_rad).all()
+    reader = PlaceReader(SETTINGS, in_space=True)
+    np.testing.assert_array_equal(reader.measure(seen(), 0, CAMERA, MOUNTED).sensor_orientation, MOUNTED[3:])
+    assert np.isnan(reader.measure(seen(bearings_rad=np.zeros(2)), 0).angular_sizes_rad).all()

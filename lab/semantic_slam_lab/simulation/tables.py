@@ -45,6 +45,7 @@ class Flight:
     ray_rad: float = 0.008
     range_m: float = 0.02
     range_share: float = 0.01  # of the range, by which it errs besides
+    depth: bool = True  # False: the detector shows rays alone
     faults: DetectorFaults = field(
         default_factory=lambda: DetectorFaults(confused=0.1, dropped=0.1, alarms_per_frame=0.1, names=(*NAMES, *OTHERS))
     )
@@ -170,6 +171,15 @@ def _is_hidden(seen: Array, others: Array) -> bool:
 def _detection(flight: Flight, seen: Array, words: Hypotheses, random: np.random.Generator) -> Detection:
     distance = float(np.linalg.norm(seen))
     sigma = float(np.hypot(flight.range_m, flight.range_share * distance))
+    if not flight.depth:
+        return Detection.along(
+            seen / distance + flight.ray_rad * random.normal(size=3),
+            ray_covariance=flight.ray_rad**2 * np.eye(3),
+            T_body_sensor=T_BODY_CAMERA,
+            label=words.names[0],
+            score=words.scores[0],
+            class_scores=dict(zip(words.names, words.scores, strict=True)),
+        )
     return Detection.along(
         seen / distance + flight.ray_rad * random.normal(size=3),
         max(distance + sigma * random.normal(), 0.05),

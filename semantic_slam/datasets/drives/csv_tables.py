@@ -1,6 +1,7 @@
 """Comma-separated tables with a header line: odometry, detections and, where it is known, the truth."""
 
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +57,7 @@ def read_path(path: Path) -> Path2D:
     """Poses x y yaw at stamps that grow. Raises InputError."""
     stamps: list[int] = []
     poses = []
-    for row in _rows(path, POSES, ()):
+    for row in read_rows(path, POSES, ()):
         stamp = row.stamp_ns(stamps[-1] if stamps else None)
         if stamps and stamp == stamps[-1]:
             raise row.line.fault(f"stamp {stamp} again", "give one pose per stamp")
@@ -67,7 +68,7 @@ def read_path(path: Path) -> Path2D:
 
 def read_detections(path: Path) -> SeenRows:
     """All detections; where range and bearing are both empty, the row stands for a frame in which nothing was seen."""
-    rows = _rows(path, DETECTIONS, DETECTIONS_MORE)
+    rows = read_rows(path, DETECTIONS, DETECTIONS_MORE)
     stamps: list[int] = []
     places, scores = [], []
     for row in rows:
@@ -90,20 +91,25 @@ def read_detections(path: Path) -> SeenRows:
 
 def read_objects(path: Path) -> TrueObjects:
     """True objects in the frame of the true poses. Raises InputError."""
-    rows = _rows(path, OBJECTS, OBJECTS_MORE)
+    rows = read_rows(path, OBJECTS, OBJECTS_MORE)
     positions = [row.numbers(OBJECTS[1:], "give x and y [m]") for row in rows]
     names = tuple(row.fields["object_id"] for row in rows)
     return TrueObjects(names, tuple(row.fields.get("class", "") for row in rows), np.array(positions))
 
 
-def _rows(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> list[Row]:
-    """All lines after the header, whose columns may be in any order. Raises InputError."""
+def read_rows(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> list[Row]:
+    """All lines after the header, whose columns may be in any order. Raises InputError.
+
+    A first line that begins with a number is no header: then columns are the required ones in their order.
+    """
     wanted = f"its first line names the columns {', '.join(required)}"
     wanted += f" and perhaps {', '.join(optional)}" if optional else ""
     header: list[str] | None = None
     rows = []
     for line in lines_of(path, wanted, "\n"):
         words = [word.strip() for word in next(csv.reader(line.words))]
+        if header is None and _is_number(words[0]):
+            header = list(required)
         if header is None:
             header = words
             missing = [column for column in required if column not in words]
@@ -118,3 +124,7 @@ def _rows(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> l
     if not rows:
         raise InputError(f"{path}: no lines after the header; {wanted}")
     return rows
+
+
+def _is_number(word: str) -> bool:
+    return bool(re.fullmatch(r"[-+]?\d+(\.\d*)?", word))

@@ -1,6 +1,7 @@
 """A drive: planar odometry, what was detected and, where it is known, the truth; written as a bag."""
 
 import heapq
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +19,9 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.perception.frame import Detections
+
+Message = tuple[int, str, Any]
+"""Stamp [ns], topic, message."""
 
 BODY_FRAME = "base_link"
 UNKNOWN = np.zeros((6, 6))
@@ -93,7 +97,7 @@ def write_drive(
     out: Path,
     title: str,
     max_keyframes: int | None = None,
-    pictures: Iterable[tuple[int, str, Any]] = (),
+    pictures: Iterable[Message] = (),
 ) -> Written:
     """Write the bag ``out``, up to the ``max_keyframes``-th frame; truth in the frame of the first true pose.
 
@@ -102,21 +106,34 @@ def write_drive(
     """
     drive = in_frame_of_start(drive)
     frames = drive.frames[:max_keyframes]
-    end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else int(drive.odometry.stamps_ns[-1])
-    entries = heapq.merge(iter(pictures), *_streams(drive, len(frames)), key=lambda entry: entry[0])
+    end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else None
     per_frame = 1 if drive.associations is None else 2
     total = len(drive.odometry.stamps_ns) + per_frame * len(frames) + (len(drive.truth.stamps_ns) if drive.truth else 0)
-    poses = images = 0
+    known = None if pictures else total  # of pictures nobody knows how many there are before they are read
+    counts = write_messages([iter(pictures), *_streams(drive, len(frames))], out, title, end_ns, known)
+    last_ns = int(drive.odometry.stamps_ns[-1]) if end_ns is None else end_ns
+    return Written(
+        counts[topics.ODOMETRY],
+        float(last_ns - drive.odometry.stamps_ns[0]) / 1e9,
+        len(frames),
+        sum(map(len, frames)),
+        counts[topics.IMAGE_COMPRESSED],
+    )
+
+
+def write_messages(
+    streams: Iterable[Iterator[Message]], out: Path, title: str, end_ns: int | None, total: int | None = None
+) -> Counter[str]:
+    """Write the bag ``out`` of what comes until a stamp, each stream in its order; returns messages by topic."""
+    counts: Counter[str] = Counter()
+    entries = heapq.merge(*streams, key=lambda entry: entry[0])
     with BagWriter(out) as bag:
-        known = None if pictures else total  # of pictures nobody knows how many there are before they are read
-        for stamp_ns, topic, value in tqdm(entries, total=known, desc=title, unit="message"):
-            if max_keyframes is not None and stamp_ns > end_ns:
+        for stamp_ns, topic, value in tqdm(entries, total=total, desc=title, unit="message"):
+            if end_ns is not None and stamp_ns > end_ns:
                 break
             bag.write(topic, value, stamp_ns)
-            poses += topic == topics.ODOMETRY
-            images += topic == topics.IMAGE_COMPRESSED
-    seconds = float(end_ns - drive.odometry.stamps_ns[0]) / 1e9
-    return Written(poses, seconds, len(frames), sum(map(len, frames)), images)
+            counts[topic] += 1
+    return counts
 
 
 def in_frame_of_start(drive: Drive) -> Drive:
@@ -138,9 +155,9 @@ def in_frame_of_start(drive: Drive) -> Drive:
     )
 
 
-def _streams(drive: Drive, num_frames: int) -> list[Iterator[tuple[int, str, Any]]]:
+def _streams(drive: Drive, num_frames: int) -> list[Iterator[Message]]:
     """Each topic's messages with their stamps, in order."""
-    streams = [_poses(drive.odometry, topics.ODOMETRY, "odom"), _frames(drive, num_frames)]
+    streams = [_poses(drive.odometry, topics.ODOMETRY, "odom"), detected(drive.frames[:num_frames], drive.associations)]
     if drive.truth is not None:
         streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, "map"))
     if drive.objects is not None:
@@ -148,20 +165,21 @@ def _streams(drive: Drive, num_frames: int) -> list[Iterator[tuple[int, str, Any
     return streams
 
 
-def _poses(path: Path2D, topic: str, frame_id: str) -> Iterator[tuple[int, str, Any]]:
+def _poses(path: Path2D, topic: str, frame_id: str) -> Iterator[Message]:
     for stamp_ns, pose in zip(path.stamps_ns.tolist(), pose_vector_from_planar(path.poses), strict=True):
         yield stamp_ns, topic, OdometryEstimate(stamp_ns, frame_id, BODY_FRAME, pose, UNKNOWN)
 
 
-def _frames(drive: Drive, count: int) -> Iterator[tuple[int, str, Any]]:
-    for index, detections in enumerate(drive.frames[:count]):
+def detected(frames: list[Detections], associations: list[tuple[str, ...]] | None) -> Iterator[Message]:
+    """The messages of frames, and of what is truly seen in each."""
+    for index, detections in enumerate(frames):
         yield detections.stamp_ns, topics.DETECTIONS, detections
-        if drive.associations is not None:
-            truth = GroundTruthAssociations(detections.stamp_ns, drive.associations[index])
+        if associations is not None:
+            truth = GroundTruthAssociations(detections.stamp_ns, associations[index])
             yield detections.stamp_ns, topics.GROUND_TRUTH_ASSOCIATIONS, truth
 
 
-def _objects(objects: TrueObjects, stamp_ns: int) -> tuple[int, str, Any]:
+def _objects(objects: TrueObjects, stamp_ns: int) -> Message:
     poses = pose_vector_from_planar(np.column_stack([objects.positions, np.zeros(len(objects.positions))]))
     value = GroundTruthObjects(stamp_ns, objects.object_ids, objects.class_names, poses)
     return stamp_ns, topics.GROUND_TRUTH_OBJECTS, value

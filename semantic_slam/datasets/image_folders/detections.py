@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.datasets.drives.tables import lines_of, numbers
 from semantic_slam.datasets.image_folders.box_places import bearing_of_box, place_of_box
-from semantic_slam.datasets.image_folders.image_folder import ImageFrame
+from semantic_slam.datasets.image_folders.image_folder import ImageFrame, read_colour
 from semantic_slam.datasets.image_folders.intrinsics import CAMERA_FRAME
 from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.frame import CameraModel, Detections
@@ -46,10 +47,15 @@ def found_by(detector: Detector) -> Callable[[ImageFrame, int], Detections]:
     """A detector's answer for each frame, without scores of classes that say nothing."""
 
     def found(frame: ImageFrame, stamp_ns: int) -> Detections:
-        told = detector(frame.image(), stamp_ns=stamp_ns, frame_id=CAMERA_FRAME)
-        return replace(told, class_scores=np.where(told.class_scores >= LEAST_REPORTED, told.class_scores, np.nan))
+        return found_in_picture(detector, frame.colour, stamp_ns)
 
     return found
+
+
+def found_in_picture(detector: Detector, colour: Path, stamp_ns: int) -> Detections:
+    """A detector's answer for a file, without scores of classes that say nothing. Raises InputError."""
+    told = detector(read_colour(colour), stamp_ns=stamp_ns, frame_id=CAMERA_FRAME)
+    return replace(told, class_scores=np.where(told.class_scores >= LEAST_REPORTED, told.class_scores, np.nan))
 
 
 def with_named_classes(found: list[Detections]) -> list[Detections]:

@@ -27,10 +27,7 @@ class ImageFrame:
 
     def image(self) -> Bytes:
         """(height, width, 3) RGB picture. Raises InputError."""
-        picture = cv2.imread(str(self.colour), cv2.IMREAD_COLOR)
-        if picture is None:
-            raise InputError(f"{self.colour}: not a picture; restore it from the data set")
-        return np.ascontiguousarray(picture[..., ::-1], dtype=np.uint8)
+        return read_colour(self.colour)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +49,24 @@ class ImageFolder:
 
     def depth_m(self, frame: ImageFrame) -> NDArray[np.float32]:
         """(height, width) metres along the optical axis, NaN where invalid. Raises InputError."""
-        readings = cv2.imread(str(frame.depth), cv2.IMREAD_UNCHANGED)
-        if readings is None or readings.dtype != np.uint16 or readings.ndim != 2:
-            raise InputError(f"{frame.depth}: not a depth picture of 16 bits; restore it from the data set")
-        if readings.shape != (self.camera.height, self.camera.width):
-            size = f"{self.camera.width} x {self.camera.height}"
-            raise InputError(f"{frame.depth}: not of the colour picture's size, {size}; register depth to colour")
-        metres = readings.astype(np.float32) / np.float32(self.depth_per_metre)
-        return np.where((readings == 0) | (readings == INVALID), np.float32(np.nan), metres)
+        return read_depth(frame.depth, self.camera, self.depth_per_metre)
+
+
+def read_colour(path: Path) -> Bytes:
+    """(height, width, 3) RGB picture of a file. Raises InputError."""
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise InputError(f"{path}: not a picture; restore it from the data set")
+    return np.ascontiguousarray(picture[..., ::-1], dtype=np.uint8)
+
+
+def read_depth(path: Path, camera: CameraModel, per_metre: float) -> NDArray[np.float32]:
+    """(height, width) metres along the optical axis of a file, NaN where invalid. Raises InputError."""
+    readings = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if readings is None or readings.dtype != np.uint16 or readings.ndim != 2:
+        raise InputError(f"{path}: not a depth picture of 16 bits; restore it from the data set")
+    if readings.shape != (camera.height, camera.width):
+        size = f"{camera.width} x {camera.height}"
+        raise InputError(f"{path}: not of the colour picture's size, {size}; register depth to colour")
+    metres = readings.astype(np.float32) / np.float32(per_metre)
+    return np.where((readings == 0) | (readings == INVALID), np.float32(np.nan), metres)

@@ -1,4 +1,4 @@
-"""``import_dataset images``: pictures of a hand-held camera with depth, levelled by gravity, as an input bag."""
+"""``import_dataset images``: pictures of a hand-held camera with depth, levelled or in all six, as an input bag."""
 
 import argparse
 from dataclasses import replace
@@ -16,13 +16,14 @@ from semantic_slam.datasets.image_folders.detections import (
     placed,
     with_named_classes,
 )
+from semantic_slam.datasets.image_folders.detector_arguments import add_detector, given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
-from semantic_slam.datasets.image_folders.journey import Journey, journey_by_odometry, journey_by_truth
+from semantic_slam.datasets.image_folders.images_in_space import drive_in_space, write_images_in_space
+from semantic_slam.datasets.image_folders.journey import Journey, frame_stamps_ns, journey_by_odometry, journey_by_truth
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.datasets.image_folders.pictures import pictures_of
 from semantic_slam.errors import InputError
 from semantic_slam.perception.frame import Detections
-from semantic_slam.perception.onnx_detector import OnnxDetector, read_class_names
 
 ODOMETRY_FILE = "odometry.txt"
 
@@ -31,8 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``import_dataset images``."""
     parser.add_argument("source", type=Path, metavar="SRC", help="folder laid out as 7-Scenes or CubeSLAM")
     parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="bag folder to write")
-    parser.add_argument("--detector", type=Path, metavar="ONNX", help="NanoDet file (default: the folder's own boxes)")
-    parser.add_argument("--labels-of", type=Path, metavar="NAMES", help="the detector's class names, one a line")
+    add_detector(parser, "the folder's own boxes")
     parser.add_argument(
         "--odometry",
         type=Path,
@@ -47,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how far behind the surface an object's place is, in widths that it shows: 0.5 for round and square ones"
         " that are seen from all around (default: the surface)",
     )
+    parser.add_argument("--space", action="store_true", help="all six of the camera's pose, not levelled to the plane")
     add_drift(parser)
     parser.add_argument("--max-keyframes", type=int, metavar="N", help="stop after N pictures")
 
@@ -60,30 +61,29 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
     folder = read_image_folder(arguments.source)
     folder = replace(folder, frames=folder.frames[: arguments.max_keyframes])
     file = arguments.odometry or found_or_none(arguments.source, ODOMETRY_FILE)
-    if file is None:
-        journey = journey_by_truth(folder, arguments.drift, arguments.seed)
+    found, share = found_in(folder, detector), arguments.depth_to_width
+    if arguments.space:
+        drive = drive_in_space(folder, file, arguments.drift, arguments.seed)
+        written = write_images_in_space(folder, drive, found, bag, share)
     else:
-        journey = journey_by_odometry(folder, file)
-    found = found_in(folder, journey, detector)
-    print(f"{arguments.out}: {write_images(folder, journey, found, bag, arguments.depth_to_width)}")
+        journey = (
+            journey_by_truth(folder, arguments.drift, arguments.seed)
+            if file is None
+            else journey_by_odometry(folder, file)
+        )
+        written = write_images(folder, journey, found, bag, share)
+    print(f"{arguments.out}: {written}")
     made_up = "" if folder.has_clock else "stamps are made up; "
     noise = f"the true increments with noise (--drift {arguments.drift:g})"
     print(f"{made_up}odometry: {file or noise}; boxes: {arguments.detector or 'of the folder'}")
 
 
-def given_detector(path: Path | None, labels_of: Path | None) -> OnnxDetector | None:
-    """The detector of the command line, None where the folder's own boxes are wanted. Raises InputError."""
-    if (path is None) != (labels_of is None):
-        raise InputError("--detector and --labels-of go together: a network, and what its classes are called")
-    return None if path is None or labels_of is None else OnnxDetector(path, read_class_names(labels_of))
-
-
-def found_in(folder: ImageFolder, journey: Journey, detector: Detector | None) -> list[Detections]:
+def found_in(folder: ImageFolder, detector: Detector | None) -> list[Detections]:
     """(F,) boxes of every frame, a detector's or the folder's own. Raises InputError where there are none at all."""
     if detector is None and all(frame.boxes is None for frame in folder.frames):
         raise InputError(f"{folder.path}: has no boxes of its own; name a detector with --detector and --labels-of")
     find = own_boxes if detector is None else found_by(detector)
-    frames = zip(folder.frames, journey.stamps_ns.tolist(), strict=True)
+    frames = zip(folder.frames, frame_stamps_ns(folder).tolist(), strict=True)
     return [find(frame, stamp) for frame, stamp in tqdm(frames, total=len(folder.frames), desc="boxes", unit="image")]
 
 

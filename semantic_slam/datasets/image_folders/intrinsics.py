@@ -26,12 +26,23 @@ def camera_of(folder: Path, picture: Path, otherwise: tuple[float, float, float,
         if otherwise is None:
             raise InputError(f"{stated}: missing, and nothing else tells the camera; {REMEDY}")
         return _camera(width, height, *otherwise)
-    fx, fy, cx, cy, stated_width, stated_height = table(stated, COLUMNS, REMEDY, time=False)[0].tolist()
-    if (stated_width, stated_height) != (width, height):
+    camera = stated_camera(folder)
+    if (camera.width, camera.height) != (width, height):
         raise InputError(
-            f"{stated}: {stated_width:g} x {stated_height:g}, but {picture.name} is {width} x {height}; {REMEDY}"
+            f"{stated}: {camera.width} x {camera.height}, but {picture.name} is {width} x {height}; {REMEDY}"
         )
-    return _camera(width, height, fx, fy, cx, cy)
+    return camera
+
+
+def stated_camera(folder: Path) -> CameraModel:
+    """The camera that ``camera.txt`` states. Raises InputError."""
+    stated = folder / FILE
+    if not stated.is_file():
+        raise InputError(f"{stated}: not there, and nothing else tells the camera; {REMEDY}")
+    fx, fy, cx, cy, width, height = table(stated, COLUMNS, REMEDY, time=False)[0].tolist()
+    if not (width >= 1.0 and height >= 1.0):
+        raise InputError(f"{stated}: a picture of {width:g} x {height:g}; {REMEDY}")
+    return _camera(int(width), int(height), fx, fy, cx, cy)
 
 
 def matrix_intrinsics(matrix: Array) -> tuple[float, float, float, float]:

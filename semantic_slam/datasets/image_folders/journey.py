@@ -34,7 +34,7 @@ def journey_by_truth(folder: ImageFolder, drift: float, seed: int) -> Journey:
     poses = folder.poses
     if poses is None:
         raise InputError(f"{folder.path}: neither poses nor odometry; give the camera's odometry with --odometry")
-    path, stamps_ns = levelled(poses, folder.down), _stamps_ns(folder, _times_s(folder))
+    path, stamps_ns = levelled(poses, folder.down), frame_stamps_ns(folder)
     rng = np.random.default_rng([seed, *folder.path.name.encode()])
     return Journey(
         stamps_ns=stamps_ns,
@@ -56,11 +56,11 @@ def journey_by_odometry(folder: ImageFolder, file: Path) -> Journey:
     else:
         first, _ = at_times(_times_s(folder), known, times_s[:1])
         down = measured[0, :3, :3] @ first[0, :3, :3].T @ folder.down
-    path, stamps_ns = levelled(known, folder.down), _stamps_ns(folder, _times_s(folder))
+    path, stamps_ns = levelled(known, folder.down), frame_stamps_ns(folder)
     return Journey(
         stamps_ns=stamps_ns,
         R_body_camera=path.R_body_camera,
-        odometry=Path2D(_stamps_ns(folder, times_s), levelled(measured, down).poses),
+        odometry=Path2D(stamps_ns_of(folder, times_s), levelled(measured, down).poses),
         truth=None if folder.poses is None else Path2D(stamps_ns, path.poses),
     )
 
@@ -78,5 +78,11 @@ def _times_s(folder: ImageFolder) -> Array:
     return np.array([frame.time_s for frame in folder.frames])
 
 
-def _stamps_ns(folder: ImageFolder, times_s: Array) -> NDArray[np.int64]:
+def frame_stamps_ns(folder: ImageFolder) -> NDArray[np.int64]:
+    """(F,) of its frames."""
+    return stamps_ns_of(folder, _times_s(folder))
+
+
+def stamps_ns_of(folder: ImageFolder, times_s: Array) -> NDArray[np.int64]:
+    """Stamps of times of a folder."""
     return nanoseconds(times_s) + (0 if folder.has_clock else START_NS)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array, Index, broadcast_copy
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.inference.association.murty import k_best
 from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
@@ -28,6 +28,8 @@ class PairDensities:
     log_density: Array  # (D, M) of the detection if it is of this object
     distance: Array  # (D, M) Mahalanobis
     parts: list[Linearisation]  # D, of M rows each
+    offsets: Array | None = None  # (D, M, m) of the linear residuals where they were linearised; None: all are as here
+    elsewhere: Flags | None = None  # (D, M) which were not linearised at the prediction
 
 
 def pair_densities(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, in_plane, place_of_point
+from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, in_plane, place_of_point, point_of_place
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
@@ -32,12 +32,16 @@ class Detection:
     track_id: str = ""  # identity of the object, for association: given
     label: str = ""  # what a detector calls it
     elevation_rad: float = 0.0  # downwards from the plane of x and y
-    place_covariance: ArrayLike | None = None  # (3, 3) of [range, bearing, elevation], in space; None: as configured
+    place_covariance: ArrayLike | None = None  # (3, 3) of [range, bearing, elevation], in space, NaN of a range that is
+    # not measured; None: as configured
     point: ArrayLike | None = None  # (3,) in the body frame [m]; what :meth:`along` and :meth:`in_space` fill in
     point_covariance: ArrayLike | None = (
         None  # (3, 3) along the axes of the body; None: place_covariance, or as configured
     )
     embedding: ArrayLike = ()  # appearance as a vector, of any length and unit; empty: none
+    angular_size_rad: ArrayLike | None = (
+        None  # (2,) width and height of its box as angles, NaN where cut; None: unknown
+    )
 
     def __post_init__(self) -> None:
         numbers = {
@@ -57,10 +61,12 @@ class Detection:
             positive_definite(self.point_covariance, 3, "detection: point_covariance of [x, y, z]")
         if np.ndim(self.embedding) != 1 or not np.isfinite(np.asarray(self.embedding, dtype=np.float64)).all():
             raise InputError("detection: embedding must be one row of finite numbers; leave it out where there is none")
+        if self.angular_size_rad is not None:
+            self._check_size()
         if self.covariance is not None:
             positive_definite(self.covariance, 2, "detection: covariance of [range, bearing]")
         if self.place_covariance is not None:
-            positive_definite(self.place_covariance, 3, "detection: place_covariance of [range, bearing, elevation]")
+            self._check_place_covariance()
 
     @classmethod
     def at(cls, x_m: float, y_m: float, *, covariance: ArrayLike | None = None, **others: Any) -> "Detection":
@@ -85,10 +91,7 @@ class Detection:
         ``T_body_sensor`` (7,) is the pose of the sensor in the body frame; None: it is the body's.
         """
         seen = _vector(point, 3, "detection: point")
-        pose = _IDENTITY if T_body_sensor is None else _vector(T_body_sensor, 7, "detection: T_body_sensor")
-        if not se3.is_pose(pose):
-            raise InputError("detection: T_body_sensor has no quaternion of unit length; give x y z qx qy qz qw")
-        pose = se3.wrapped(pose)
+        pose = _sensor_pose(T_body_sensor)
         in_body = pose[:3] + so3.rotated(pose[3:], seen)
         if np.linalg.norm(in_body) < LEAST_DISTANCE_M:
             raise InputError(
@@ -105,23 +108,26 @@ class Detection:
     def along(
         cls,
         ray: ArrayLike,
-        range_m: float,
+        range_m: float | None = None,
         *,
         sigma_range_m: float | None = None,
         ray_covariance: ArrayLike | None = None,
         T_body_sensor: ArrayLike | None = None,
         **others: Any,
     ) -> "Detection":
-        """From a ray (3,) in a sensor's frame, of any length, and the distance along it.
+        """From a ray (3,) in a sensor's frame, of any length, and the distance along it; None: not measured.
 
         ``ray_covariance`` (3, 3) is that of the ray at length 1 along the axes of that frame, of which only what is
-        across the ray counts: sigma^2 I for sigma radians in every direction. It goes together with ``sigma_range_m``.
+        across the ray counts: sigma^2 I for sigma radians in every direction. It goes together with ``sigma_range_m``
+        where there is a range. A ray alone is seen from the camera, whose place the keyframe tells.
         """
         direction = _vector(ray, 3, "detection: ray")
         length = float(np.linalg.norm(direction))
-        if not (length > 0.0 and math.isfinite(range_m) and range_m > 0.0):
+        if not (length > 0.0 and (range_m is None or (math.isfinite(range_m) and range_m > 0.0))):
             raise InputError(f"detection: a ray of length {length} and a range of {range_m}; give lengths above 0")
         unit, covariance = direction / length, None
+        if range_m is None:
+            return cls._of_ray(unit, ray_covariance, T_body_sensor, **others)
         if (sigma_range_m is None) != (ray_covariance is None):
             raise InputError("detection: give both sigma_range_m and ray_covariance, or none of them")
         if sigma_range_m is not None and ray_covariance is not None:
@@ -130,12 +136,54 @@ class Detection:
             covariance = sigma_range_m**2 * np.outer(unit, unit) + range_m**2 * spread
         return cls.in_space(range_m * unit, covariance=covariance, T_body_sensor=T_body_sensor, **others)
 
+    @classmethod
+    def _of_ray(
+        cls, unit: Array, covariance: ArrayLike | None, T_body_sensor: ArrayLike | None, **others: Any
+    ) -> "Detection":
+        """A ray alone, along the body's axes: its covariance (3, 3) is that of bearing and elevation."""
+        turn = so3.matrix(_sensor_pose(T_body_sensor)[3:])
+        seen = turn @ unit
+        _, bearing, down = place_of_point(seen).tolist()
+        if covariance is not None:
+            _, by_place = point_of_place(np.array([math.cos(down), bearing, down]))
+            known = turn @ _vector(np.ravel(covariance), 9, "detection: ray_covariance").reshape(3, 3) @ turn.T
+            by_ray = np.linalg.pinv((np.eye(3) - np.outer(seen, seen)) @ by_place[:, 1:])
+            place = np.full((3, 3), np.nan)
+            place[1:, 1:] = positive_definite(by_ray @ known @ by_ray.T, 2, "detection: ray_covariance")
+            others |= {"place_covariance": place}
+        return cls(bearing_rad=bearing, elevation_rad=down, **others)
+
+    def _check_size(self) -> None:
+        """Raises InputError."""
+        size = np.asarray(self.angular_size_rad, dtype=np.float64)
+        if size.shape != (2,) or (size <= 0.0).any() or np.isinf(size).any():
+            raise InputError(
+                f"detection: angular_size_rad is {self.angular_size_rad!r}; give width and height in radians above 0,"
+                " NaN for one that is not known"
+            )
+
+    def _check_place_covariance(self) -> None:
+        """Raises InputError; of a bearing alone bearing and elevation count."""
+        known, what = np.asarray(self.place_covariance, dtype=np.float64), "detection: place_covariance"
+        if self.range_m is None and known.shape == (3, 3) and np.isnan(known[0]).all() and np.isnan(known[:, 0]).all():
+            positive_definite(known[1:, 1:], 2, f"{what} of [bearing, elevation]")
+            return
+        positive_definite(known, 3, f"{what} of [range, bearing, elevation]")
+
     def covariance_or_nan(self) -> Array:
         """(2, 2) of [range, bearing], NaN where nothing tells it."""
         if self.covariance is None:
             return np.full((2, 2), np.nan)
         known = np.array(self.covariance, dtype=np.float64)
         return known if self.range_m is not None else np.diag([np.nan, known[1, 1]])
+
+
+def _sensor_pose(T_body_sensor: ArrayLike | None) -> Array:
+    """(7,) of a sensor in the body frame; None: it is the body's. Raises InputError."""
+    pose = _IDENTITY if T_body_sensor is None else _vector(T_body_sensor, 7, "detection: T_body_sensor")
+    if not se3.is_pose(pose):
+        raise InputError("detection: T_body_sensor has no quaternion of unit length; give x y z qx qy qz qw")
+    return se3.wrapped(pose)
 
 
 def _vector(values: ArrayLike, size: int, what: str) -> Array:

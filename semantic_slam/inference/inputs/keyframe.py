@@ -23,6 +23,7 @@ class OdometrySample:
 
     stamp_ns: int
     pose: Array  # (7,) T_odom_body: x y z qx qy qz qw
+    covariance: Array | None = None  # (6, 6) x y z rx ry rz along the axes of odom, since its start; None: not stated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +155,7 @@ def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) ->
         in_coverage=np.ones(count, dtype=np.bool_),
         class_scores=np.array(scores, dtype=np.float64).reshape(count, len(names)),
         embeddings=_embeddings(detections),
+        angular_sizes_rad=_told_rows([detection.angular_size_rad for detection in detections], (2,)),
     )
 
 

@@ -12,20 +12,27 @@ from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, across
+from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 
 class SpatialReader:
-    """Takes all six of motions, and range and ray of detections.
+    """Takes all six of motions, and range and ray of detections, or the ray alone.
 
-    ``words`` reads what the detector says, where that is evidence of classes, ``features`` what class models need.
+    ``words`` reads what the detector says, where that is evidence of classes, ``features`` what class models need;
+    ``ranges`` tells what is known of a range that was not measured.
     """
 
     def __init__(
-        self, noise: ConfiguredNoise, words: WordReader | None = None, features: FeatureReader | None = None
+        self,
+        noise: ConfiguredNoise,
+        words: WordReader | None = None,
+        ranges: UnmeasuredRanges | None = None,
+        features: FeatureReader | None = None,
     ) -> None:
-        self._noise, self._words, self._features = noise, words, features or FeatureReader()
+        self._noise, self._words, self._ranges = noise, words, ranges or UnmeasuredRanges()
+        self._features = features or FeatureReader()
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError for detections that do not say where in space their object is."""
@@ -59,10 +66,7 @@ class SpatialReader:
         """Raises InputError."""
         point, slopes = point_of_row(measurements, row)
         if not np.isfinite(point).all():
-            raise InputError(
-                f"{_which(measurements, row)} has no range; state_space: spatial needs one of every detection yet:"
-                " leave it out, or set state_space: planar"
-            )
+            return self._along_ray(measurements, row)
         distance = float(np.linalg.norm(point))
         if not distance >= LEAST_DISTANCE_M:
             raise InputError(
@@ -80,6 +84,27 @@ class SpatialReader:
             range_m=distance,
             covariance=0.5 * (covariance + covariance.T),
             sensor=measurements.sensor_position,
+            feature=measurements.features[row],
+            feature_covariance=measurements.feature_covariances[row],
+        )
+
+    def _along_ray(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
+        """Raises InputError."""
+        ray, slopes = ray_of_row(measurements, row)
+        if not np.isfinite(ray).all():
+            raise InputError(f"{_which(measurements, row)} has neither range nor bearing; leave it out")
+        covariance, told = self._noise.of_detection_in_space(0.0), measurements.place_covariances[row, 1:, 1:]
+        covariance[0], covariance[:, 0] = np.nan, np.nan
+        if np.isfinite(told).all():
+            aside = across(ray).T @ slopes[:, 1:]
+            spread = aside @ told @ aside.T
+            covariance[1:, 1:] = 0.5 * (spread + spread.T)
+        return SpatialDetection(
+            ray=ray,
+            range_m=np.nan,
+            covariance=covariance,
+            sensor=measurements.sensor_position,
+            log_range=self._ranges.of_detection(measurements.labels[row], measurements.angular_sizes_rad[row]),
             feature=measurements.features[row],
             feature_covariance=measurements.feature_covariances[row],
         )
@@ -108,6 +133,15 @@ def camera_of(measurements: SemanticMeasurements) -> Camera:
 
 def _which(measurements: SemanticMeasurements, row: int) -> str:
     return f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns"
+
+
+def ray_of_row(measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:
+    """(3,) direction along the body's axes from bearing and elevation, NaN where nothing tells it, and (3, 3) slopes.
+
+    These are of its point at length 1 by range in the plane, bearing and elevation.
+    """
+    down = measurements.elevations_rad[row]
+    return point_of_place(np.array([np.cos(down), measurements.bearings_rad[row], down]))
 
 
 def point_of_row(measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:

@@ -58,18 +58,22 @@ class EvenSpatialClutter:
     """Clutter of detections in space, per metre and square radian of range and ray."""
 
     volume_m3: float
+    solid_angle: float  # [rad^2]
     scores: ScoreDensity | None = None
 
     @classmethod
     def of(cls, region: OpenWorldConfiguration, scores: ScoreDensity | None) -> "EvenSpatialClutter":
         """Over the region that the configuration states, whose field of view is the full angle of a cone."""
         solid_angle = 2.0 * np.pi * (1.0 - np.cos(0.5 * region.field_of_view_rad))
-        return cls(float(solid_angle * (region.max_range_m**3 - region.min_range_m**3) / 3.0), scores)
+        volume = solid_angle * (region.max_range_m**3 - region.min_range_m**3) / 3.0
+        return cls(float(volume), float(solid_angle), scores)
 
     def log_place(self, detections: Sequence[Any]) -> Array:
-        """(n,) log densities; a shell's volume grows with the square of its range."""
-        ranges = np.array([max(item.range_m, LEAST_DISTANCE_M) for item in detections], dtype=np.float64)
-        return np.asarray(2.0 * np.log(ranges) - np.log(self.volume_m3))
+        """(n,) log densities; a shell's volume grows with the square of its range, and a ray alone has none."""
+        ranged = np.array([item.has_range for item in detections], dtype=bool)
+        ranges = [max(item.range_m, LEAST_DISTANCE_M) if item.has_range else 1.0 for item in detections]
+        log_shares = 2.0 * np.log(np.array(ranges, dtype=np.float64)) - np.log(self.volume_m3)
+        return np.asarray(np.where(ranged, log_shares, -np.log(self.solid_angle)), dtype=np.float64)
 
     def log_scores(self, detections: Sequence[Any]) -> Array:
         """(n,) log densities, 0 without class models."""

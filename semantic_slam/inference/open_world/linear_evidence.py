@@ -16,6 +16,7 @@ from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.states.range_chart import moved
 from semantic_slam.inference.states.spaces import Spaces
 
 
@@ -73,15 +74,17 @@ class LinearisedEvidence:
         births: list[Birth],
         turns: Array,
         errors: PredictedErrors | None = None,
+        anchors: Array | None = None,
     ):
         """``mean`` (1 + M, s) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad].
 
-        ``errors`` of the detections where these repeat, the ``pairs`` being whitened accordingly.
+        ``errors`` of the detections where these repeat, the ``pairs`` being whitened accordingly; ``anchors`` (M, 3)
+        from where objects were first seen along a ray alone, NaN of others.
         """
         self.spaces, self.mean, self.covariance = spaces, mean, covariance
         self.births, self.turns, self.errors = births, turns, errors
         self.layout, self.known = spaces.layout, len(mean) - 1
-        self._part = _stacked(pairs)
+        self._part, self._pairs, self._anchors = _stacked(pairs), pairs, anchors
 
     @classmethod
     def of(cls, spaces: Spaces, prediction: Prediction, pairs: PairDensities) -> Self:
@@ -94,6 +97,7 @@ class LinearisedEvidence:
             prediction.births,
             np.sqrt([d.turn_variance for d in prediction.detections]),
             prediction.errors,
+            prediction.anchors,
         )
 
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
@@ -128,7 +132,8 @@ class LinearisedEvidence:
             result.log_evidence[rows] = log_normaliser - 0.5 * squared - 0.5 * log_determinant
             result.innovation_nees[rows] = squared / degrees
             change = (joint.jacobian @ shift[..., None])[..., 0]
-            result.bend[rows] = self._bend(seen, change, np.diagonal(joint.covariance, axis1=1, axis2=2) - 1.0)
+            variances = np.diagonal(joint.covariance, axis1=1, axis2=2) - 1.0
+            result.bend[rows] = self._bend(seen, *self._from_where_linear(seen, objects, change, variances))
         own = np.concatenate([np.zeros((len(rows), 1), dtype=int), 1 + objects], axis=1)
         self._fill(result, rows, columns, seen, own, self.layout.blocks(shift), after)
 
@@ -190,6 +195,14 @@ class LinearisedEvidence:
         stacked = jacobian.reshape(count, n * size, self.layout.size(n))
         return residual.reshape(count, -1), stacked, part.log_normaliser[seen, objects]
 
+    def _from_where_linear(self, seen: Index, objects: Index, change: Array, variances: Array) -> tuple[Array, Array]:
+        """Changes (G, m) from where detections were linearised, and (G, m) variances of what is left open there."""
+        if self._pairs.offsets is None or self._pairs.elsewhere is None:
+            return change, variances
+        offsets, elsewhere = self._pairs.offsets[seen, objects], self._pairs.elsewhere[seen, objects]
+        widths = np.where(elsewhere[..., None], np.minimum(variances.reshape(offsets.shape), 1.0), np.inf)
+        return change - offsets.reshape(change.shape), np.minimum(variances, widths.reshape(change.shape))
+
     def _bend(self, seen: Index, change: Array, variances: Array) -> Array:
         """(G,) a direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term.
 
@@ -203,7 +216,7 @@ class LinearisedEvidence:
     ) -> None:
         """States and covariances at the modes; charts are those of the prediction, for shifts are small."""
         robot, storage = self.layout.block(0), self.spaces.storage
-        states = self.spaces.joint.retract(self.mean[own], shift)
+        states = self._retracted(own, shift)
         result.robot[rows], result.robot_covariance[rows] = states[:, 0, : storage.robot], after[:, robot, robot]
         is_new = columns >= self.known
         for place in range(seen.shape[1]):
@@ -218,6 +231,17 @@ class LinearisedEvidence:
             spread = born.gain @ after[chosen, robot, robot] @ born.gain.T + born.noise
             result.object_covariances[rows[chosen], number] = spread
             result.log_evidence[rows[chosen]] += born.log_stand_in
+
+    def _retracted(self, own: Index, shift: Array) -> Array:
+        """(G, 1 + n, s) states of a robot and n objects, rows ``own`` (G, 1 + n), moved by (G, 1 + n, w)."""
+        states = self.spaces.joint.retract(self.mean[own], shift)
+        if self._anchors is None or own.shape[1] < 2:
+            return states
+        anchors = self._anchors[own[:, 1:] - 1]
+        far, size = np.isfinite(anchors).all(axis=-1), self.layout.landmark
+        before = self.mean[own[:, 1:]][far][:, :size]
+        states[:, 1:, :size][far] = moved(anchors[far], before, shift[:, 1:, :size][far])
+        return states
 
 
 def _stacked(pairs: PairDensities) -> Linearisation:

@@ -27,6 +27,7 @@ from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidenc
 from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.open_world.predictor import Predictor
+from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
@@ -105,6 +106,14 @@ class OpenAssociation:
 
     def pairs_of(self, prediction: Prediction) -> PairDensities:
         """Densities of the detections of one parent under each object near them."""
+        spaces, model, anchors = self.problem.spaces, self.problem.model, prediction.anchors
+        pairs = self._at_prediction(prediction)
+        if anchors is None:
+            return pairs
+        return pairs_at_modes(spaces, model, prediction.detections, prediction.predicted, anchors, pairs)
+
+    def _at_prediction(self, prediction: Prediction) -> PairDensities:
+        """Those linearised at the prediction."""
         return pair_densities(
             self.problem.spaces,
             self.problem.model,

@@ -174,7 +174,7 @@ class OpenKeyframe:
             robot=robot,
             movers=movers_after(prediction, taken, robot, spread, existence, least),
             predicted=prediction.objects.robot,
-            new_objects={int(n): GaussianPrior(modes[int(n)], births[int(n)].covariance) for n in existence.new_ids},
+            new_objects={int(n): births[int(n)].at(modes[int(n)], robot) for n in existence.new_ids},
             existence=existence,
             local=local,
             errors=None if prediction.errors is None else prediction.errors.transition,

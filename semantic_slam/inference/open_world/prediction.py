@@ -15,7 +15,7 @@ from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.open_geometry import geometry_of
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -80,6 +80,12 @@ class Prediction:
     def near_ids(self) -> Index:
         """(M,) ids of the objects near the detections, ascending."""
         return self.component.objects.ids[self.near]
+
+    @property
+    def anchors(self) -> Array | None:
+        """(M, 3) from where near objects were first seen along a ray alone, NaN of others; None: of all of them."""
+        anchors = tracked_states(self.component).anchors
+        return None if anchors is None else anchors[self.near]
 
     @property
     def is_lost(self) -> bool:

@@ -74,7 +74,7 @@ def new_factors(
             graph.add(shared.geometry(item))
     component.spaces.robot.insert(values, robot_key(component.keyframe + 1), update.robot)
     for number, prior in update.new_objects.items():
-        graph.add(component.spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
+        graph.add(prior.factor(component.spaces.landmark, object_key(number)))
         component.spaces.landmark.insert(values, object_key(number), prior.mean)
     if update.errors is not None:
         _add_errors(component.keyframe + 1, update.errors, shared, graph, values)

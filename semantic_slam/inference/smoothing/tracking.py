@@ -64,9 +64,21 @@ def tracked_after(
         trail=np.concatenate([before.trail, states[-1:, : storage.robot]]),
         bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
         errors=errors,
+        anchors=_anchors_after(before, update),
         carried_covariance=together if len(before.bias) or errors is not None else None,
     )
     return tracked, local
+
+
+def _anchors_after(before: TrackedStates, update: ComponentUpdate) -> Array | None:
+    """(O, 3) from where objects were first seen along a ray alone, NaN of others; None where none was."""
+    kept = update.existence.kept
+    new = [update.new_objects[int(n)].anchor for n in update.existence.new_ids]
+    if before.anchors is None and all(anchor is None for anchor in new):
+        return None
+    known = np.full((len(kept), 3), np.nan) if before.anchors is None else before.anchors
+    rows = [np.full(3, np.nan) if anchor is None else anchor for anchor in new]
+    return np.concatenate([known[kept], np.array(rows, dtype=np.float64).reshape(-1, 3)])
 
 
 def _local_at(local: LocalMap, ids: Index, robot: Array, objects: Array) -> LocalMap:

@@ -1,8 +1,10 @@
 """The Gaussian prior of one variable, and of several that have errors in common."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.states.state_space import StateSpace
 
 
 @dataclass(frozen=True)
@@ -11,6 +13,15 @@ class GaussianPrior:
 
     mean: Array  # (s,)
     covariance: Array  # (d, d)
+    anchor: Array | None = None  # (3,) from where a point was seen along a ray alone; None: more was known of it
+
+    def at(self, mean: Array, robot: Array) -> "GaussianPrior":
+        """As wide about another ``mean`` (s,), seen from another ``robot`` (s,)."""
+        return GaussianPrior(mean, self.covariance)
+
+    def factor(self, space: StateSpace, key: int) -> Any:
+        """GTSAM's factor of it."""
+        return space.prior_factor(key, self.mean, self.covariance)
 
 
 @dataclass(frozen=True)

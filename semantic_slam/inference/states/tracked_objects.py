@@ -81,6 +81,9 @@ class TrackedStates:
     trail: Array  # (T, s) robot at each keyframe, as estimated then; where the past is summarised few of each place
     bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry
     errors: CarriedErrors | None = None  # of detections, that repeat; q components; None: q is 0
+    anchors: Array | None = (
+        None  # (O, 3) from where objects were first seen along a ray alone, NaN of others; None: all
+    )
     carried_covariance: Array | None = None  # (r + p + q) square, of robot, bias and errors; None: p and q are 0
 
     @property

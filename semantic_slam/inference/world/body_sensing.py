@@ -10,6 +10,7 @@ from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
+from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE, SpatialViews
 from semantic_slam.inference.models.view_scores import ViewScores
 from semantic_slam.inference.states.gaussian import GaussianPrior
@@ -39,6 +40,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),
             words=WordReader(settings.labels) if settings.labels else None,
+            ranges=UnmeasuredRanges.of(configuration),
             features=FeatureReader(settings.num_features, settings.feature_names),
         ),
         robot_prior=pose_prior,

@@ -12,6 +12,7 @@ from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
+from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.planar_sensing import LEAST_VARIANCE, visibility_of
 from semantic_slam.inference.world.sensing import Sensing, SensingSettings
@@ -31,6 +32,7 @@ def points(settings: SensingSettings) -> Sensing:
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),
             words=WordReader(settings.labels) if settings.labels else None,
+            ranges=UnmeasuredRanges.of(configuration),
         ),
         robot_prior=pose_prior,
         object_prior=place_prior,

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.datasets.image_folders.detections import placed
+from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
-from semantic_slam.datasets.image_folders.images_import import found_in, given_detector
+from semantic_slam.datasets.image_folders.images_import import found_in
 from semantic_slam.datasets.image_folders.journey import Journey, journey_by_truth
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.geometry import se2
@@ -46,12 +47,12 @@ def photographs(data: Path, size: int, *, quick: bool) -> list[Photograph]:
     """All views of both folders of ``data``, or ``quick``'s few, in their order. Raises InputError."""
     cabinet = read_image_folder(data / "cabinet_58")
     cabinet = replace(cabinet, frames=cabinet.frames[:: 2 if quick else 1])
-    boxes = found_in(cabinet, journey_by_truth(cabinet, 0.0, 0), None)
+    boxes = found_in(cabinet, None)
     boxes = [replace(told, labels=(CABINET,) * len(told)) for told in boxes]
     kitchen = read_image_folder(data / "redkitchen")
     kitchen = replace(kitchen, frames=kitchen.frames[:: 2 * EVERY if quick else EVERY])
     detector = given_detector(data / "weights" / "nanodet_m.onnx", data / "weights" / "coco.names")
-    found = found_in(kitchen, journey_by_truth(kitchen, 0.0, 0), detector)
+    found = found_in(kitchen, detector)
     return [
         *views_of(cabinet, boxes, {CABINET: 1}, size, CABINET_WIDTH),
         *views_of(kitchen, found, KITCHEN, size, 0.0),

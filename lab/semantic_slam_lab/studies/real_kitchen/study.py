@@ -15,8 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from semantic_slam.configuration import Configuration, to_dict
+from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
-from semantic_slam.datasets.image_folders.images_import import found_in, given_detector, write_images
+from semantic_slam.datasets.image_folders.images_import import found_in, write_images
 from semantic_slam.datasets.image_folders.journey import journey_by_odometry
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.evaluation.belief_bag import read_record
@@ -65,7 +66,7 @@ def write_bag(folder: ImageFolder, weights: Path, place: Path, seed: int) -> int
     np.savetxt(odometry, tum_rows(times, poses), fmt="%.9f")
     journey = journey_by_odometry(folder, odometry)
     detector = given_detector(weights / "nanodet_m.onnx", weights / "coco.names")
-    write_images(folder, journey, found_in(folder, journey, detector), place / "bag")
+    write_images(folder, journey, found_in(folder, detector), place / "bag")
     return failures
 
 

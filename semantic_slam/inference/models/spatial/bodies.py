@@ -12,7 +12,6 @@ import numpy as np
 
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, squared_norms
-from semantic_slam.inference.models.custom_factor import custom_factor
 from semantic_slam.inference.models.observation import Classes
 from semantic_slam.inference.models.scored_views import ScoredViews
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
@@ -51,19 +50,20 @@ class BodyObservation(ScoredViews, SpatialObservation):
         return super().turned_start(detections, x, position(first), position(second))
 
     def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """Prior where the detection points, upright, heading as the robot's."""
-        place, new = super().object_prior(detection, x), self.new_objects
-        sigmas = [new.sigma_tilt_rad, new.sigma_tilt_rad, new.sigma_heading_rad]
-        covariance = np.zeros((6, 6))
-        covariance[:3, :3], covariance[3:, 3:] = np.diag(sigmas) ** 2, place.covariance
-        return GaussianPrior(np.concatenate([place.mean, _upright(x[3:])]), covariance)
+        """Prior where the detection points, upright, heading as the robot's; without range as wide as a guess is far."""
+        new = self.new_objects
+        distance, sigma_m = detection.range_m, new.sigma_position_m
+        if not detection.has_range:
+            distance, sigma_m = new.range_m, min(new.range_m, new.sigma_position_m)
+        place = self.spaces.robot.displacement(x, detection.origin + distance * detection.ray, np.zeros(3))
+        sigmas = [new.sigma_tilt_rad, new.sigma_tilt_rad, new.sigma_heading_rad, *[sigma_m] * 3]
+        return GaussianPrior(np.concatenate([place, _upright(x[3:])]), np.diag(sigmas) ** 2)
 
     def geometry_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
-        """GTSAM's own where the ray errs alike in all directions, as with points."""
-        if detection.is_round:
+        """GTSAM's own where the ray errs alike in all directions, as with points, and the range was measured."""
+        if detection.is_round and detection.has_range:
             return gtsam.BearingRangeFactorPose3(*keys, detection.direction, detection.range_m, detection.noise)
-        collected = self.collect([detection])
-        return custom_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys, slice(0, 3), 3)
+        return self._custom_factor(detection, keys)
 
     def view_change(self, before: Array, now: Array) -> Array:
         """Change of the view's direction or of the attitude [rad], from poses of objects in the robot's frame."""

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
-from typing import Any, ClassVar
+from typing import Any
 
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.rows import Selection, take
+from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 ROUND = 1e-9
@@ -24,15 +25,26 @@ def across(ray: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialDetection:
-    """One detection, from the body's origin and along its axes."""
+    """One detection, along the axes of the body: with a range from its origin, without one from the camera."""
 
     ray: Array  # (3,) of unit length
-    range_m: float
-    covariance: Array  # (3, 3) of [range, off the ray along both columns of ``basis``], metres and radians
+    range_m: float  # NaN: not measured
+    covariance: Array  # (3, 3) of [range, off the ray along both columns of ``basis``], metres and radians; NaN of a
+    # range that was not measured
     sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) camera in the body frame, metres
+    log_range: LogRange = ANYWHERE  # what is known of a range that was not measured, if its object is new
     feature: Array = field(default_factory=lambda: np.zeros(0))  # (F,) z_sem
     feature_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (F, F) of the dropout samples
-    has_range: ClassVar[bool] = True
+
+    @cached_property
+    def has_range(self) -> bool:
+        """Whether its range was measured."""
+        return bool(np.isfinite(self.range_m))
+
+    @cached_property
+    def origin(self) -> Array:
+        """(3,) where in the body frame the ray begins."""
+        return np.zeros(3) if self.has_range else self.sensor
 
     @property
     def turn_variance(self) -> float:
@@ -51,24 +63,31 @@ class SpatialDetection:
 
     @cached_property
     def whiten(self) -> Array:
-        """(3, 3) residuals of range and ray to unit covariance."""
+        """(3, 3) residuals of range and ray to unit covariance; 0 of a range that was not measured."""
+        if not self.has_range:
+            whiten = np.zeros((3, 3))
+            whiten[1:, 1:] = np.linalg.inv(np.linalg.cholesky(self.covariance[1:, 1:]))
+            return whiten
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
     @cached_property
     def log_normaliser(self) -> float:
-        """Log normaliser of the Gaussian density per metre and square radian, in nats."""
-        return float(np.log(np.diagonal(self.whiten)).sum() - 1.5 * LOG_2PI)
+        """Log normaliser of the Gaussian density per metre and square radian, in nats; of a ray per square radian."""
+        measured = np.diagonal(self.whiten)[0 if self.has_range else 1 :]
+        return float(np.log(measured).sum() - 0.5 * len(measured) * LOG_2PI)
 
     @cached_property
     def is_round(self) -> bool:
         """Whether the ray errs as far in every direction, and the range by itself: how the plane turns is nothing."""
         (a, b, c), (_, d, e), (_, _, f) = self.covariance.tolist()
+        if not self.has_range:
+            a, b, c = 0.0, 0.0, 0.0
         return bool(max(abs(d - f), abs(e)) <= ROUND * d and max(abs(b), abs(c)) <= ROUND * sqrt(a * d))
 
     @cached_property
     def noise(self) -> Any:
-        """GTSAM's noise model, in its order: ray, range."""
-        order = [1, 2, 0]
+        """GTSAM's noise model, in its order: ray, range where it was measured."""
+        order = [1, 2, 0] if self.has_range else [1, 2]
         return gtsam.noiseModel.Gaussian.Covariance(self.covariance[order][:, order])
 
 
@@ -78,7 +97,9 @@ class SpatialDetections:
 
     ray: Array  # (B, 3)
     basis: Array  # (B, 3, 2)
-    range_m: Array  # (B,)
+    origin: Array  # (B, 3) in the body frame
+    range_m: Array  # (B,) 0 where it was not measured
+    has_range: Flags  # (B,)
     whiten: Array  # (B, 3, 3)
     log_normaliser: Array  # (B,)
 
@@ -89,7 +110,9 @@ class SpatialDetections:
         return cls(
             ray=np.array([item.ray for item in detections]).reshape(count, 3),
             basis=np.array([item.basis for item in detections]).reshape(count, 3, 2),
-            range_m=np.array([item.range_m for item in detections], dtype=np.float64),
+            origin=np.array([item.origin for item in detections]).reshape(count, 3),
+            range_m=np.array([item.range_m if item.has_range else 0.0 for item in detections], dtype=np.float64),
+            has_range=np.array([item.has_range for item in detections], dtype=bool),
             whiten=np.array([item.whiten for item in detections]).reshape(count, 3, 3),
             log_normaliser=np.array([item.log_normaliser for item in detections], dtype=np.float64),
         )

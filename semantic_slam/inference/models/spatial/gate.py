@@ -19,10 +19,15 @@ def least_cost(detections: SpatialDetections, covariance: Array, body: Array, si
     """
     turn, place = (largest_sigmas(covariance[:, rows, rows]) for rows in (se3.ROTATION, se3.TRANSLATION))
     position = place[:, None, None] + sigmas  # (P, 1, O)
-    off = polar(body[:, None], detections.ray[:, None], detections.basis[:, None])  # (P, D, O, 3)
-    noise = np.linalg.inv(detections.whiten)
+    seen = body[:, None] - detections.origin[:, None]
+    off = polar(seen, detections.ray[:, None], detections.basis[:, None])  # (P, D, O, 3)
+    whiten, ranged = detections.whiten.copy(), detections.has_range
+    whiten[~ranged, 0, 0] = 1.0
+    noise = np.linalg.inv(whiten)
     spread = np.asarray(noise @ np.swapaxes(noise, 1, 2), dtype=np.float64)
-    by_range = (off[..., 0] - detections.range_m[:, None]) ** 2 / (position**2 + spread[:, 0, 0, None])
+    by_range = (
+        ranged[:, None] * (off[..., 0] - detections.range_m[:, None]) ** 2 / (position**2 + spread[:, 0, 0, None])
+    )
     across = largest_sigmas(spread[:, 1:, 1:])[:, None]
     sigma = turn[:, None, None] + 0.5 * np.pi * position / off[..., 0]
     by_ray = squared_norms(off[..., 1:]) / (sigma**2 + across**2)

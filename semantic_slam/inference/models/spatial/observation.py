@@ -1,8 +1,8 @@
 """Range and ray to a point in space: of a landmark that has a place, and no attitude.
 
 With d = R_x^T (t_o - t_x) the point in the body frame, the residual is whiten [|d| - range, how far d is off the ray],
-the latter along the arc between them (:mod:`ray`). Where the point is in the body frame, and how that changes with
-robot and landmark, their spaces tell.
+the latter along the arc between them (:mod:`ray`). A ray alone begins at the camera, from where d is then seen. Where
+the point is in the body frame, and how that changes with robot and landmark, their spaces tell.
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,7 @@ from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
 from semantic_slam.inference.models.spatial.gate import least_cost
+from semantic_slam.inference.models.spatial.range_prior import RangePrior
 from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_slopes
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
@@ -52,9 +53,10 @@ class SpatialObservation(PointGeometry):
         """Residual of the range and of the ray."""
         detections = _repeated(detections, len(x))
         relative = self.spaces.relative_position(x, o)
-        by_point = detections.whiten @ polar_slopes(relative.point, detections.ray, detections.basis)
+        point = relative.point - detections.origin
+        by_point = detections.whiten @ polar_slopes(point, detections.ray, detections.basis)
         return Linearisation(
-            residual=_residual(detections, relative.point),
+            residual=_residual(detections, point),
             jacobian_robot=by_point @ relative.by_robot,
             jacobian_object=by_point @ relative.by_landmark,
             log_normaliser=detections.log_normaliser.copy(),
@@ -63,7 +65,8 @@ class SpatialObservation(PointGeometry):
     def log_likelihood(self, detections: SpatialDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
         detections = _repeated(detections, len(x))
-        return np.asarray(detections.log_normaliser - 0.5 * squared_norms(_residual(detections, self._seen(x, o))))
+        off = _residual(detections, self._seen(x, o) - detections.origin)
+        return np.asarray(detections.log_normaliser - 0.5 * squared_norms(off))
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
@@ -82,14 +85,20 @@ class SpatialObservation(PointGeometry):
         return np.maximum(super().bearing_sigma(x, o, covariance, charts), attitude)
 
     def robot_start(self, detections: SpatialDetections, x: Array, o: Array) -> Array:
-        """Keep the attitude, stand where the point is seen as measured."""
+        """Keep the attitude, stand where the point is seen as measured; stay where there is a ray alone."""
         detections, start = _repeated(detections, len(x)), x.copy()
         seen = detections.range_m[:, None] * detections.ray
-        start[:, :3] = self.spaces.landmark.position(o) - self.spaces.robot.displacement(x, seen, x[:, :3])
+        placed = self.spaces.landmark.position(o) - self.spaces.robot.displacement(x, seen, x[:, :3])
+        start[:, :3] = np.where(detections.has_range[:, None], placed, x[:, :3])
         return start
 
     def turned_start(self, detections: SpatialDetections, x: Array, first: Array, second: Array) -> Array:
-        """Keep roll and pitch, turn as the way from one point to the other says, stand between where each has it."""
+        """Keep roll and pitch, turn as the way from one point to the other says, stand between where each has it.
+
+        The robot stays where one of them is a ray alone.
+        """
+        if not detections.has_range.all():
+            return x
         seen = detections.range_m[:, None] * detections.ray
         apart, wanted = so3.rotated(x[:, 3:], seen[1] - seen[0]), second - first
         yaw = np.zeros((len(x), 3))
@@ -99,7 +108,9 @@ class SpatialObservation(PointGeometry):
         return np.concatenate([place, turn], axis=1)
 
     def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """Prior where the detection points."""
+        """Prior where the detection points; along a ray alone, what is known of the range."""
+        if not detection.has_range:
+            return RangePrior.of(detection.log_range, detection.ray, detection.origin, x)
         place = self.spaces.robot.displacement(x, detection.range_m * detection.ray, np.zeros(3))
         return GaussianPrior(place, self.new_objects.sigma_position_m**2 * np.eye(3))
 
@@ -108,10 +119,17 @@ class SpatialObservation(PointGeometry):
 
         Of the others, GTSAM's would change with where it puts the axes of that plane.
         """
-        if detection.is_round:
+        if detection.is_round and not detection.has_range and not detection.origin.any():
+            return gtsam.BearingFactor3D(*keys, detection.direction, detection.noise)
+        if detection.is_round and detection.has_range:
             return gtsam.BearingRangeFactor3D(*keys, detection.direction, detection.range_m, detection.noise)
+        return self._custom_factor(detection, keys)
+
+    def _custom_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         collected = self.collect([detection])
-        return custom_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys, slice(0, 3), 3)
+        rows = slice(0, 3) if detection.has_range else slice(1, 3)
+        size = rows.stop - rows.start
+        return custom_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys, rows, size)
 
     def least_cost(
         self, detections: SpatialDetections, x: Array, covariance: Array, o: Array, sigmas: Array

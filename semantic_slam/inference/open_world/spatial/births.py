@@ -1,7 +1,8 @@
 """Objects that detections start in space, and how many first detections are expected where.
 
 As in the plane, intensities being per cubic metre: a detection's evidence per metre and square radian under one of 1 is
-the square of its range, what a shell's volume grows by.
+the square of its range, what a shell's volume grows by. That of a ray alone, per square radian, is the volume along it
+from one end of the region to the other.
 """
 
 from collections.abc import Sequence
@@ -25,8 +26,10 @@ AROUND = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])
 """(6, 3) points of equal weight that have the mean and the covariance of a standard normal."""
 
 
-def birth_in_space(model: ObservationModel, detection: SpatialDetection, robot: Array) -> Birth:
+def birth_in_space(model: ObservationModel, detection: SpatialDetection, robot: Array, region: SpatialRegion) -> Birth:
     """The object that ``detection`` starts, seen from the predicted ``robot`` (7,)."""
+    if not detection.has_range:
+        return _birth_along_ray(model, detection, robot, region)
     point, turn = detection.range_m * detection.ray, so3.matrix(robot[3:])
     polar = turn @ np.column_stack([detection.ray, detection.range_m * detection.basis])
     noise = polar @ detection.covariance @ polar.T
@@ -38,6 +41,27 @@ def birth_in_space(model: ObservationModel, detection: SpatialDetection, robot: 
         by_error=np.zeros((3, 0)),
         log_area=2.0 * float(np.log(detection.range_m)),
         log_stand_in=float(detection.log_normaliser - 1.5 * np.log1p(WIDTH**2)),
+    )
+
+
+def _birth_along_ray(
+    model: ObservationModel, detection: SpatialDetection, robot: Array, region: SpatialRegion
+) -> Birth:
+    """As far as what is known of the range has it; the stand-in prior is wide across the ray alone."""
+    known, turn = detection.log_range, so3.matrix(robot[3:])
+    along = turn @ (known.range_m * detection.ray)
+    by_range = known.sigma**2 * np.outer(along, along)
+    aside = known.range_m * turn @ detection.basis
+    by_ray = aside @ detection.covariance[1:, 1:] @ aside.T
+    point = detection.origin + known.range_m * detection.ray
+    return Birth(
+        prior=model.object_prior(detection, robot),
+        gain=np.hstack([-turn @ so3.hat(point), turn]),
+        spread=by_range + WIDTH**2 * by_ray,
+        noise=by_range + by_ray,
+        by_error=np.zeros((3, 0)),
+        log_area=float(np.log((region.max_range_m**3 - region.min_range_m**3) / 3.0)),
+        log_stand_in=float(detection.log_normaliser - np.log1p(WIDTH**2)),
     )
 
 
@@ -58,7 +82,7 @@ def expected_births_in_space(
     rates, tracked = component.objects.rates, tracked_states(component)
     everywhere, shares = region.all_over()
     at = region.camera.on(robot)
-    places = np.concatenate([at[:3] + so3.rotated(at[3:], everywhere), _born_at(births)])
+    places = np.concatenate([at[:3] + so3.rotated(at[3:], everywhere), _born_at(births, detections, robot, region)])
     distances = np.sqrt(squared_norms(places - at[:3]))
     found = rates.birth_density * rates.probability * rates.fall_off(distances)
     if settings.least_undetected_share < 1.0 and len(tracked.trail):
@@ -87,9 +111,13 @@ def undetected_share_in_space(
 
 
 def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> tuple[Array, Array]:
-    """(D, 3) detections in the optical frame, and (D, 2) variances of their distances [m^2] and directions [rad^2]."""
-    points = np.array([own.range_m * own.ray for own in detections]).reshape(-1, 3)
-    variances = [(own.covariance[0, 0], 0.5 * np.trace(own.covariance[1:, 1:])) for own in detections]
+    """(n, 3) detections in the optical frame, and (n, 2) variances of their distances [m^2] and directions [rad^2].
+
+    Of those with a range: nobody knows what a ray alone hides.
+    """
+    ranged = [own for own in detections if own.has_range]
+    points = np.array([own.range_m * own.ray for own in ranged]).reshape(-1, 3)
+    variances = [(own.covariance[0, 0], 0.5 * np.trace(own.covariance[1:, 1:])) for own in ranged]
     return region.camera.seen(points), np.array(variances).reshape(-1, 2)
 
 
@@ -110,14 +138,25 @@ def _looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) ->
 
 
 def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> Array:
-    """(D,) probability that none of the others stands before a detection, or else little."""
+    """(D,) probability that none of the others stands before a detection, or else little; 1 of a ray alone."""
     shown, variances = shown_by(region, detections)
     nothing = np.zeros((len(shown), 3, 3))
     doubled = 2.0 * variances  # of both; of the same error where it is the same detection, which does not hide itself
-    return np.maximum(region.not_occluded(shown, nothing, shown, doubled), LEAST_IN_SIGHT)
+    in_sight = np.ones(len(detections))
+    ranged = np.array([own.has_range for own in detections], dtype=bool)
+    in_sight[ranged] = np.maximum(region.not_occluded(shown, nothing, shown, doubled), LEAST_IN_SIGHT)
+    return in_sight
 
 
-def _born_at(births: list[Birth]) -> Array:
-    """(6 D, 3) points in map that stand for where the objects of detections may be, given the robot."""
-    places = [own.prior.mean + AROUND @ np.linalg.cholesky(own.noise).T for own in births]
+def _born_at(births: list[Birth], detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion) -> Array:
+    """(6 D, 3) points in map that stand for where the objects of detections may be, given the robot.
+
+    Of a ray alone, for equal parts of the volume along it.
+    """
+    places = [
+        own.prior.mean + AROUND @ np.linalg.cholesky(own.noise).T
+        if seen.has_range
+        else robot[:3] + so3.rotated(robot[3:], seen.origin + region.shells(len(AROUND))[:, None] * seen.ray)
+        for own, seen in zip(births, detections, strict=True)
+    ]
     return np.concatenate(places) if places else np.zeros((0, 3))

@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, squared_
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.ray import distances, off_axis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
@@ -35,7 +36,7 @@ class SpatialGeometry:
         return SpatialRegion.of(settings)
 
     def birth(self, model: ObservationModel, detection: SpatialDetection, robot: Array, region: SpatialRegion) -> Birth:
-        return birth_in_space(model, detection, robot)
+        return birth_in_space(model, detection, robot, region)
 
     def expected_births(
         self,
@@ -81,10 +82,20 @@ class SpatialGeometry:
     def sigmas_away(
         self, tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: SpatialDetection
     ) -> Array:
+        """Standard deviations of the direction alone where a detection has no range."""
         turn, place = _sigmas(spread)
+        if not detection.has_range:
+            return self._off_ray(tracked, robot, turn, place, detection)
         noise = float(largest_sigmas(born.noise[None])[0])
         errors = np.sqrt(place**2 + (turn * detection.range_m) ** 2 + tracked.sigmas**2 + noise**2)
         return np.asarray(self.distances(tracked.states, born.prior.mean) / errors)
+
+    def _off_ray(
+        self, tracked: TrackedStates, robot: Array, turn: float, place: float, detection: SpatialDetection
+    ) -> Array:
+        body = self.spaces.robot.turned_back(robot, tracked.states - robot[:3]) - detection.origin
+        across = (place**2 + tracked.sigmas**2) / distances(body) ** 2
+        return np.asarray(off_axis(body, detection.ray) / np.sqrt(detection.turn_variance + turn**2 + across))
 
     def is_lost(self, spread: Array) -> bool:
         turn, place = _sigmas(spread)

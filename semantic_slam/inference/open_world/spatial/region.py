@@ -111,10 +111,14 @@ class SpatialRegion:
         behind = (along > 0.0) & (distance[:, None] > reach + 2.0 * self.occluder_radius_m)
         return np.asarray((aside & behind).any(axis=1))
 
+    def shells(self, count: int) -> Array:
+        """(count,) distances amid shells of equal volume."""
+        centres = (np.arange(count) + 0.5) / count
+        return np.cbrt(self.min_range_m**3 + centres * (self.max_range_m**3 - self.min_range_m**3))
+
     def all_over(self) -> tuple[Array, Array]:
         """(P, 3) points of the optical frame all over the region, and the shares (P,) of its volume they stand for."""
-        centres = (np.arange(NUM_SHELLS) + 0.5) / NUM_SHELLS
-        ranges = np.cbrt(self.min_range_m**3 + centres * (self.max_range_m**3 - self.min_range_m**3))
+        ranges = self.shells(NUM_SHELLS)
         x, y = (
             np.tan(half) * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
             for half, count in ((self.half_width_rad, NUM_COLUMNS), (self.half_height_rad, NUM_ROWS))

@@ -1,0 +1,40 @@
+"""The kitchen and the cabinet as bags in space: with places by depth, or boxes alone."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from semantic_slam.datasets.image_folders.detector_arguments import given_detector
+from semantic_slam.datasets.image_folders.image_folder import ImageFolder
+from semantic_slam.datasets.image_folders.images_import import found_in
+from semantic_slam.datasets.image_folders.images_in_space import drive_in_space, with_places
+from semantic_slam.datasets.space.drive import SpatialDrive, write_spatial_drive
+from semantic_slam.datasets.space.mount import mounted
+from semantic_slam.perception.frame import Detections
+from semantic_slam_lab.studies.real_kitchen.study import tum_rows
+from semantic_slam_lab.studies.real_kitchen.visual_odometry import visual_odometry
+
+DRIFT = 0.02
+"""Of the cabinet's odometry, which is made of its true poses."""
+
+
+def kitchen(folder: ImageFolder, weights: Path, place: Path, seed: int) -> tuple[SpatialDrive, list[Detections]]:
+    """How the camera moved by visual odometry, and NanoDet's boxes. Raises InputError."""
+    poses, _ = visual_odometry(folder, seed)
+    odometry = place / "odometry.txt"
+    np.savetxt(odometry, tum_rows(np.array([frame.time_s for frame in folder.frames]), poses), fmt="%.9f")
+    detector = given_detector(weights / "nanodet_m.onnx", weights / "coco.names")
+    return drive_in_space(folder, odometry, 0.0, seed), found_in(folder, detector)
+
+
+def cabinet(folder: ImageFolder, seed: int) -> tuple[SpatialDrive, list[Detections]]:
+    """How the camera moved by its true increments with noise, and the boxes of the folder. Raises InputError."""
+    return drive_in_space(folder, None, DRIFT, seed), found_in(folder, None)
+
+
+def write(folder: ImageFolder, drive: SpatialDrive, found: list[Detections], bag: Path, *, depth: bool) -> None:
+    """A bag without pictures: positions by ``depth``, or boxes alone."""
+    frames = with_places(folder, found) if depth else found
+    first_ns = min(int(drive.odometry.stamps_ns[0]), frames[0].stamp_ns)
+    write_spatial_drive(replace(drive, frames=frames), bag, bag.name, others=mounted(folder.camera, first_ns))

@@ -1,0 +1,84 @@
+"""A drive in space: odometry in all six, what was detected and, where it is known, the truth; written as a bag."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from semantic_slam.datasets.drives.drive import BODY_FRAME, UNKNOWN, Message, Written, detected, write_messages
+from semantic_slam.datasets.space.path import SpatialPath
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages import topics
+from semantic_slam.messages.ground_truth import GroundTruthObjects
+from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
+from semantic_slam.perception.frame import Detections
+
+START_COVARIANCE = 1e-6 * np.eye(6)
+"""Of the pose at the start, which is where map is by definition: a millimetre, and a milliradian."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedObjects:
+    """O objects that the source knows for certain."""
+
+    object_ids: tuple[str, ...]  # (O,)
+    class_names: tuple[str, ...]  # (O,)
+    positions: Array  # (O, 3) in map, metres
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialDrive:
+    """What an importer has read; F frames. Truth and objects are in map, odometry in a frame of its own."""
+
+    start: Array  # (7,) T_map_body at the first odometry
+    odometry: SpatialPath
+    frames: list[Detections]  # (F,) at stamps that grow
+    associations: list[tuple[str, ...]] | None = None  # (F,) of (D,) true ids, "" for none; None: not known
+    truth: SpatialPath | None = None
+    objects: PlacedObjects | None = None
+
+
+def write_spatial_drive(
+    drive: SpatialDrive, out: Path, title: str, max_keyframes: int | None = None, others: Iterable[Message] = ()
+) -> Written:
+    """Write the bag ``out``, up to the ``max_keyframes``-th frame.
+
+    ``title`` stands before the progress bar. ``others`` are messages of the camera and whatever else the robot has, at
+    stamps that grow.
+    """
+    frames = drive.frames[:max_keyframes]
+    end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else None
+    streams = [iter([_start(drive)]), _poses(drive.odometry, topics.ODOMETRY, "odom"), iter(others)]
+    streams.append(detected(frames, drive.associations))
+    if drive.truth is not None:
+        streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, "map"))
+    if drive.objects is not None:
+        streams.append(iter([_objects(drive.objects, int(drive.odometry.stamps_ns[0]))]))
+    counts = write_messages(streams, out, title, end_ns)
+    last_ns = int(drive.odometry.stamps_ns[-1]) if end_ns is None else end_ns
+    return Written(
+        counts[topics.ODOMETRY],
+        float(last_ns - drive.odometry.stamps_ns[0]) / 1e9,
+        len(frames),
+        sum(map(len, frames)),
+        counts[topics.IMAGE_COMPRESSED],
+    )
+
+
+def _start(drive: SpatialDrive) -> Message:
+    stamp_ns = int(drive.odometry.stamps_ns[0])
+    return stamp_ns, topics.INITIAL_POSE, PoseEstimate(stamp_ns, "map", drive.start, START_COVARIANCE)
+
+
+def _poses(path: SpatialPath, topic: str, frame_id: str) -> Iterator[Message]:
+    unknown = np.broadcast_to(UNKNOWN, (len(path.poses), 6, 6))
+    told = unknown if path.covariances is None else path.covariances
+    for stamp_ns, pose, covariance in zip(path.stamps_ns.tolist(), path.poses, told, strict=True):
+        yield stamp_ns, topic, OdometryEstimate(stamp_ns, frame_id, BODY_FRAME, pose, covariance)
+
+
+def _objects(objects: PlacedObjects, stamp_ns: int) -> Message:
+    poses = np.hstack([objects.positions, np.tile([0.0, 0.0, 0.0, 1.0], (len(objects.positions), 1))])
+    value = GroundTruthObjects(stamp_ns, objects.object_ids, objects.class_names, poses)
+    return stamp_ns, topics.GROUND_TRUTH_OBJECTS, value

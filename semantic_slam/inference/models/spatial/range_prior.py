@@ -1,0 +1,56 @@
+"""The prior of an object that one ray started: what is known of the logarithm of its range, and nothing across the ray.
+
+About the place where the camera is estimated to have been then, which stays: across the ray the detection itself says
+where the object is, with what is not known of the camera. A Gaussian over x, y and z would be wrong by metres as soon
+as the object is not where it was guessed.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.state_space import StateSpace
+
+LEAST_DISTANCE_M = 1e-3
+"""Nearer than that to the camera a logarithm has no slope that means anything."""
+
+
+@dataclass(frozen=True)
+class RangePrior(GaussianPrior):
+    """Mean and covariance are those of the small problems, in which nothing but the range is known."""
+
+    sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) the camera in the body frame
+    log_range: LogRange = ANYWHERE
+
+    @classmethod
+    def of(cls, log_range: LogRange, ray: Array, sensor: Array, robot: Array) -> "RangePrior":
+        """From a ``ray`` (3,) that begins at the ``sensor`` (3,) of a ``robot`` (7,)."""
+        anchor = robot[:3] + so3.rotated(robot[3:], sensor)
+        place = anchor + so3.rotated(robot[3:], log_range.range_m * ray)
+        spread = (log_range.sigma * log_range.range_m) ** 2 * np.eye(3)
+        return cls(place, spread, anchor, sensor, log_range)
+
+    def at(self, mean: Array, robot: Array) -> "RangePrior":
+        """From where another ``robot`` (7,) has its camera; the object begins at ``mean`` (3,)."""
+        anchor = robot[:3] + so3.rotated(robot[3:], self.sensor)
+        return RangePrior(mean, self.covariance, anchor, self.sensor, self.log_range)
+
+    def factor(self, space: StateSpace, key: int) -> Any:
+        """The logarithm of the distance from the anchor, in standard deviations."""
+        known, anchor = self.log_range, np.asarray(self.anchor)
+
+        def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            away = space.position(space.state(values, this.keys()[0])) - anchor
+            distance = max(float(np.linalg.norm(away)), LEAST_DISTANCE_M)
+            if jacobians is not None:
+                jacobians[0] = np.asfortranarray(away[None] / (known.sigma * distance**2))
+            return np.array([(np.log(distance) - known.mean) / known.sigma])
+
+        return gtsam.CustomFactor(unit_noise(1), [key], error)

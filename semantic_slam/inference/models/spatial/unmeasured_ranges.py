@@ -1,0 +1,56 @@
+"""How far objects may be that are seen without a range: anywhere in the region, or as large as their kind is."""
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
+
+WIDEST_RAD = 2.5
+"""Wider than that counts as so wide: the tangent of half an angle has no end."""
+
+
+@dataclass(frozen=True)
+class UnmeasuredRanges:
+    """What is known of the range of a new object before a second look."""
+
+    anywhere: LogRange = ANYWHERE
+    least_m: float = 0.3
+    most_m: float = 5.0
+    sizes_m: dict[str, float] = field(default_factory=dict)  # detector's label, in lower case -> metres
+    sigma_log_size: float = 0.4
+
+    @classmethod
+    def of(cls, configuration: Configuration) -> Self:
+        """As configured. Raises InputError."""
+        region, new = configuration.open_world, configuration.new_objects
+        return cls(
+            LogRange.between(region.min_range_m, region.max_range_m),
+            region.min_range_m,
+            region.max_range_m,
+            dict(map(_entry, new.size_by_label)),
+            new.sigma_log_size,
+        )
+
+    def of_detection(self, label: str, angular_size_rad: Array) -> LogRange:
+        """By the label and the angles (2,) that width and height of the box fill, NaN where the border cuts them."""
+        size, angles = self.sizes_m.get(label.lower()), angular_size_rad[np.isfinite(angular_size_rad)]
+        if size is None or len(angles) < 2:
+            return self.anywhere
+        seen = float(np.log(2.0 * np.tan(0.5 * np.minimum(angles, WIDEST_RAD))).mean())
+        return LogRange(float(np.log(size)) - seen, self.sigma_log_size).within(self.least_m, self.most_m)
+
+
+def _entry(text: str) -> tuple[str, float]:
+    label, _, size = text.rpartition("=")
+    try:
+        value = float(size)
+    except ValueError:
+        value = np.nan
+    if not label or not 0.0 < value < np.inf:
+        raise InputError(f"new_objects.size_by_label: {text!r} is not LABEL=SIZE with metres above 0; correct it")
+    return label.strip().lower(), value

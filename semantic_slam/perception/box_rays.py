@@ -1,0 +1,46 @@
+"""How well boxes tell the directions of their objects.
+
+A detector puts a box's centre wrong by a share of the box's size, besides what any direction is wrong by. A box that
+the image's border cuts goes on beyond it: its centre is then known to within half of what it shows.
+"""
+
+import numpy as np
+
+from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import rotation_matrix
+from semantic_slam.perception.box_sizes import are_cut, pixel_rays, shown_sizes
+from semantic_slam.perception.frame import CameraModel
+
+CUT_SHARE = 0.5
+DOWN = np.array([0.0, 1.0, 0.0])
+"""In the optical frame."""
+
+
+def ray_covariances(
+    boxes: Array, camera: CameraModel, T_base_camera: Array, settings: PerceptionConfiguration
+) -> tuple[Array, Array]:
+    """(D, 3) unit rays through the centres of (D, 4) boxes and their (D, 3, 3) covariances, along the body's axes.
+
+    Across the rays alone, that is; NaN where a box is none.
+    """
+    rays = pixel_rays(0.5 * (boxes[:, :2] + boxes[:, 2:]), camera)
+    shares = np.where(are_cut(boxes, camera), CUT_SHARE, settings.box_centre_share)
+    variances = settings.sigma_bearing_rad**2 + (shares * shown_sizes(boxes, camera)) ** 2
+    across = np.cross(DOWN, rays)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    axes = np.stack([across, np.cross(rays, across)], axis=2)
+    rotation = rotation_matrix(T_base_camera[3:])
+    turned = rotation @ axes
+    return rays @ rotation.T, np.asarray((turned * variances[:, None]) @ np.swapaxes(turned, 1, 2))
+
+
+def as_places(rays: Array, covariances: Array) -> Array:
+    """(D, 3, 3) of [range, bearing, elevation], NaN of the range, from unit rays (D, 3) and their covariances."""
+    x, y, _ = rays.T
+    level = x**2 + y**2
+    slopes = np.zeros((len(rays), 2, 3))
+    slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 1, 2] = -y / level, x / level, -1.0 / np.sqrt(level)
+    found = np.full((len(rays), 3, 3), np.nan)
+    found[:, 1:, 1:] = slopes @ covariances @ np.swapaxes(slopes, 1, 2)
+    return found

@@ -1,0 +1,44 @@
+"""How large boxes are, seen from the camera: the angles between opposite edges."""
+
+import cv2
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.perception.frame import CameraModel
+
+BORDER_PX = 2.0
+"""Nearer to the image's border than that a box counts as cut by it."""
+EDGES = np.array([[0.0, 0.5], [1.0, 0.5], [0.5, 0.0], [0.5, 1.0]])
+"""Middles of a box's left, right, upper and lower edge, in shares of its width and height."""
+
+
+def angular_sizes(boxes: Array, camera: CameraModel) -> Array:
+    """(D, 2) width and height [rad] of (D, 4) boxes; NaN where the image's border cuts one, or where it is none."""
+    return np.where(are_cut(boxes, camera), np.nan, shown_sizes(boxes, camera))
+
+
+def are_cut(boxes: Array, camera: CameraModel) -> Flags:
+    """(D, 2) whether the image's border cuts (D, 4) boxes at the left or right, and above or below."""
+    size = np.array([camera.width, camera.height])
+    return np.asarray((boxes[:, :2] < BORDER_PX) | (boxes[:, 2:] > size - BORDER_PX))
+
+
+def shown_sizes(boxes: Array, camera: CameraModel) -> Array:
+    """(D, 2) width and height [rad] of (D, 4) boxes as far as the image shows them; NaN where one is none."""
+    sizes = boxes[:, 2:] - boxes[:, :2]
+    is_box = np.isfinite(boxes).all(axis=1) & (sizes > 0.0).all(axis=1)
+    pixels = (boxes[is_box, None, :2] + EDGES * sizes[is_box, None]).reshape(-1, 2)
+    rays = pixel_rays(pixels, camera).reshape(-1, 2, 2, 3)
+    angles = np.full((len(boxes), 2), np.nan)
+    angles[is_box] = np.arccos(np.clip((rays[:, :, 0] * rays[:, :, 1]).sum(axis=-1), -1.0, 1.0))
+    return angles
+
+
+def pixel_rays(pixels: Array, camera: CameraModel) -> Array:
+    """(n, 3) unit rays of (n, 2) pixels in the optical frame, lens distortion removed."""
+    if not len(pixels):
+        return np.zeros((0, 3))
+    intrinsics = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+    plane = cv2.undistortPoints(pixels[:, None], intrinsics, np.array(camera.distortion or (0.0,) * 4))
+    rays = np.column_stack([plane.reshape(-1, 2), np.ones(len(pixels))])
+    return np.asarray(rays / np.linalg.norm(rays, axis=1)[:, None])

@@ -1,0 +1,82 @@
+"""Directions of boxes are as uncertain as the boxes are large, and more where the image's border cuts them."""
+
+import numpy as np
+import pytest
+
+from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.geometry import se3, so3
+from semantic_slam.perception.box_rays import as_places, ray_covariances
+from semantic_slam.perception.frame import CameraModel, Detections
+from semantic_slam.perception.places import PlaceReader
+
+CAMERA = CameraModel(320, 240, 250.0, 250.0, 160.0, 120.0)
+SETTINGS = PerceptionConfiguration(sigma_bearing_rad=0.01, box_centre_share=0.1)
+AHEAD = np.array([0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5])
+MIDDLE, CUT = np.array([130.0, 100.0, 190.0, 140.0]), np.array([0.0, 100.0, 60.0, 140.0])
+
+
+def told(boxes, mount=AHEAD, settings=SETTINGS):
+    boxes = np.atleast_2d(boxes)
+    count = len(boxes)
+    seen = Detections(
+        stamp_ns=1, frame_id="", boxes=boxes, labels=("cup",) * count, scores=np.ones(count), track_ids=("",) * count
+    )
+    return PlaceReader(settings, in_space=True).measure(seen, 0, CAMERA, mount)
+
+
+def test_a_centre_errs_by_a_share_of_the_box_along_each_side():
+    found = told(MIDDLE)
+    width, height = 2.0 * np.arctan(30.0 / 250.0), 2.0 * np.arctan(20.0 / 250.0)
+    wanted = 0.01**2 + (0.1 * np.array([width, height])) ** 2
+    np.testing.assert_allclose(np.diag(found.place_covariances[0])[1:], wanted, rtol=1e-9)
+    np.testing.assert_allclose([found.bearings_rad[0], found.elevations_rad[0]], 0.0, atol=1e-12)
+    assert np.isnan(found.place_covariances[0, 0]).all()
+    assert np.isnan(found.ranges_m).all()
+
+
+def test_what_the_border_cuts_is_known_to_half_of_what_shows_and_tells_no_size():
+    found = told(CUT)
+    across = np.sqrt(found.place_covariances[0, 1, 1])
+    shown = np.arctan(160.0 / 250.0) - np.arctan(100.0 / 250.0)
+    assert across == pytest.approx(np.hypot(0.01, 0.5 * shown), rel=0.01)
+    assert np.isnan(found.angular_sizes_rad[0]).tolist() == [True, False]
+
+
+def test_rays_and_their_covariances_turn_with_the_mount():
+    turn = so3.exp(np.array([0.3, -0.2, 0.9]))
+    mount = np.append([0.1, 0.0, 0.2], so3.product(turn, AHEAD[3:]))
+    boxes = np.array([MIDDLE, [200.0, 30.0, 280.0, 60.0]])
+    rays, spread = ray_covariances(boxes, CAMERA, AHEAD, SETTINGS)
+    turned, spread_turned = ray_covariances(boxes, CAMERA, mount, SETTINGS)
+    R = so3.matrix(turn)
+    np.testing.assert_allclose(turned, rays @ R.T, atol=1e-12)
+    np.testing.assert_allclose(spread_turned, R @ spread @ R.T, atol=1e-12)
+    np.testing.assert_allclose((spread @ rays[:, :, None])[..., 0], 0.0, atol=1e-12)
+
+
+def test_bearing_and_elevation_err_as_the_rays_do():
+    """By samples: rays with errors, looked at as bearing and elevation."""
+    mount = se3.compose(np.append(np.zeros(3), so3.exp(np.array([0.0, 0.6, 0.2]))), AHEAD)
+    rays, spread = ray_covariances(np.array([[250.0, 30.0, 310.0, 60.0]]), CAMERA, mount, SETTINGS)
+    random = np.random.default_rng(0).multivariate_normal(rays[0], spread[0], 40000, method="svd")
+    x, y, z = (random / np.linalg.norm(random, axis=1)[:, None]).T
+    sampled = np.cov(np.arctan2(y, x), np.arcsin(-z))
+    np.testing.assert_allclose(as_places(rays, spread)[0, 1:, 1:], sampled, rtol=0.06, atol=3e-6)
+
+
+def test_what_a_detector_tells_itself_stays():
+    own = np.full((1, 3, 3), np.nan)
+    own[0, 1:, 1:] = np.diag([0.02, 0.03]) ** 2
+    seen = Detections(
+        stamp_ns=1,
+        frame_id="",
+        boxes=MIDDLE[None],
+        labels=("cup",),
+        scores=np.ones(1),
+        track_ids=("",),
+        bearings_rad=np.array([0.1]),
+        elevations_rad=np.array([0.2]),
+        place_covariances=own,
+    )
+    found = PlaceReader(SETTINGS, in_space=True).measure(seen, 0, CAMERA, AHEAD)
+    np.testing.assert_array_equal(found.place_covariances, own)
