@@ -2,10 +2,15 @@
 
 import numpy as np
 import pytest
-from worlds.bodies import IN_PLANE, drive, level_run, planar_run
+from worlds.bodies import IN_PLANE, MODEL, NAMES, drive, level_run, planar_run
 from worlds.spatial_fixtures import NOTHING_LEFT_OUT
 
 from semantic_slam import Engine
+from semantic_slam.training.viewpoint.regression import fit_class
+from semantic_slam.training.viewpoint.samples import ClassSamples
+from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
+from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.store import save_model
 
 LAPLACE = {**NOTHING_LEFT_OUT["weights"], "method": "laplace"}
 PARAMETRIC = {"kind": "parametric", "alpha": 0.6, "concentration": 6.0, "outlier_share": 0.0}
@@ -18,6 +23,32 @@ def weights_of(engine: Engine) -> dict[tuple, float]:
         key = tuple((step.association, step.class_assignment) for step in live.lineage)
         found[key] = found.get(key, 0.0) + float(np.exp(live.log_weight))
     return found
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    """Class models of both classes, fitted on views of one height."""
+    path = tmp_path_factory.mktemp("models") / "models.safetensors"
+    azimuth = np.linspace(-np.pi, np.pi, 24, endpoint=False)
+    views = Viewpoints(azimuth, np.zeros(24), np.ones(24))
+    noise = 0.1 * np.random.default_rng(0).normal(size=(2, 24, 4, 2))
+    means = [MODEL.predict(np.full(24, number), views).mean[:, None] for number in range(2)]
+    fits = [
+        fit_class(ClassSamples(azimuth, own + off, np.zeros((24, 4, 2, 2))))
+        for own, off in zip(means, noise, strict=True)
+    ]
+    save_model(GaussianProcessModel(NAMES, NAMES, fits), path, {})
+    return {"kind": "gp_independent", "path": str(path), "outlier_share": 0.0}
+
+
+def test_fitted_class_models_too(fitted: dict) -> None:
+    """As near as modes are searched; those whose errors repeat, which are sampled, as near as samples are."""
+    frames = drive(np.random.default_rng(6), named=False)
+    values = {"association": "enumerated", "weights": LAPLACE}
+    for kind, tolerance in ((fitted, 1e-4), ({**fitted, "kind": "gp_correlated"}, 0.1)):
+        (_, flat), (_, level) = (run(frames, kind, **values) for run in (planar_run, level_run))
+        np.testing.assert_allclose(level.class_probabilities, flat.class_probabilities, atol=tolerance)
+        np.testing.assert_allclose(level.poses[0], flat.poses[0], atol=tolerance)
 
 
 @pytest.mark.parametrize("kind", [PARAMETRIC, {"kind": "none"}])

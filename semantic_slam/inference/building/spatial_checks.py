@@ -33,6 +33,10 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
         configuration.observation == "points" and configuration.semantic_model.kind not in ("none", "detector"),
         "set observation: range_bearing, or semantic_model.kind: none or detector",
     )
+    yield (
+        configuration.observation == "range_bearing" and association.tracks_objects,
+        "set observation: points, or association: enumerated, or given with open_world.iterate_updates: true",
+    )
     yield Moving(configuration.moving).is_on, "set moving.share: 0 and moving.share_by_label: []"
     yield closed.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"
     yield closed.displaced_share > 0.0, "set closed_world.displaced_share: 0"

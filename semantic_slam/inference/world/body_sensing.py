@@ -23,15 +23,7 @@ TILT = slice(3, 5)
 
 
 def range_bearing(settings: SensingSettings) -> Sensing:
-    """Robot and objects in SE(3), these upright; class scores tell from which side, and how high, one is seen.
-
-    Raises InputError for an open world.
-    """
-    if settings.tracks_objects:
-        raise InputError(
-            "observation: range_bearing has no objects in space that are born and lost yet; set association:"
-            " enumerated, or given with open_world.iterate_updates: true, or observation: points"
-        )
+    """Robot and objects in SE(3), these upright; class scores tell from which side, and how high, one is seen."""
     configuration = settings.configuration
     axis, visibility = optical_axis(configuration.perception.extrinsics), visibility_of(configuration)
     return Sensing(

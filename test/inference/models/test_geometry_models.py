@@ -1,5 +1,7 @@
 """The geometric observation models under their contract."""
 
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 import pytest
@@ -180,6 +182,14 @@ class TestRangeAndRayOfBodies(GeometryModelContract):
         assert tilt == pytest.approx(0.02) and heading == pytest.approx(3.1)
         hanging = np.append(robot[:3], [1.0, 0.0, 0.0, 0.0])
         np.testing.assert_allclose(self.model.object_prior(self.detections[0], hanging).mean[3:], [0, 0, 0, 1])
+
+
+class TestRayOfBodies(TestRangeAndRayOfBodies):
+    """From a camera off the body's origin, without range."""
+
+    detections = tuple(
+        replace(own, range_m=np.nan, sensor=np.array([0.2, -0.1, 0.1])) for own in TestRangeAndRayOfPoints.detections
+    )
 
 
 class TestPointsInTheBodyFrame(GeometryModelContract):

@@ -50,7 +50,7 @@ class BodyObservation(ScoredViews, SpatialObservation):
         return super().turned_start(detections, x, position(first), position(second))
 
     def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """Prior where the detection points, upright, heading as the robot's; without range as wide as a guess is far."""
+        """Prior where the detection points, upright, heading as the robot's; without range as wide as it is far."""
         new = self.new_objects
         distance, sigma_m = detection.range_m, new.sigma_position_m
         if not detection.has_range:
