@@ -1,5 +1,7 @@
 """What a run in space is given: what it refuses, each in one line with its remedy, and what it makes of the rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from worlds.spatial_fixtures import spatial
@@ -9,6 +11,8 @@ from semantic_slam.geometry import se3
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.log_range import LogRange
+from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 
 KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
 
@@ -105,3 +109,53 @@ def test_the_cone_of_what_is_visible_is_about_the_axis_of_the_camera() -> None:
         )
         x, away = np.array([[0.0] * 6 + [1.0]] * 2), np.array([axis, np.roll(axis, 1)])
         np.testing.assert_array_equal(engine.problem.model.log_visibility(x, away, soft=False), [0.0, -np.inf])
+
+
+def test_a_ray_alone_errs_as_it_says_whichever_way_it_points() -> None:
+    """From the camera, along the axes of the body; across it the covariance is that of the ray."""
+    random = np.random.default_rng(3)
+    root = random.normal(size=(3, 3))
+    for direction in [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], *random.normal(size=(10, 3))]:
+        ray = np.array(direction) / np.linalg.norm(direction)
+        found = read(Detection.along(ray, ray_covariance=1e-4 * root @ root.T))
+        assert not found.has_range
+        np.testing.assert_allclose(found.ray, ray, atol=1.1e-4)  # a line of sight is straight up or down nowhere
+        np.testing.assert_allclose(
+            found.covariance[1:, 1:], 1e-4 * found.basis.T @ root @ root.T @ found.basis, rtol=1e-3, atol=1e-7
+        )
+
+
+def test_what_has_neither_range_nor_bearing_is_refused() -> None:
+    keyframe = Keyframe.spatial(0, detections=[Detection(bearing_rad=0.0)])
+    lost = replace(keyframe.measurements, bearings_rad=np.array([np.nan]))
+    with pytest.raises(InputError, match="neither range nor bearing"):
+        SpatialReader(ConfiguredNoise()).step(replace(keyframe, measurements=lost))
+    with pytest.raises(InputError, match="width and height"):
+        Detection.along([1.0, 0.0, 0.0], angular_size_rad=(0.1, -0.1))
+    with pytest.raises(InputError, match=r"new_objects\.size_by_label"):
+        UnmeasuredRanges.of(Configuration.of(new_objects={"size_by_label": ["cup"]}))
+
+
+def test_a_known_size_tells_how_far_a_box_is() -> None:
+    """Within the region, unless the image cuts the box, or the thing would have to be elsewhere."""
+    known = UnmeasuredRanges.of(Configuration.of(new_objects={"size_by_label": ["Cup=0.1"], "sigma_log_size": 0.2}))
+    at_two_metres = 2.0 * np.arctan(0.05 / 2.0) * np.ones(2)
+    told = known.of_detection("cup", at_two_metres)
+    assert told.range_m == pytest.approx(2.0, rel=1e-3) and told.sigma == pytest.approx(0.2, rel=1e-3)
+    for label, angles in (("bowl", at_two_metres), ("cup", [np.nan, 0.05]), ("cup", [1e-4, 1e-4])):
+        found = known.of_detection(label, np.array(angles))
+        np.testing.assert_allclose([found.mean, found.sigma], [known.anywhere.mean, known.anywhere.sigma])
+
+
+def test_what_is_known_of_a_range_has_the_moments_of_what_lies_within() -> None:
+    low, high = np.log(0.3), np.log(5.0)
+    grid = np.linspace(low, high, 200_001)
+    for mean, sigma in ((0.2, 0.3), (1.5, 0.4), (0.5, 5.0)):
+        density = np.exp(-0.5 * ((grid - mean) / sigma) ** 2)
+        density /= density.sum()
+        expected = density @ grid
+        found = LogRange(mean, sigma).within(0.3, 5.0)
+        assert found.mean == pytest.approx(expected, abs=1e-4)
+        assert found.sigma == pytest.approx(np.sqrt(density @ (grid - expected) ** 2), abs=1e-4)
+    even = LogRange(0.0, 1e4).within(0.3, 5.0)
+    assert (even.mean, even.sigma) == pytest.approx((LogRange.between(0.3, 5.0).mean, (high - low) / 12**0.5), rel=1e-3)

@@ -30,6 +30,10 @@ class PairDensities:
     parts: list[Linearisation]  # D, of M rows each
     offsets: Array | None = None  # (D, M, m) of the linear residuals where they were linearised; None: all are as here
     elsewhere: Flags | None = None  # (D, M) which were not linearised at the prediction
+    log_words: Array | None = (
+        None  # (D, M + 1) what each is called, as one of each object and as one of none; None: not
+    )
+    # asked for, where places tell enough
 
 
 def pair_densities(

@@ -30,7 +30,10 @@ class JointCosts:
 
     @classmethod
     def of(cls, linear: LinearisedEvidence, admitted: Flags, log_ratio: Array, log_alone: Array) -> "JointCosts":
-        """Costs of the ``admitted`` (D, M) pairs; ``log_ratio`` (M,) of detecting an object against missing it."""
+        """Costs of the ``admitted`` (D, M) pairs; ``log_ratio`` (M,) of detecting an object against missing it.
+
+        Or (D, M), with what else each pair weighs.
+        """
         rows, columns = np.nonzero(admitted)
         joint, count = linear.innovation_of_pairs(rows, columns), len(rows)
         size = len(joint.residual) // max(count, 1)
@@ -39,7 +42,7 @@ class JointCosts:
             columns=columns,
             residual=joint.residual.reshape(count, size),
             covariance=np.swapaxes(joint.covariance.reshape(count, size, count, size), 1, 2),
-            log_constant=joint.log_normalisers + log_ratio[columns],
+            log_constant=joint.log_normalisers + np.broadcast_to(log_ratio, admitted.shape)[rows, columns],
             log_alone=log_alone,
             num_objects=admitted.shape[1],
         )

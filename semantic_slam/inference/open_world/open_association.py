@@ -28,6 +28,7 @@ from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.open_world.predictor import Predictor
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
+from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
@@ -87,7 +88,7 @@ class OpenAssociation:
             )
             for component, detections in zip(parents.components, sensed, strict=True)
         ]
-        pairs = [self.pairs_of(prediction) for prediction in predictions]
+        pairs = [self._with_words(step, prediction, self.pairs_of(prediction)) for prediction in predictions]
         if path is not None:
             columns = self._columns(step, predictions[0], path)
             ranked = [RankedAssignments(columns, np.zeros(1), -np.inf)]
@@ -111,6 +112,16 @@ class OpenAssociation:
         if anchors is None:
             return pairs
         return pairs_at_modes(spaces, model, prediction.detections, prediction.predicted, anchors, pairs)
+
+    def _with_words(self, step: Step, prediction: Prediction, pairs: PairDensities) -> PairDensities:
+        """The pairs with what a detector's words tell of each, where rays alone leave many of them."""
+        semantics = self.problem.semantics
+        if prediction.anchors is None or step.words is None or not isinstance(semantics, RanksPairs):
+            return pairs
+        near = prediction.near_ids.tolist()
+        log_prior = self.registry.log_class_prior_of([*near, self.registry.first_new_id(step.index)])
+        views = [prediction.component.views.get(n) for n in near]
+        return replace(pairs, log_words=semantics.log_pairs(step, views, log_prior))
 
     def _at_prediction(self, prediction: Prediction) -> PairDensities:
         """Those linearised at the prediction."""
@@ -137,9 +148,12 @@ class OpenAssociation:
         unseen = log_missed.sum(axis=0) - prediction.expected_births
         _, log_weights = prediction.rates.explained(unseen)
         log_detected = np.logaddexp.reduce(log_weights + log_ratio, axis=1)
-        log_known, admitted = pairs.log_density + log_detected, pairs.distance < self.settings.gate_sigma
+        admitted = pairs.distance < self.settings.gate_sigma
         log_new = np.logaddexp.reduce(log_weights + prediction.log_intensity, axis=1)
         log_new += np.array([birth.log_area for birth in prediction.births])
+        if pairs.log_words is not None:
+            log_detected, log_new = log_detected + pairs.log_words[:, :-1], log_new + pairs.log_words[:, -1]
+        log_known = pairs.log_density + log_detected
         moving, may_move, objects = self._moving(prediction, log_known, admitted, log_new, log_missed, log_weights)
         log_pairs = np.concatenate([log_known, moving], axis=1)
         options = np.concatenate([admitted, may_move], axis=1)

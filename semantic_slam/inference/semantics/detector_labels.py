@@ -19,10 +19,12 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.inference.models.detector_words import DetectorWords
+from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.viewpoint.label_confusion import STEP_RAD
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
@@ -63,6 +65,7 @@ class DetectorLabels:
 
     def __init__(self, model: LabelModel) -> None:
         self._model = model
+        self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
@@ -84,6 +87,23 @@ class DetectorLabels:
             return [_views(before[parents[row]] | news[row], after[row]) for row in rows]
 
         return replace(SemanticEvidence.of(evidence, []), records=records)
+
+    def log_pairs(self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array) -> Array:
+        """Of words one by one, as if each were the first one of its object's class: enough to rank by."""
+        if step.words is None or not len(step.detections):
+            return np.zeros((len(step.detections), len(log_prior)))
+        if self._spelt is None or self._spelt[0] is not step.words:  # one hypothesis after the other asks for them
+            spelt = [self._word(step.words, number) for number in range(len(step.detections))]
+            self._spelt = step.words, np.array(spelt)
+        told = self._spelt[1]  # (D, C)
+        known = np.array([np.zeros(told.shape[1]) if own is None else own.log_likelihood for own in (*views, None)])
+        return np.asarray(np.log(np.exp(told) @ class_posterior(log_prior, known).T))
+
+    def _word(self, words: DetectorWords, number: int) -> Array:
+        """(C,) log probability of one word, whatever the setting."""
+        view = LabelView(answer=int(words.answers[number]), shares=words.shares[number], direction=0, log_range=0.0)
+        by_setting = self._model.by_setting(self._model.after(self._model.start(), view))
+        return finite_log_sum_exp(by_setting + self._model.settings.log_weights[:, None], axis=0)
 
     def _news(self, given: SemanticInput, before: list[dict[int, _Told]]) -> list[dict[int, _Told]]:
         """For each candidate, what is told of the objects of this keyframe with its words."""

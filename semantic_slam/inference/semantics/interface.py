@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -117,6 +117,17 @@ class Semantics(Protocol):
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """A pure function of the candidates."""
+
+
+@runtime_checkable
+class RanksPairs(Protocol):
+    """Semantics that tell what pairs of detections and objects weigh, before joint assignments are made of them."""
+
+    def log_pairs(self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array) -> Array:
+        """(D, M + 1) log evidence of D detections as one of each object, with its record so far, and as one of none.
+
+        ``log_prior`` (M + 1, C) of the classes of these.
+        """
 
 
 class NoSemantics:

@@ -34,6 +34,7 @@ class Extension:
     start: Mapping[int, Array]
     jumped: bool = False
     other_start: Mapping[int, Array] = field(default_factory=dict)
+    bounds: Mapping[int, float] = field(default_factory=dict)  # key -> metres from where it may be linearised
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +150,7 @@ def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outc
     for number in range(MAX_UPDATES + 1):
         rows = {row: [*stale, *pending[row].exact] for row, stale in _to_renew(pending).items()}
         done = [row for row, fork in pending.items() if fork.converged and not rows[row]]
-        outcomes |= {row: pending.pop(row).smoother for row in done}
+        outcomes |= {row: _settled(pending.pop(row)) for row in done}
         if not pending or number == MAX_UPDATES:
             break
         renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
@@ -157,8 +158,18 @@ def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outc
         pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
     # Poses at rest, and descriptors on their way: the next keyframe goes on.
     return outcomes | {
-        row: fork.smoother if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()
+        row: _settled(fork) if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()
     }
+
+
+def _settled(fork: _Fork) -> Outcome:
+    """A fork that has converged; optimised as a whole where a bound says that it has not where it matters."""
+    bounds = fork.extension.bounds
+    if bounds:
+        changes = fork.smoother.isam.getDelta()
+        if any(np.linalg.norm(changes.at(key)) > bound for key, bound in bounds.items()):
+            return _attempt(_whole, fork)
+    return fork.smoother
 
 
 def _whole(fork: _Fork) -> Smoother:

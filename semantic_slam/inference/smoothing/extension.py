@@ -26,6 +26,8 @@ from semantic_slam.inference.states.object_views import ObjectViews
 
 JUMP = 0.5
 """Change of the robot's predicted state, metres or radians, from which on the whole graph is optimised at once."""
+RANGE_SHARE = 0.1
+"""Of an object's range by which it may be off where it is linearised, if rays alone tell where it is."""
 TURN_RAD = 0.3
 """Change of an object's heading from which on it is, too."""
 
@@ -39,7 +41,8 @@ def extension(component: Component, shared: KeyframeFactors, update: ComponentUp
     classed, jumped = classed_measurements(component, update), _jumped(component, update, moved)
     start = linearisation_start(component, update)
     if component.smoother.semantics.latent is None:
-        return Extension(graph=graph, values=values, measurements=classed, start=start, jumped=jumped)
+        bounds = _bounds(component, update)
+        return Extension(graph=graph, values=values, measurements=classed, start=start, jumped=jumped, bounds=bounds)
     entering = descriptor_measurements(update.views)
     start |= _with_descriptors(component, graph, values, update.views, entering, start)
     other_start = {robot_key(component.keyframe + 1): update.predicted} | _turned_only(component, update.views)
@@ -186,6 +189,26 @@ def _turn(component: Component, object_id: int, heading_rad: float) -> float:
     if not component.smoother.has(key):
         return np.inf
     return float(np.abs(wrap_angle(component.states([key])[0, -1] - heading_rad)))
+
+
+def _bounds(component: Component, update: ComponentUpdate) -> dict[int, float]:
+    """How far objects that are seen along rays alone may be from where they are linearised: a share of their range.
+
+    What tells of the range is the less linear the nearer they are, by metres alone nobody would see that.
+    """
+    if component.spaces.name != "spatial":
+        return {}
+    place = component.spaces.robot.position(update.robot)
+    rays = [
+        (item, state)
+        for item, state in zip(update.observed, update.objects, strict=True)
+        if not item.detection.has_range
+    ]
+    return {
+        object_key(item.object_id): RANGE_SHARE
+        * float(np.linalg.norm(component.spaces.landmark.position(state) - place))
+        for item, state in rays
+    }
 
 
 def _jumped(component: Component, update: ComponentUpdate, moved: bool) -> bool:

@@ -149,6 +149,46 @@ class TestRangeAndRoundRayOfPoints(TestRangeAndRayOfPoints):
                 assert np.abs(jacobian.T @ jacobian - expected.T @ expected).max() < tolerance
 
 
+def ray_alone(direction: list[float], spread: np.ndarray, sensor: tuple[float, float, float]) -> SpatialDetection:
+    covariance = np.full((3, 3), np.nan)
+    covariance[1:, 1:] = spread
+    ray = np.array(direction) / np.linalg.norm(direction)
+    return SpatialDetection(ray=ray, range_m=np.nan, covariance=covariance, sensor=np.array(sensor))
+
+
+class TestRaysOfPoints(TestRangeAndRayOfPoints):
+    """From a camera off the body's origin, and without a range."""
+
+    spread = np.array([[0.02, 0.005], [0.005, 0.03]])
+    detections = (
+        ray_alone([1.0, 0.3, -0.2], spread, (0.3, -0.1, 0.2)),
+        ray_alone([1.0, -0.4, 0.5], spread, (0.3, -0.1, 0.2)),
+    )
+
+    def test_two_points_tell_how_the_robot_is_turned_about_the_vertical(self, random: np.random.Generator) -> None:
+        """Not by rays alone: the robot stays where it was."""
+        x, points = self.pairs(random, 1)[0], random.normal(loc=[3.0, 0.0, 0.0], size=(2, 1, 3))
+        np.testing.assert_array_equal(self.model.turned_start(self.model.collect(self.detections), x, *points), x)
+
+
+class TestRoundRaysOfPoints(TestRaysOfPoints):
+    """GTSAM's own factor, of a camera at the body's origin."""
+
+    detections = tuple(
+        ray_alone(ray, 0.02 * np.eye(2), (0.0, 0.0, 0.0)) for ray in ([1.0, 0.3, -0.2], [1.0, -0.4, 0.5])
+    )
+
+    def test_gtsam_s_factor_is_the_whitened_residual(self, random: np.random.Generator) -> None:
+        for detection in self.detections:
+            x, o = self.pairs(random, 1)
+            part, values = self.model.geometry(self.model.collect([detection]), x, o), gtsam.Values()
+            self.spaces.robot.insert(values, KEYS[0], x[0])
+            self.spaces.landmark.insert(values, KEYS[1], o[0])
+            factor = self.model.geometry_factor(detection, KEYS)
+            assert isinstance(factor, gtsam.BearingFactor3D)
+            assert factor.error(values) == pytest.approx(0.5 * float((part.residual**2).sum()), rel=1e-9)
+
+
 class TestRangeAndRayOfBodies(GeometryModelContract):
     spaces, model = POSES_IN_SPACE, BodyObservation()
     detections = TestRangeAndRayOfPoints.detections

@@ -1,0 +1,176 @@
+"""Landmarks that are seen by rays alone: as sure as they are right, while nobody knows yet how far they are."""
+
+import gtsam
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from worlds.spatial_fixtures import spatial
+
+from semantic_slam import Configuration, Detection, Engine, Keyframe
+from semantic_slam.contracts.state_space import differences
+from semantic_slam.geometry import se3, so3
+from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.inference.association.gating import pair_densities
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.log_range import ANYWHERE
+from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
+from semantic_slam.inference.models.spatial.range_prior import RangePrior
+from semantic_slam.inference.open_world.spatial.births import birth_in_space, shown_by
+from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.states.range_chart import coordinates, moved
+
+RAY_SIGMA = 0.01
+ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+SPACES = POSES_AND_POINTS_IN_SPACE
+
+
+def ray_to(point: np.ndarray, sensor: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> SpatialDetection:
+    """A ray alone to a point of the body frame."""
+    covariance = np.diag([np.nan, RAY_SIGMA**2, RAY_SIGMA**2])
+    away = point - np.array(sensor)
+    return SpatialDetection(
+        ray=away / np.linalg.norm(away), range_m=np.nan, covariance=covariance, sensor=np.array(sensor)
+    )
+
+
+def test_the_prior_s_factor_by_differences() -> None:
+    robot = se3.exp(np.array([0.3, -0.2, 0.9, 1.0, 2.0, 0.5]))
+    prior = RangePrior.of(ANYWHERE, np.array([0.6, 0.0, 0.8]), np.array([0.1, 0.2, 0.0]), robot)
+    factor, point = prior.factor(SPACES.landmark, 5), prior.mean + np.array([0.4, -0.3, 0.2])
+
+    def error(at: np.ndarray) -> np.ndarray:
+        return np.array([(np.log(np.linalg.norm(at - prior.anchor)) - ANYWHERE.mean) / ANYWHERE.sigma])
+
+    values = gtsam.Values()
+    SPACES.landmark.insert(values, 5, point)
+    assert factor.error(values) == pytest.approx(0.5 * error(point)[0] ** 2)
+    jacobian, _ = factor.linearize(values).jacobian()
+    np.testing.assert_allclose(jacobian, differences(lambda step: error(point + step), 3), atol=1e-6)
+    moved_on = prior.at(point, se3.compose(robot, se3.exp(np.array([0.0, 0.0, 0.1, 0.5, 0.0, 0.0]))))
+    assert np.linalg.norm(moved_on.anchor - prior.anchor) == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("baseline", [0.0, 0.05, 0.2, 0.6])
+@pytest.mark.parametrize("range_m", [0.6, 1.2, 3.0])
+def test_the_evidence_of_a_second_ray_is_that_over_all_ranges(baseline: float, range_m: float) -> None:
+    """Against an integral over the range: to 0.3 nats where the object was expected, nowhere half a nat off."""
+    anchor, expected = np.zeros(3), ANYWHERE.range_m * np.array([1.0, 0.0, 0.0])
+    across = (RAY_SIGMA * ANYWHERE.range_m) ** 2
+    covariance = np.zeros((9, 9))
+    covariance[:6, :6] = 1e-10 * np.eye(6)
+    covariance[6:, 6:] = np.diag([(ANYWHERE.sigma * ANYWHERE.range_m) ** 2, across, across])
+    robot = np.append([0.0, baseline, 0.0], ORIGIN[3:])
+    predicted = PredictedBelief(
+        SPACES.layout, SPACES.storage.stacked(robot[None], expected[None])[None], covariance[None]
+    )
+    detection = ray_to(np.array([range_m, -baseline, 0.0]))
+    model = SpatialObservation()
+    pairs = pair_densities(SPACES, model, [detection], predicted.mean[0], covariance)
+    found = pairs_at_modes(SPACES, model, [detection], predicted, anchor[None], pairs)
+    assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.5)
+    if 0.6 < range_m < 2.0:
+        assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.3)
+
+
+def integrated(detection: SpatialDetection, robot: np.ndarray, expected: np.ndarray, covariance: np.ndarray) -> float:
+    """Log density of a ray: over the logarithm of the range on a grid, the rest by samples."""
+    random = np.random.default_rng(0)
+    sigmas = np.sqrt(np.diagonal(covariance)[6:])
+    along = np.linspace(-5.0, 5.0, 801)
+    aside = sigmas[1:] * random.normal(size=(200, 2))
+    tangent = np.concatenate(
+        [np.repeat(sigmas[0] * along, len(aside))[:, None], np.tile(aside, (len(along), 1))], axis=1
+    )
+    points = moved(np.zeros(3), expected, tangent)
+    model = SpatialObservation()
+    logs = model.log_likelihood(model.collect([detection]), np.tile(robot, (len(points), 1)), points, None)
+    weights = -0.5 * np.repeat(along, len(aside)) ** 2
+    return float(finite_log_sum_exp(logs + weights, axis=0) - finite_log_sum_exp(weights, axis=0))
+
+
+def seen_three_times(seed: int, baseline: float) -> float:
+    """Normalised squared error of a point after three rays from places ``baseline`` apart."""
+    random = np.random.default_rng(seed)
+    configuration = spatial(association="given", open_world={"min_range_m": 0.3, "max_range_m": 5.0})
+    engine = Engine(configuration, initial_pose=ORIGIN, initial_covariance=1e-8 * np.eye(6))
+    reach = np.exp(ANYWHERE.mean + ANYWHERE.sigma * random.normal())
+    point = reach * np.array([1.0, *random.uniform(-0.3, 0.3, 2)])
+    motion, x = np.append([0.0, baseline, 0.0], ORIGIN[3:]), ORIGIN
+    for k in range(3):
+        control = motion if k else ORIGIN
+        x = se3.compose(x, control)
+        away = point - x[:3]
+        seen = away / np.linalg.norm(away) + RAY_SIGMA * random.normal(size=3)
+        detection = Detection.along(seen, ray_covariance=RAY_SIGMA**2 * np.eye(3), track_id="p")
+        keyframe = Keyframe.spatial(k, motion=control, motion_covariance=1e-8 * np.eye(6), detections=[detection])
+        belief = engine.process(keyframe)
+    found, spread = belief.object_poses[0, :3], belief.object_covariances[0, :3, :3]
+    off = coordinates(np.zeros(3), found, point)
+    return float(off @ np.linalg.solve(spread, off))
+
+
+@pytest.mark.parametrize("baseline", [0.02, 0.2])
+def test_a_point_is_as_surely_known_as_it_is_right(baseline: float) -> None:
+    """In the logarithm of its range, whose prior is what is known: in 50 worlds, at little and at more parallax."""
+    errors = np.array([seen_three_times(seed, baseline) for seed in range(50)])
+    low, high = chi2.interval(0.99, 3 * len(errors))
+    assert low < errors.sum() < high
+
+
+REGION = SpatialRegion(min_range_m=0.5, max_range_m=3.0, half_width_rad=0.7, half_height_rad=0.4, occluder_radius_m=0.1)
+
+
+def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
+    """Its evidence under an even intensity is the volume along it; it hides nothing, and follows the robot."""
+    detection, robot = (
+        ray_to(np.array([1.0, 0.2, -0.1]), (0.2, 0.0, 0.1)),
+        se3.exp(np.array([0.0, 0.1, 0.4, 1.0, 2.0, 0.0])),
+    )
+    born = birth_in_space(SpatialObservation(), detection, robot, REGION)
+    assert born.log_area == pytest.approx(np.log((3.0**3 - 0.5**3) / 3.0))
+    along = so3.rotated(robot[3:], detection.ray)
+    known = detection.log_range
+    assert along @ born.noise @ along == pytest.approx((known.sigma * known.range_m) ** 2)
+    assert len(shown_by(REGION, [detection])[0]) == 0
+    steps = 1e-6 * np.eye(6)
+    places = [
+        birth_in_space(SpatialObservation(), detection, SPACES.robot.retract(robot, step), REGION).prior.mean
+        for step in (*steps, *-steps)
+    ]
+    slopes = (np.array(places[:6]) - np.array(places[6:])).T / 2e-6
+    np.testing.assert_allclose(born.gain, slopes, atol=1e-8)
+
+
+def test_mixed_keyframes_find_what_is_seen_with_a_range_and_what_is_not() -> None:
+    random, points = np.random.default_rng(2), np.array([[2.0, 0.4, 0.2], [2.2, -0.5, 0.0], [1.6, 0.0, -0.2]])
+    engine = Engine(
+        Configuration.of(
+            state_space="spatial",
+            observation="points",
+            association="open",
+            semantic_model={"kind": "none"},
+            open_world={"birth_density": 0.3, "occluder_radius_m": 0.05, "clutter_per_frame": 0.01},
+        ),
+        initial_pose=ORIGIN,
+        initial_covariance=1e-6 * np.eye(6),
+    )
+    x, motion = ORIGIN, se3.exp(np.array([0.0, 0.0, 0.02, 0.02, 0.08, 0.02]))
+    for k in range(10):
+        x = se3.compose(x, motion)
+        detections = []
+        for number, point in enumerate(points):
+            away = so3.rotated(so3.inverse(x[3:]), point - x[:3])
+            distance = float(np.linalg.norm(away))
+            told = {"ray_covariance": RAY_SIGMA**2 * np.eye(3)}
+            if number == 0 or (number == 1 and k % 2):
+                told |= {"range_m": distance + 0.02 * random.normal(), "sigma_range_m": 0.02}
+            detections.append(Detection.along(away / distance + RAY_SIGMA * random.normal(size=3), **told))
+        belief = engine.process(
+            Keyframe.spatial(k, motion=motion, motion_covariance=1e-6 * np.eye(6), detections=detections)
+        )
+    there = belief.object_poses[belief.existence > 0.5, :3]
+    assert len(there) == 3
+    apart = np.linalg.norm(there[:, None] - points, axis=2)
+    assert (apart.min(axis=0) < 0.15).all() and sorted(apart.argmin(axis=0).tolist()) == [0, 1, 2]
