@@ -88,7 +88,9 @@ class ObservationModel(Protocol):
     Of S ``detections`` the rows repeat: state b is of detection b mod S.
     """
 
-    num_classes: int  # 0: classes are not enumerated
+    @property
+    def num_classes(self) -> int:
+        """Classes that hypotheses enumerate; 0: none."""
 
     @property
     def new_objects(self) -> NewObjectConfiguration:

@@ -33,6 +33,8 @@ class SpatialDetection:
     # range that was not measured
     sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) camera in the body frame, metres
     log_range: LogRange = ANYWHERE  # what is known of a range that was not measured, if its object is new
+    feature: Array = field(default_factory=lambda: np.zeros(0))  # (F,) z_sem
+    feature_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (F, F) of the dropout samples
 
     @cached_property
     def has_range(self) -> bool:
