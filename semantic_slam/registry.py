@@ -94,7 +94,10 @@ OBSERVATIONS = Registry(
 SPATIAL_OBSERVATIONS = Registry(
     "with state_space: spatial observation",
     "semantic_slam.spatial_observations",
-    _table(points="semantic_slam.inference.world.spatial_sensing:points"),
+    _table(
+        range_bearing="semantic_slam.inference.world.body_sensing:range_bearing",
+        points="semantic_slam.inference.world.spatial_sensing:points",
+    ),
 )
 """Values of ``observation`` with ``state_space: spatial``: builders likewise."""
 

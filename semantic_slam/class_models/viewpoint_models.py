@@ -10,7 +10,7 @@ from semantic_slam.viewpoint.appearance import KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.parametric import ParametricModel
-from semantic_slam.viewpoint.store import read_appearance, read_model
+from semantic_slam.viewpoint.store import FittedModel, read_appearance, read_model
 
 SHIPPED_MODELS = "viewpoint_models.safetensors"
 
@@ -41,8 +41,18 @@ def _parametric(settings: SemanticModelConfiguration) -> ParametricModel:
     return ParametricModel(settings.alpha, settings.concentration, names)
 
 
-def _gaussian_process(settings: SemanticModelConfiguration) -> GaussianProcessModel:
+def _gaussian_process(settings: SemanticModelConfiguration) -> FittedModel:
     return read_model(_file(settings))
+
+
+def _of_one_height(settings: SemanticModelConfiguration) -> GaussianProcessModel:
+    model = read_model(_file(settings))
+    if not isinstance(model, GaussianProcessModel):
+        raise InputError(
+            f"{_file(settings)}: tells heights apart, which semantic_model.kind: gp_correlated does not yet; set kind:"
+            " gp_independent, or fit without --elevation-step-deg"
+        )
+    return model
 
 
 def _appearance(settings: SemanticModelConfiguration) -> KnownAppearance | None:
@@ -56,7 +66,7 @@ def _file(settings: SemanticModelConfiguration) -> Path:
 PARAMETRIC = ClassModelKind(viewpoint=_parametric, repeats_errors=False)  # exact by definition
 GP_INDEPENDENT = ClassModelKind(viewpoint=_gaussian_process, appearance=_appearance)
 GP_CORRELATED = ClassModelKind(
-    viewpoint=_gaussian_process,
+    viewpoint=_of_one_height,
     appearance=_appearance,
     semantics="correlated_views",
     carried=None,

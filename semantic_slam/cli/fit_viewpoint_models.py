@@ -51,6 +51,12 @@ def parse() -> argparse.Namespace:
         help="crops per direction, each in another room and light (default: %(default)s)",
     )
     parser.add_argument(
+        "--elevation-step-deg",
+        type=float,
+        default=0.0,
+        help="tell views of turntables apart by elevation, too, in such steps (default: 0, by azimuth alone)",
+    )
+    parser.add_argument(
         "--classes",
         type=Path,
         metavar="FILE",
@@ -69,6 +75,8 @@ def command() -> None:
         return
     if arguments.draws < 2:
         raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
+    if not 0.0 <= arguments.elevation_step_deg <= 90.0:
+        raise InputError(f"--elevation-step-deg {arguments.elevation_step_deg}: must lie in 0 to 90")
     if arguments.classes and not arguments.turntables:
         raise InputError("--classes: only for --turntables; leave it out")
     check_photographs(arguments, [arguments.turntables] if arguments.turntables else [])
@@ -133,7 +141,9 @@ def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, 
         views = object_views(arguments, arguments.turntables)
         if arguments.classes:
             views = with_classes(views, arguments.classes)
-        settings = FitSettings(draws=arguments.draws, seed=arguments.seed)
+        settings = FitSettings(
+            draws=arguments.draws, seed=arguments.seed, elevation_step_deg=arguments.elevation_step_deg
+        )
         return measure_views(views, load_network(perception), settings), {}
     from semantic_slam.training.viewpoint.known_poses import views_of_bag
 

@@ -1,4 +1,4 @@
-"""Errors that detections of one frame, or of one object from one keyframe to the next, have in common."""
+"""Errors of places: those that detections have in common, in a frame or from one to the next, and those of outliers."""
 
 from dataclasses import dataclass
 
@@ -30,4 +30,17 @@ class DetectionErrorsConfiguration:
     )
     sigma_yaw_rad: float = parameter(
         0.0, "prior sigma of how far the sensor is turned about the vertical, likewise [rad]", minimum=0.0
+    )
+    outlier_share: float = parameter(
+        0.0,
+        "share of the detections of known objects that err far more than the others, before any is seen; 0: none does;"
+        " for association: open, or given, with iterate_updates: false, without classes",
+        minimum=0.0,
+        maximum=0.5,
+    )
+    outlier_counts: float = parameter(
+        50.0, "detections that outlier_share counts as; those that a history has had are counted with them", minimum=1.0
+    )
+    outlier_factor: float = parameter(
+        25.0, "covariance of the places of those, in that of others; what repeats does not grow", minimum=1.0
     )

@@ -7,10 +7,10 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_likelihood
 
 
-def looking_from(azimuth_rad: float | Array) -> Viewpoints:
+def looking_from(azimuth_rad: float | Array, elevation_rad: float = 0.2) -> Viewpoints:
     """Viewpoints at some azimuths, from a little above, 2 m away."""
     azimuths = np.atleast_1d(np.asarray(azimuth_rad, dtype=np.float64))
-    return Viewpoints(azimuths, np.full(azimuths.shape, 0.2), np.full(azimuths.shape, 2.0))
+    return Viewpoints(azimuths, np.full(azimuths.shape, elevation_rad), np.full(azimuths.shape, 2.0))
 
 
 class ViewpointModelContract:
@@ -46,6 +46,12 @@ class ViewpointModelContract:
         behind = model.predict(classes, looking_from(azimuths - step)).mean
         jacobian = model.predict(classes, looking_from(azimuths)).mean_jacobian
         np.testing.assert_allclose(jacobian[:, :, 0], (ahead - behind) / (2.0 * step), atol=1e-6)
+
+    def test_jacobian_by_elevation_is_that_of_the_mean(self, model: ViewpointModel) -> None:
+        classes, azimuths, step = self.classes(model), self.azimuths + 0.00123, 1e-6
+        above, below = (model.predict(classes, looking_from(azimuths, 0.2 + sign * step)).mean for sign in (1.0, -1.0))
+        jacobian = model.predict(classes, looking_from(azimuths)).mean_jacobian
+        np.testing.assert_allclose(jacobian[:, :, 1], (above - below) / (2.0 * step), atol=1e-6)
 
     def test_a_whole_turn_changes_nothing(self, model: ViewpointModel) -> None:
         here = model.predict(self.classes(model), looking_from(self.azimuths))

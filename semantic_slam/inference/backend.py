@@ -224,6 +224,7 @@ class Backend:
             log_weights=own.log_weights[rows.parents] + expansion.log_psi,
             effective_sample_sizes=expansion.effective_sample_sizes,
             innovation_nees=_or_nan(rows.innovation_nees, len(rows)),
+            outlier_probability=_of_outliers(step, expansion),
             poses=robot.poses(rows.column("robot")),
             pose_covariances=robot.covariances(rows.column("robot"), rows.column("robot_covariance")),
             object_poses=landmark.poses(states),
@@ -257,6 +258,7 @@ class Backend:
             log_weights=none,
             effective_sample_sizes=none,
             innovation_nees=none,
+            outlier_probability=np.zeros((0, detections)),
             poses=np.zeros((0, 7)),
             pose_covariances=np.zeros((0, 6, 6)),
             object_poses=np.zeros((0, detections, 7)),
@@ -322,6 +324,14 @@ class Backend:
         absent = np.isnan(states).any(axis=-1)
         poses[absent], covariances[absent] = np.nan, np.nan
         return poses, covariances, existence
+
+
+def _of_outliers(step: Step, expansion: Expansion) -> Array:
+    """(K, D) probabilities that detections are outliers in their place; 0 for those that are not used."""
+    found = np.zeros((len(expansion.ids), len(step.names)))
+    if expansion.assignments.outlier_probability is not None:
+        found[:, expansion.used] = expansion.assignments.outlier_probability
+    return found
 
 
 def _stacked(rows: list[Array], num_objects: int) -> Array:

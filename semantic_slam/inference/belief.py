@@ -50,7 +50,8 @@ class HybridBelief(ObjectTable):
     )  # (D, O + 1) marginal, in an open world over all that was weighed; the last column: clutter, or a new object
     outlier_probability: Array = field(
         default_factory=left_out
-    )  # (D,) that a detection is of no object that is known; NaN in an open world, where it may be a new one
+    )  # (D,) that a detection is of no object that is known, or an outlier in its place; without outliers NaN in an
+    # open world, where it may be a new one
     noise_names: tuple[str, ...] = ()  # (N,) what was inferred of the noise, as the configuration names it
     noise_values: Array = field(default_factory=left_out)  # (N,)
     noise_sigmas: Array = field(default_factory=left_out)  # (N,)

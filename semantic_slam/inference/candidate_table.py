@@ -23,6 +23,7 @@ class CandidateTable:
     changes: NDArray[np.object_]  # (K,) to the lineage before this keyframe
     log_weights: Array  # (K,) w psi over all parents, not normalised
     innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object
+    outlier_probability: Array  # (K, D) of places, given the objects
     poses: Array  # (K, 7)
     object_poses: Array  # (K, D, 7)
     log_missing: Array  # (P,) mass that was not enumerated, in the same units
@@ -43,6 +44,7 @@ class CandidateTable:
             changes=_objects([own for answer in filled for own in answer.changes or [()] * len(answer.ids)])[order],
             log_weights=np.concatenate([answer.log_weights for answer in filled])[order],
             innovation_nees=np.concatenate([answer.innovation_nees for answer in filled])[order],
+            outlier_probability=np.concatenate([answer.outlier_probability for answer in filled])[order],
             poses=np.concatenate([answer.poses for answer in filled])[order],
             object_poses=np.concatenate([answer.object_poses for answer in filled])[order],
             log_missing=missing[np.unique(parents, return_index=True)[1]],

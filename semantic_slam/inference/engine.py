@@ -242,10 +242,14 @@ class Engine:
         log_reference = self.reference.log_density(step, belief) if self.reference is not None else np.nan
         log_evidence = kept.log_mass - candidates.log_found  # of the keyframe alone
         self.recovery.note(log_reference - log_evidence)
+        weights, outliers = np.exp(kept.log_weights), belief.outlier_probability
+        if self.problem.detection_errors.outlier_share > 0.0:  # of no known object, or far from where it is
+            outliers = np.nan_to_num(outliers) + weights @ candidates.outlier_probability[kept.kept]
         return replace(
             belief,
+            outlier_probability=outliers,
             log_evidence=log_evidence,
-            innovation_nees=mean_of_known(candidates.innovation_nees[kept.kept], np.exp(kept.log_weights)),
+            innovation_nees=mean_of_known(candidates.innovation_nees[kept.kept], weights),
             unexplained=self.explanation.add(log_evidence, log_reference),
         )
 

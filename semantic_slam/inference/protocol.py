@@ -66,6 +66,7 @@ class Candidates:
     log_weights: Array  # (K,) parent's log weight + log psi
     effective_sample_sizes: Array  # (K,)
     innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object
+    outlier_probability: Array  # (K, D) that a detection's place is an outlier, of the object that it is taken to be of
     poses: Array  # (K, 7)
     pose_covariances: Array  # (K, 6, 6)
     object_poses: Array  # (K, D, 7)

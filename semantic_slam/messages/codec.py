@@ -101,6 +101,15 @@ def decode(data: bytes, type_name: str) -> Any:
     return _codec(type_name).from_message(deserialize(data, type_name))
 
 
+def is_usable(data: bytes, type_name: str) -> bool:
+    """Whether CDR bytes are a message of one of our dataclasses."""
+    try:
+        decode(data, type_name)
+    except InputError:
+        return False
+    return True
+
+
 def _codec(type_name: str) -> Codec:
     if type_name not in BY_TYPE_NAME:
         raise InputError(f"{type_name}: no such type is used here; known are {', '.join(sorted(BY_TYPE_NAME))}")

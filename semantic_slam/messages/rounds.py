@@ -45,6 +45,7 @@ CANDIDATES_LAYOUT: Layout = {
     "log_weights": ("K",),
     "effective_sample_sizes": ("K",),
     "innovation_nees": ("K",),
+    "outlier_probability": ("K", "D"),
     "poses": ("K", 7),
     "pose_covariances": ("K", 6, 6),
     "object_poses": ("K", "D", 7),

@@ -11,9 +11,14 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.maps.from_belief import MOVES
 from semantic_slam.report.ellipse import ellipses
+from semantic_slam.report.space import principal_axes
 
 MOVED_M, CHANGED = 0.01, 0.004
-"""An object is written again when it moved this far, or its probabilities or size changed this much."""
+"""An object is written again when it moved this far, or its probabilities, size or height changed this much."""
+CERTAIN = 0.99
+"""Existence from which on an object is drawn as any other."""
+NO_HEADING_RAD = 3.142
+"""Standard deviation of the heading of a point."""
 
 
 def keyframe_scene(
@@ -36,27 +41,35 @@ def keyframe_scene(
         "h": hypotheses,
         "o": _changed_objects(belief, numbers, written),
         "s": [place for place in seen if place >= 0],
+        "e": _faint(belief, numbers),
         **_movers(belief, numbers),
     }
 
 
 def hypothesis_rows(belief: HybridBelief, rows: list[int], place: dict[int, int]) -> list[list[float]]:
-    """Per hypothesis: place of its parent in the frame before (-1 none), weight, x, y, yaw, ellipse."""
-    states = np.column_stack(
-        [np.exp(belief.log_weights), planar_from_pose_vector(belief.poses), ellipses(belief.pose_covariances)]
-    )
+    """Per hypothesis: place of its parent in the frame before (-1 none), weight, x, y, yaw, ellipse.
+
+    In space z, quaternion and ellipsoid besides.
+    """
+    floor_plan = [planar_from_pose_vector(belief.poses), ellipses(belief.pose_covariances)]
+    space = [] if belief.planar else [belief.poses[:, 2:], principal_axes(belief.pose_covariances)]
+    states = np.column_stack([np.exp(belief.log_weights), *floor_plan, *space])
     return [[place.get(int(belief.parent_ids[row]), -1), *rounded(states[row], 4)] for row in rows]
 
 
 def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dict[int, Array]) -> list[list[float]]:
-    """Per changed object: place in the list of objects, x, y, yaw, ellipse, sigma of yaw, class probabilities."""
-    covariances = belief.object_covariances
+    """Per changed object: place in the list of objects, x, y, yaw, ellipse, sigma of yaw, class probabilities.
+
+    In space z and ellipsoid besides.
+    """
+    poses, covariances = belief.object_poses, belief.object_covariances
     states = np.column_stack(
         [
-            planar_from_pose_vector(belief.object_poses),
+            planar_from_pose_vector(poses),
             ellipses(covariances),
-            np.sqrt(np.maximum(covariances[:, 5, 5], 0.0)),
+            _heading_sigmas(belief),
             belief.class_probabilities,
+            *([] if belief.planar else [poses[:, 2], principal_axes(covariances)]),
         ]
     )
     before = np.array([written.get(int(number), np.full(states.shape[1], np.nan)) for number in belief.object_ids])
@@ -64,6 +77,19 @@ def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dic
     rows = [row for row in np.flatnonzero(changed) if int(belief.object_ids[row]) in numbers]
     written.update({int(belief.object_ids[row]): states[row] for row in rows})
     return [[numbers[int(belief.object_ids[row])], *rounded(states[row])] for row in rows]
+
+
+def _heading_sigmas(belief: HybridBelief) -> Array:
+    """(O,) standard deviations [rad]; objects in space that have no attitude state a variance of 0."""
+    variances = belief.object_covariances[:, 5, 5]
+    is_point = (variances == 0.0) & (not belief.planar)
+    return np.where(is_point, NO_HEADING_RAD, np.sqrt(np.maximum(variances, 0.0)))
+
+
+def _faint(belief: HybridBelief, numbers: dict[int, int]) -> list[list[float]]:
+    """Place in the list of objects and existence of those that may not exist."""
+    rows = zip(belief.object_ids.tolist(), belief.existence.tolist(), strict=True)
+    return [[numbers[own], round(value, 2)] for own, value in rows if own in numbers and value < CERTAIN]
 
 
 def _movers(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[list[float]]]:

@@ -7,13 +7,13 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.maps.from_belief import MOVES
 from semantic_slam.report.charts import time_plot
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.ellipse import ellipses
 from semantic_slam.report.frames import CropView
+from semantic_slam.report.space import principal_axes
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
@@ -36,8 +36,8 @@ class ObjectView:
     existence: float
     moving: float  # probability that it moves; NaN where nothing may
     missing: float  # probability that it was there and has left; NaN where nothing leaves
-    position: tuple[float, float]
-    sigma_m: float  # root of the larger eigenvalue of the x-y covariance
+    position: list[float]  # x, y, in space z
+    sigma_m: float  # root of the largest eigenvalue of its covariance
     error_m: float  # from the true position of what stands still, NaN unknown
     mutual_information: float
     in_coverage: bool
@@ -97,8 +97,8 @@ def _view(
         existence=float(last.existence[row]),
         moving=float(last.moving[row]),
         missing=float(last.missing[row]),
-        position=(float(last.object_poses[row, 0]), float(last.object_poses[row, 1])),
-        sigma_m=float(ellipses(last.object_covariances[row : row + 1])[0, 0]),
+        position=last.object_poses[row, : _axes(last)].tolist(),
+        sigma_m=_sigma_m(last, row),
         error_m=_error_m(analysis, last, row),
         mutual_information=float(last.mutual_information[row]),
         in_coverage=bool(last.in_coverage[row]),
@@ -109,12 +109,24 @@ def _view(
     )
 
 
+def _axes(belief: HybridBelief) -> int:
+    """How many coordinates of a place are estimated."""
+    return 2 if belief.planar else 3
+
+
+def _sigma_m(belief: HybridBelief, row: int) -> float:
+    covariance = belief.object_covariances[row : row + 1]
+    if belief.planar:
+        return float(ellipses(covariance)[0, 0])
+    return float(np.linalg.norm(principal_axes(covariance)[0, 6:]))
+
+
 def _error_m(analysis: Analysis, last: HybridBelief, row: int) -> float:
     """Distance of an object from its true position; NaN where that is unknown, or where it moves."""
     true = true_positions(analysis).get(int(last.object_ids[row]))
     if true is None or last.moving[row] > MOVES:
         return float("nan")
-    return float(np.linalg.norm(last.object_poses[row, :2] - true))
+    return float(np.linalg.norm(last.object_poses[row, : len(true)] - true))
 
 
 def object_label(belief: HybridBelief, row: int) -> str:
@@ -124,18 +136,15 @@ def object_label(belief: HybridBelief, row: int) -> str:
 
 
 def true_positions(analysis: Analysis) -> dict[int, NDArray[np.float64]]:
-    """(2,) true position by object id."""
-    return {number: pose[:2] for number, pose in true_object_poses(analysis).items()}
-
-
-def true_object_poses(analysis: Analysis) -> dict[int, NDArray[np.float64]]:
-    """(3,) true planar pose by object id."""
+    """True position by object id: (2,), in space (3,)."""
     truth, evaluation = analysis.record.truth, analysis.evaluation
     if truth is None or truth.objects is None or evaluation is None:
         return {}
-    rows = zip(truth.objects.object_ids, planar_from_pose_vector(truth.objects.poses), strict=True)
+    rows = zip(truth.objects.object_ids, truth.objects.poses[:, : _axes(analysis.record.beliefs[-1])], strict=True)
     return {
-        evaluation.matches[true]: pose for true, pose in rows if true in evaluation.matches and np.isfinite(pose).all()
+        evaluation.matches[true]: place
+        for true, place in rows
+        if true in evaluation.matches and np.isfinite(place).all()
     }
 
 

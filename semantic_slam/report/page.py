@@ -36,6 +36,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
     colours = colours_by_weight(np.nan_to_num(last.existence) @ last.class_probabilities)
     classes = list(zip(last.class_names, colours, strict=True))
     pictures = picture_views(analysis, source_bag, colours, shown_views(analysis, explained))
+    drawn = scene(analysis, colours)
     objects = object_views(analysis, colours, pictures.crops)
     return (
         environment()
@@ -54,6 +55,8 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
             classes=classes,
             legend=[(name, colour) for name, colour in classes if colour != OTHER_COLOUR],
             objects=objects,
+            axes="x, y" if last.planar else "x, y, z",
+            may_fade=any(frame["e"] for frame in drawn["frames"]),
             may_move=bool(np.isfinite(record.beliefs[-1].moving).any()),
             may_leave=bool(np.isfinite(record.beliefs[-1].missing).any()),
             evidence=evidence_views(analysis, explained, pictures.views),
@@ -71,7 +74,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
             has_words=any(box.told for frame in pictures.frames for box in frame.boxes),
             configuration=flat(analysis.configuration),
             dropped=record.dropped,
-            scene=plain({**scene(analysis, colours), "pictures": slider_pictures(pictures.slider)}),
+            scene=plain({**drawn, "pictures": slider_pictures(pictures.slider)}),
             moments=[(place, record.beliefs[place].keyframe) for place in moments(record.beliefs)],
         )
     )

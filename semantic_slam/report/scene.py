@@ -7,9 +7,12 @@ import numpy as np
 from semantic_slam.evaluation.evaluate import dead_reckonings
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.inputs.spatial_reader import camera_of
+from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.keyframe import hypothesis_rows, keyframe_scene, rounded
-from semantic_slam.report.objects import object_label, true_object_poses
+from semantic_slam.report.objects import object_label, true_positions
+from semantic_slam.report.space import camera_pyramid
 
 SHOWN_HYPOTHESES = 16
 """Heaviest hypotheses of a keyframe that are drawn, besides the ancestors of those drawn later."""
@@ -17,15 +20,16 @@ SHOWN_MOMENTS = 4
 
 
 def scene(analysis: Analysis, colours: list[str]) -> dict[str, Any]:
-    """Hypotheses and objects per keyframe, reference paths, extent in metres."""
+    """Hypotheses and objects per keyframe, reference paths, extent in metres; in space the camera's pyramid, too."""
     beliefs = analysis.record.beliefs
     last = beliefs[-1]
     drawn = _drawn_hypotheses(beliefs)
     stamps = np.array([belief.stamp_ns for belief in beliefs], dtype=np.int64)
     evaluation = analysis.evaluation
     dead = evaluation.dead_reckoning if evaluation else dead_reckonings(analysis.record, None, stamps)[0]
-    true_objects = true_object_poses(analysis)
-    true_path = _points(evaluation.true_poses) if evaluation else []
+    true_objects = true_positions(analysis)
+    axes = 2 if last.planar else 3
+    true_path = _points(evaluation.true_poses, axes) if evaluation else []
     data = {
         "classes": [{"name": name, "colour": colour} for name, colour in zip(last.class_names, colours, strict=True)],
         "objects": [
@@ -33,8 +37,9 @@ def scene(analysis: Analysis, colours: list[str]) -> dict[str, Any]:
             for row, number in enumerate(last.object_ids)
         ],
         "truth": true_path,
-        "dead": _points(dead),
+        "dead": _points(dead, axes),
         "frames": _frames(beliefs, drawn),
+        "camera": [] if last.planar else [rounded(point) for point in _camera(analysis)],
     }
     return {**data, "extent": _extent(data)}
 
@@ -85,8 +90,14 @@ def _frames(beliefs: tuple[HybridBelief, ...], drawn: list[list[int]]) -> list[d
     return frames
 
 
-def _points(poses: Array) -> list[list[float]]:
-    return [rounded(pose[:2]) for pose in poses if np.isfinite(pose[:2]).all()]
+def _camera(analysis: Analysis) -> Array:
+    measured = [*analysis.record.measurements.values()]
+    camera = camera_of(measured[-1]) if measured else Camera()
+    return camera_pyramid(camera, analysis.configuration.get("open_world", {}))
+
+
+def _points(poses: Array, axes: int) -> list[list[float]]:
+    return [rounded(pose[:axes]) for pose in poses if np.isfinite(pose[:axes]).all()]
 
 
 def _extent(data: dict[str, Any]) -> list[float]:
@@ -95,10 +106,11 @@ def _extent(data: dict[str, Any]) -> list[float]:
     best = [max(frame["h"], key=lambda row: row[1])[2:4] for frame in frames[len(frames) // 2 :]]
     objects = [row[1:3] for frame in frames[-1:] for row in frame["o"]]
     objects += [item["true"][:2] for item in data["objects"] if item["true"]]
-    core = np.array(best + objects + data["truth"] + _last_states(frames))
+    truth, dead = ([point[:2] for point in data[name]] for name in ("truth", "dead"))
+    core = np.array(best + objects + truth + _last_states(frames))
     low, high = core.min(axis=0), core.max(axis=0)
     room = 0.35 * float(max(high - low)) + 0.5
-    stray = np.array([row[2:4] for frame in frames for row in frame["h"] if row[1] > 0.05] + data["dead"])
+    stray = np.array([row[2:4] for frame in frames for row in frame["h"] if row[1] > 0.05] + dead)
     inside = stray[((stray > low - room) & (stray < high + room)).all(axis=1)]
     every = np.vstack([core, inside])
     margin = 0.04 * float(np.max(every.max(axis=0) - every.min(axis=0))) + 0.4

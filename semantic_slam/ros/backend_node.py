@@ -38,7 +38,7 @@ class BackendNode(PipelineNode):
         self._components = self._outlet(topics.COMPONENTS)
         self._status = dropped_status(self._rounds.dropped)  # replaced by the worker, published by the executor
         self.health.add_source(lambda: [self._status])
-        self._follow(topics.RUN_CONFIGURATION, qos.latched())
+        self._follow(topics.RUN_CONFIGURATION, qos.latched_by_any())
         self._follow(topics.KEYFRAMES, qos.everything_from_the_start())
         self._follow(topics.COMMITS, qos.everything_from_the_start())
 
@@ -49,6 +49,7 @@ class BackendNode(PipelineNode):
         def handle(data: bytes) -> None:
             self._send(self._rounds.take(data, topics.TYPES[topic], more=self.worker.has_more))
             self._status = dropped_status(self._rounds.dropped)
+            self.repeated = self._rounds.repeated.copy()
 
         self.listen(topic, handle, profile)
 

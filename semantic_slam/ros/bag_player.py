@@ -22,8 +22,8 @@ from tqdm import tqdm
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.errors import InputError
-from semantic_slam.messages.codec import decode, encode
+from semantic_slam.errors import InputError, MessageError
+from semantic_slam.messages.codec import BY_TYPE_NAME, decode, encode, is_usable
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.standard import time_message
 from semantic_slam.messages.topics import (
@@ -37,6 +37,7 @@ from semantic_slam.messages.topics import (
 from semantic_slam.messages.typestore import message_class, serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.flow_control import Credit
+from semantic_slam.ros.health import dropped_status
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.playlist import Playlist, parse_remaps
@@ -90,16 +91,26 @@ class BagPlayer(PipelineNode):
         if self._playlist.has_measurements:
             name = relative_name(CLASSIFIER_PROGRESS)
             self._classifier_progress = Outlet(self, name, TYPES[CLASSIFIER_PROGRESS], qos.latched())
-        self._manager_topic = receive(self, MANAGER_PROGRESS, self._manager_progress, qos.latched())
+        self._manager_topic = receive(self, MANAGER_PROGRESS, self._hear_manager, qos.latched_by_any())
+        self.health.add_source(lambda: [dropped_status(self.refused.copy())])
         self.worker.submit(self._play, None)
+
+    def _hear_manager(self, data: bytes) -> None:
+        """At once: the worker waits for what is said here."""
+        self.guarded(MANAGER_PROGRESS, lambda: self._manager_progress(data))
 
     def _manager_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, TYPES[MANAGER_PROGRESS])
+        if self._stands.is_set() and progress.finished and not self._has_ended:
+            raise MessageError(f"{MANAGER_PROGRESS}: the end of a replay that goes on", "out of turn")
+        if self._stands.is_set() and progress.frames <= self._credit.frames_done:
+            self.repeated[MANAGER_PROGRESS] += 1
         if progress.finished and not self._has_ended:
             self._is_after_another = True
             self._stands.set()
             return
-        self._credit.done(progress.frames)
+        # Messages of others that are no detections count as frames that the classifier lost.
+        self._credit.done(min(progress.frames, self._sent) if self._sent else progress.frames)
         self._done_stamp_ns = progress.stamp_ns
         self._stands.set()
         if progress.finished:
@@ -153,7 +164,7 @@ class BagPlayer(PipelineNode):
         if not self._done_stamp_ns:
             return FROM_THE_START
         frames = [topic for topic, item in self._playlist.items.items() if item.is_frame]
-        start = resumption(bag.messages(frames), self._done_stamp_ns)
+        start = resumption(filter(self._is_frame, bag.messages(frames)), self._done_stamp_ns)
         self._sent = start.frame
         self.get_logger().info(f"{self._bag}: goes on with frame {start.frame}")
         return start
@@ -172,19 +183,26 @@ class BagPlayer(PipelineNode):
             if not rclpy.ok():
                 return
             item = self._playlist.items[message.topic]
-            frame += item.is_frame
+            is_frame = self._is_frame(message)
+            frame += is_frame
             # The first camera_info counts, wherever a replay goes on.
             is_first_camera = item.name == CAMERA_INFO and message.topic not in cameras
             cameras.add(message.topic)
-            if not (is_first_camera or start.takes(message, frame if item.is_frame else None)):
+            if not (is_first_camera or start.takes(message, frame if is_frame else None)):
                 continue
-            if item.is_frame:
+            if is_frame:
                 self._wait_for_credit(bar)
                 self._sent += 1
             self._wait_while_paused(pace)
             pace.wait(message.stamp_ns)
             self._stamp_ns = message.stamp_ns
             self._send(message)
+
+    def _is_frame(self, message: RawMessage) -> bool:
+        """Whether somebody will say that he is done with it: not where it cannot be used."""
+        item = self._playlist.items[message.topic]
+        is_ours = item.type_name in BY_TYPE_NAME
+        return item.is_frame and (not is_ours or is_usable(message.cdr, item.type_name))
 
     def _wait_while_paused(self, pace: "Pace") -> None:
         since_s = time.monotonic()
@@ -226,7 +244,7 @@ class BagPlayer(PipelineNode):
         for outlet in self._outlets.values():
             outlet.wait_for_acknowledgement()
         if self._classifier_progress is not None:
-            self._classifier_progress.send(encode(ReplayProgress(self._stamp_ns, frames=0, finished=True)))
+            self._classifier_progress.send(encode(ReplayProgress(0, frames=0, finished=True)))
         self._has_ended = True
         self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=self._sent, finished=True)))
         while self._manager_goes_on() and not self._finished.wait(0.1):

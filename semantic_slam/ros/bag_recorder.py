@@ -9,6 +9,7 @@ Parameters:
   lossless   true in a replay by bag_player at rate 0 (default false)
 """
 
+from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -20,13 +21,16 @@ from semantic_slam.bag.continuation import Continuation, unfinished_bag
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.writer import BagWriter
-from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.errors import InputError, MessageError, SemanticSlamError
+from semantic_slam.inference.building import is_id_of_its_contents
+from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import decode
+from semantic_slam.messages.codec import BY_TYPE_NAME, decode, from_message
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
 from semantic_slam.ros import qos
+from semantic_slam.ros.health import dropped_status
 from semantic_slam.ros.parameters import refuse_undeclared
 from semantic_slam.ros.pipeline_node import PASSED, PipelineNode, main_of
 from semantic_slam.ros.recent_inputs import RecentInputs
@@ -44,6 +48,8 @@ NEWEST = (topics.RUN_CONFIGURATION, topics.PATH, topics.MARKERS)
 class BagRecorder(PipelineNode):
     """Writes parameter ``bag`` until the replay or the node ends. A gap in the keyframes is a fault."""
 
+    most_behind: Mapping[str, int] = {}  # what is recorded is whole, and disks are faster than sensors
+
     def __init__(self) -> None:
         super().__init__("bag_recorder")
         path = str(self.declare_parameter("bag", "").value)
@@ -52,24 +58,26 @@ class BagRecorder(PipelineNode):
         refuse_undeclared(self)
         if not path:
             raise InputError("bag_recorder: parameter bag is empty; name the bag to write")
-        self._repeats = Repeats()
+        self._repeats = Repeats(self.repeated)
         self._inputs = RecentInputs()
         self._path = Path(path)
-        self._stamp_ns = 0  # the newest stamp so far, for messages without one
+        self._stamp_ns = 0  # of the newest belief, for messages without a stamp; before it the newest one of all
         self._num_beliefs, self._belief_stamp_ns = 0, -1
+        self._ahead: tuple[int, int] | None = None  # keyframe and stamp of a belief that came before its turn
         self._has_gap = False  # beliefs have passed since the last one that was recorded
         self._run_id = ""
         self._next_run: Any = None  # the announcement of another session, whose first belief is still to come
         self._ends_at_ns: int | None = None  # stamp of the replay's last belief
         self._begin(*(unfinished_session(self._path) if resume else (self._path, None)), overwrite)
+        self.health.add_source(lambda: [dropped_status(self.refused.copy())])
         for topic in NEWEST:  # first: of messages that are there at once, another run comes before its beliefs
-            self._record(topic, qos.latched(), waits=False)
+            self._record(topic, qos.latched_by_any(), waits=False)
         for topic in RESULTS:
             self._record(topic, qos.result(self.lossless), waits=False)
         self._record(topics.DIAGNOSTICS, qos.everything(), ends=False, waits=False)
         for topic in topics.KEPT_INPUTS:
             self._record(topic, qos.sensor_input(topic, self.lossless))
-        self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched(), waits=False)
+        self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched_by_any(), waits=False)
         self.create_timer(FLUSH_S, self._queue_flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _begin(self, path: Path, unfinished: Path | None, overwrite: bool) -> None:
@@ -131,6 +139,9 @@ class BagRecorder(PipelineNode):
 
     def _write(self, topic: str, data: bytes) -> None:
         message = deserialize(data, topics.TYPES[topic])
+        value = from_message(message) if topics.TYPES[topic] in BY_TYPE_NAME else None
+        if isinstance(value, RunConfiguration) and not is_id_of_its_contents(value):
+            raise MessageError(f"{topic}: its id is not that of its contents", "id of another run")
         stamp_ns = header_stamp_ns(message) if hasattr(message, "header") else 0
         if self._is_repeated(topic, data):
             return
@@ -139,12 +150,13 @@ class BagRecorder(PipelineNode):
             return
         if topic == topics.BELIEF and self._is_of_next_run(message):
             self._begin_session()
-        if topic == topics.BELIEF and not self._is_due(message.keyframe, stamp_ns):
+        if topic == topics.BELIEF and not self._is_due(int(message.keyframe), stamp_ns):
             return
         self._write_raw(topic, data, stamp_ns)
 
     def _write_raw(self, topic: str, data: bytes, stamp_ns: int) -> None:
-        self._stamp_ns = max(self._stamp_ns, stamp_ns)
+        if topic == topics.BELIEF or not self._num_beliefs:  # whose stamps somebody has looked at
+            self._stamp_ns = max(self._stamp_ns, stamp_ns)
         if self._stamp_ns:  # before the first stamp there are but diagnostics of nodes that wait, which repeat
             self._writer.write_raw(topic, topics.TYPES[topic], data, stamp_ns or self._stamp_ns)
 
@@ -179,19 +191,41 @@ class BagRecorder(PipelineNode):
         return is_of_replay and self._repeats.is_known(absolute(topic), _key(topic, data))
 
     def _is_due(self, keyframe: int, stamp_ns: int) -> bool:
-        """Whether a belief is new; raises SemanticSlamError when some before it were lost."""
+        """Whether a belief is new, and in its turn; raises SemanticSlamError when some before it were lost."""
         if keyframe < self._num_beliefs:  # of a manager that was started again
+            self.repeated[topics.BELIEF] += 1
             return False
         may_lack = self._has_gap or (self._is_resumed and not self.lossless)
         if keyframe != self._num_beliefs and not may_lack:
-            raise SemanticSlamError(f"keyframe {keyframe} came where {self._num_beliefs} was due: beliefs were lost")
+            self._note_ahead(keyframe, stamp_ns)
+            return False
+        self._refuse_ahead()
         if keyframe != self._num_beliefs:
             self.get_logger().warning(f"keyframes {self._num_beliefs} to {keyframe - 1} were not recorded")
         self._num_beliefs, self._belief_stamp_ns, self._has_gap = keyframe + 1, stamp_ns, False
         return True
 
+    def _note_ahead(self, keyframe: int, stamp_ns: int) -> None:
+        """A belief ahead of its turn is nobody's, unless the next one follows on it: then those between were lost."""
+        if self._ahead is not None and keyframe == self._ahead[0] + 1:
+            self._fail_for(self._ahead[0])
+        self._refuse_ahead()
+        self._ahead = keyframe, stamp_ns
+
+    def _refuse_ahead(self) -> None:
+        if self._ahead is not None:
+            self.refused[f"{topics.BELIEF}: out of turn"] += 1
+            self._ahead = None
+
+    def _fail_for(self, keyframe: int) -> None:
+        raise SemanticSlamError(f"keyframe {keyframe} came where {self._num_beliefs} was due: beliefs were lost")
+
     def _manager_progress(self, data: bytes) -> None:
         progress = decode(data, topics.TYPES[topics.MANAGER_PROGRESS])
+        if progress.finished and progress.stamp_ns < self._belief_stamp_ns:
+            raise MessageError(f"{topics.MANAGER_PROGRESS}: an end before the newest belief", "out of turn")
+        if not progress.finished:
+            self._is_repeated(topics.MANAGER_PROGRESS, data)
         self._ends_at_ns = progress.stamp_ns if progress.finished else None
         if progress.finished:
             self.when_drained(self._end, None)
@@ -202,6 +236,8 @@ class BagRecorder(PipelineNode):
             return
         if self._belief_stamp_ns >= self._ends_at_ns:
             self.end()
+        elif self._ahead is not None and self._ahead[1] == self._ends_at_ns:
+            self._fail_for(self._ahead[0])
         else:
             self.when_drained(self._end, None)
 

@@ -24,7 +24,7 @@ from semantic_slam.datasets.detection_formats import READERS, in_body
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import decode, encode, to_message
+from semantic_slam.messages.codec import decode, encode, is_usable, to_message
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.sensor import TransformTree, sensor_pose
 from semantic_slam.messages.typestore import deserialize
@@ -73,7 +73,7 @@ class ClassifierNode(PipelineNode):
         """Nothing was received so far of this session."""
         self._frames = FrameAssembler(self._configuration, self._has_depth, self._moving)
         self._places = PlacesAssembler(self._configuration, self._sensor_pose)
-        self._repeats = Repeats()
+        self._repeats = Repeats(self.repeated)
         self._received = 0  # detection messages
         self._measured = 0
         self._announced = 0
@@ -132,7 +132,7 @@ class ClassifierNode(PipelineNode):
         if has_images and has_moving_camera:
             handle = self._decoded(topics.TF, lambda message: self._frames.add_transforms(message))
             self.listen(topics.TF, handle, qos.sensor_input(topics.TF, self.lossless), required=True)
-        self.listen(topics.PLAYER_PROGRESS, self._player_progress, qos.latched())
+        self.listen(topics.PLAYER_PROGRESS, self._player_progress, qos.latched_by_any())
 
     def _look_for(
         self, parameter: str, transports: tuple[str, str], add: Callable[[Any], None], is_wanted: bool
@@ -164,10 +164,11 @@ class ClassifierNode(PipelineNode):
         def add(data: bytes) -> None:
             if self._is_repeated(topics.DETECTIONS, data):
                 return
-            self._received += 1
             if foreign is None:
                 message = deserialize(data, OURS)
+                self._received += is_usable(data, OURS)  # the player waits for no others
             else:
+                self._received += 1
                 detections = READERS[type_name](_received(data, foreign))
                 try:
                     message = to_message(in_body(detections, type_name, self._perception.base_frame, self._sensor_pose))
@@ -226,8 +227,11 @@ class ClassifierNode(PipelineNode):
         self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=self._announced, finished=finished)))
 
     def _player_progress(self, data: bytes) -> None:
-        if decode(data, topics.TYPES[topics.PLAYER_PROGRESS]).finished:
-            self.when_drained(self._end_of_replay, None)
+        progress: ReplayProgress = decode(data, topics.TYPES[topics.PLAYER_PROGRESS])
+        if not progress.finished or (progress.frames < self._measured and not self._is_finished):
+            text = f"{topics.PLAYER_PROGRESS}: {progress.frames} frames sent, where {self._measured} were measured"
+            raise MessageError(text, "out of turn")
+        self.when_drained(self._end_of_replay, None)
 
     def _end_of_replay(self, _: None) -> None:
         self._work(at_end=True)

@@ -70,6 +70,12 @@ def dropped_status(dropped: Counter[str]) -> Status:
     return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
 
 
+def repeated_status(repeated: Counter[str]) -> Status:
+    """Messages that came before, by topic: after a restart that is in order."""
+    text = "; ".join(f"{number} x {topic}" for topic, number in sorted(repeated.items())) or "nothing came again"
+    return Status("repeated", Level.OK, text, {f"repeated: {topic}": str(n) for topic, n in sorted(repeated.items())})
+
+
 def explanation_status(belief: HybridBelief | None, carried: float = 0.0) -> Status:
     """Whether the newest belief explains its data; ``carried``: probability that the robot was, lately."""
     if belief is None:

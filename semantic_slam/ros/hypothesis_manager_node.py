@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -88,8 +88,9 @@ class HypothesisManagerNode(PipelineNode):
         self._pool_of_run = JournaledPool(self._pool, self._journal)
         self._session = Session(self._configuration, self._map_prior, self._source)
         self._is_paused = False
-        self._frames = FrameCount()
-        self._repeats = Repeats()
+        self._frames = FrameCount(is_gapless=self.lossless)
+        self.repeated = self._pool.repeated
+        self._repeats = Repeats(self.repeated)
         self._adders: dict[str, Callable[[Any], None]] = {}  # by topic
         self._announced, self._belief_stamp_ns = -1, 0
         self._is_recovering = self._is_finished = False
@@ -122,7 +123,7 @@ class HypothesisManagerNode(PipelineNode):
             self._input(identities, lambda m: self._session.assembler.add_identities(from_message(m)), required=False)
         handle = self._kept(topics.MEASUREMENTS, self._add_measurements)
         self.listen(topics.MEASUREMENTS, handle, qos.result(self.lossless), required=True)
-        self.listen(topics.CLASSIFIER_PROGRESS, self._classifier_progress, qos.latched())
+        self.listen(topics.CLASSIFIER_PROGRESS, self._classifier_progress, qos.latched_by_any())
 
     def _input(self, topic: str, add: Callable[[Any], None], *, required: bool = True) -> None:
         self.listen(topic, self._kept(topic, add), qos.sensor_input(topic, self.lossless), required=required)
@@ -153,7 +154,7 @@ class HypothesisManagerNode(PipelineNode):
         """After the end of a replay another session begins, of which nothing was had so far."""
         if self._is_finished:
             self._is_finished = self.health.finished = False
-            self._frames, self._repeats = FrameCount(), Repeats()
+            self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
             self._begin(self._session.map_prior)
 
     def _begin(self, map_prior: MapPrior | None) -> None:
@@ -270,11 +271,22 @@ class HypothesisManagerNode(PipelineNode):
 
     def _classifier_progress(self, data: bytes) -> None:
         progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])
+        if progress.finished and 0 < progress.stamp_ns < self._frames.stamp_ns and not self._is_finished:
+            raise MessageError(f"{topics.CLASSIFIER_PROGRESS}: an end before the newest measurements", "out of turn")
+        if self._is_progress_repeated(progress, data):
+            return
         self._journal.append(topics.CLASSIFIER_PROGRESS, data)
         self._count_lost(progress)
         self._announce(finished=False)
         if progress.finished:
             self.when_drained(self._end_of_replay, None)
+
+    def _is_progress_repeated(self, progress: ReplayProgress, data: bytes) -> bool:
+        """Whether it was told before, in this process: one that goes on has the end of a replay still to come."""
+        if not progress.finished:
+            return self._repeats.is_known(topics.CLASSIFIER_PROGRESS, data)
+        self.repeated[topics.CLASSIFIER_PROGRESS] += self._is_finished
+        return self._is_finished
 
     def _count_lost(self, progress: ReplayProgress) -> None:
         if not progress.finished:

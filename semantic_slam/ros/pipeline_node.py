@@ -23,8 +23,10 @@ from rclpy.utilities import remove_ros_args
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.messages import topics
+from semantic_slam.ros.backlog import Backlog
 from semantic_slam.ros.diagnostics import Diagnostics
-from semantic_slam.ros.qos import PICTURES
+from semantic_slam.ros.health import repeated_status
+from semantic_slam.ros.qos import PICTURES, SENSOR_DEPTH
 from semantic_slam.ros.transport import receive, relative_name
 from semantic_slam.ros.worker import Worker
 
@@ -32,6 +34,8 @@ QUIET_TICK_S = 0.1
 QUIET_TICKS = 3
 LOOK_S = 0.2
 """How often a publisher is looked for."""
+FAST_DEPTH = 5000
+"""Odometry and transforms, which cost next to nothing, and whose gaps make motions uncertain."""
 SAY_AGAIN_S = 10.0
 """What goes on being wrong is said on the console once in so long."""
 
@@ -47,6 +51,10 @@ STREAMS = frozenset(
     }
 )
 """Inputs that go on coming: live, a node that is not active lets them pass, and counts them. All else waits for it."""
+FAST = frozenset({topics.ODOMETRY, topics.TF, topics.GROUND_TRUTH_ODOMETRY})
+MOST_BEHIND = {topic: FAST_DEPTH if topic in FAST else SENSOR_DEPTH for topic in (*STREAMS, topics.MEASUREMENTS)}
+"""Live, so many messages of a topic wait at most for a node that is slower than they come; the oldest go, counted."""
+BEHIND = "came faster than it could be used"
 PASSED = "came while the node was not active"
 SHUTDOWN_S = 0.2
 """So long after it was asked to, a node shuts down: whoever asked is answered before."""
@@ -54,6 +62,8 @@ SHUTDOWN_S = 0.2
 
 class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followed by mypy
     """A node whose subscriptions hand serialised messages to a worker thread, which works while the node is active."""
+
+    most_behind: Mapping[str, int] = MOST_BEHIND
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -65,6 +75,8 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.worker = Worker(self._failed)
         self.fault: Exception | None = None
         self.refused: Counter[str] = Counter()  # messages that could not be used, by topic and kind
+        self.repeated: Counter[str] = Counter()  # messages that came before, by topic
+        self.health.add_source(lambda: [repeated_status(self.repeated.copy())])
         self._arrivals = 0
         self._newest: dict[str, Callable[[], None]] = {}  # by topic: what waits for a node that is not active
 
@@ -85,6 +97,8 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         those that, live, pass a node that is not active as :data:`STREAMS` do. Of a latched one the newest waits.
         """
         monitors: list[Any] = []
+        is_bounded = not self.lossless and topic in self.most_behind
+        backlog = Backlog(self.most_behind[topic]) if is_bounded else None
 
         def queue_message(data: bytes) -> None:
             if not self.is_active and not self.lossless and (topic in STREAMS or not waits):
@@ -96,7 +110,12 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
             self._arrivals += ends
             for monitor in monitors:
                 monitor.arrived(time.monotonic())
-            self.worker.submit(lambda data: self.guarded(topic, partial(handle, data)), data)
+            if backlog is None:
+                self.worker.submit(lambda data: self.guarded(topic, partial(handle, data)), data)
+            elif backlog.add(data):
+                self.refused[f"{topic}: {BEHIND}"] += 1
+            else:
+                self.worker.submit(lambda backlog: self.guarded(topic, lambda: handle(backlog.take())), backlog)
 
         name = receive(self, topic, queue_message, qos, type_name, self.health.incompatible)
         if required:

@@ -37,6 +37,11 @@ def latched() -> QoSProfile:
     )
 
 
+def latched_by_any() -> QoSProfile:
+    """Reader of :func:`latched` topics: of two publishers, one of which is not meant, none displaces the other."""
+    return everything_from_the_start()
+
+
 def newest() -> QoSProfile:
     """Quality of service where only the newest message matters, as with /clock."""
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1)

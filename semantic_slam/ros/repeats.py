@@ -3,7 +3,7 @@
 Live inputs never repeat, and are not looked at.
 """
 
-from collections import deque
+from collections import Counter, deque
 from hashlib import blake2b
 
 MOST_REMEMBERED = 20_000
@@ -11,9 +11,10 @@ MOST_REMEMBERED = 20_000
 
 
 class Repeats:
-    """Knows the messages of each topic by their bytes."""
+    """Knows the messages of each topic by their bytes; ``counted`` counts, by topic, those that came again."""
 
-    def __init__(self) -> None:
+    def __init__(self, counted: Counter[str]) -> None:
+        self._counted = counted
         self._known: dict[str, set[bytes]] = {}
         self._order: dict[str, deque[bytes]] = {}
 
@@ -22,6 +23,7 @@ class Repeats:
         known, order = self._known.setdefault(topic, set()), self._order.setdefault(topic, deque())
         digest = blake2b(data, digest_size=8).digest()
         if digest in known:
+            self._counted[topic] += 1
             return True
         known.add(digest)
         order.append(digest)

@@ -41,6 +41,8 @@ class RosPool:
         self._timeout_s = timeout_s
         self._run_id = ""
         self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and kind
+        self.repeated: Counter[str] = Counter()  # answers that were there or are no longer awaited, by topic
+        self._all_ids = frozenset(backend_ids)
         self._given_up: frozenset[int] = frozenset()
         self._back: set[int] = set()  # of those given up, the ones that answer again
         self._logger = node.get_logger()
@@ -135,9 +137,20 @@ class RosPool:
             elif answer.keyframe == index and answer.backend_id in self._awaited:
                 collected[answer.backend_id] = answer
                 self._awaited = tuple(n for n in self._awaited if n != answer.backend_id)
-            elif topic == topics.CANDIDATES and answer.keyframe >= index - 1 and answer.backend_id in self._given_up:
-                self._back.add(answer.backend_id)
+            else:
+                self._note(answer, topic, index)
         return [collected[n] for n in sorted(collected)]
+
+    def _note(self, answer: Any, topic: str, index: int) -> None:
+        """An answer that is not awaited: of a backend that is back, of a round that is over, or of nobody."""
+        if answer.backend_id not in self._all_ids:
+            self.refused[f"{topic}: of a backend that there is not"] += 1
+        elif answer.keyframe > index:
+            self.refused[f"{topic}: of a keyframe that nobody asked for"] += 1
+        else:
+            self.repeated[topic] += 1
+            if topic == topics.CANDIDATES and answer.keyframe >= index - 1 and answer.backend_id in self._given_up:
+                self._back.add(answer.backend_id)
 
     def _next(self, answers: "queue.SimpleQueue[bytes]", topic: str) -> Any:
         """The next answer of this run; None when none comes for a while."""
@@ -148,7 +161,10 @@ class RosPool:
         except MessageError as fault:
             self.refused[f"{topic}: {fault.kind}"] += 1
             return None
-        return answer if answer.run_id == self._run_id else None
+        if answer.run_id != self._run_id:
+            self.refused[f"{topic}: of another run"] += 1
+            return None
+        return answer
 
     def _check(self) -> None:
         if not rclpy.ok():

@@ -21,12 +21,12 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros.round_checks import fault_of_commit, fault_of_keyframe
+from semantic_slam.ros.waiting import Waiting
 
 Answer = Candidates | Components
 MOST_RUNS = 2
 """Runs that a backend holds: that of its manager, and that of the one before it, or of whoever else announced one."""
-MOST_WAITING = 5000
-"""Messages of either round that wait for those before them; as many as a late reader is sent."""
+TOPICS = {topics.TYPES[topic]: topic for topic in (topics.RUN_CONFIGURATION, topics.KEYFRAMES, topics.COMMITS)}
 
 
 @dataclass
@@ -49,14 +49,15 @@ class _Run:
 class WorkOrder:
     """Feeds the backends of announced runs and returns their answers; ``dropped`` counts what was not used, by reason.
 
-    ``make_backend`` makes the backend of one run.
+    ``make_backend`` makes the backend of one run; ``repeated`` counts what came before, by topic.
     """
 
     make_backend: Callable[[], Backend]
     dropped: Counter[str] = field(default_factory=Counter)
+    repeated: Counter[str] = field(default_factory=Counter)
     _runs: dict[str, _Run] = field(default_factory=dict)
-    _keyframes: dict[tuple[str, int], Keyframe] = field(default_factory=dict)
-    _commits: dict[tuple[str, int], Commit] = field(default_factory=dict)
+    _keyframes: Waiting[Keyframe] = field(default_factory=lambda: Waiting(topics.KEYFRAMES))
+    _commits: Waiting[Commit] = field(default_factory=lambda: Waiting(topics.COMMITS))
 
     def take(self, data: bytes, type_name: str, *, more: bool = False) -> list[Answer]:
         """The answers to a message of the wire; one that cannot be used is counted.
@@ -66,7 +67,7 @@ class WorkOrder:
         try:
             answers = self._taken(data, type_name)
         except MessageError as fault:
-            self.dropped[f"{type_name}: {fault.kind}"] += 1
+            self.dropped[f"{TOPICS[type_name]}: {fault.kind}"] += 1
             answers = []
         return answers if more else answers + self.advance()
 
@@ -89,6 +90,7 @@ class WorkOrder:
         known = self._runs.get(run.run_id)
         if known is not None:
             known.is_announced_again = True
+            self.repeated[topics.RUN_CONFIGURATION] += 1
             return
         self._runs[run.run_id] = _Run(run, self._started(run))
         if len(self._runs) > MOST_RUNS:
@@ -104,12 +106,13 @@ class WorkOrder:
         run = self._runs.get(run_id)
         if run is not None and keyframe.index < run.num_known:
             if keyframe.stamp_ns == run.stamps_ns[keyframe.index]:
+                self.repeated[topics.KEYFRAMES] += 1
                 return self._asked_again(run, keyframe)
             if keyframe.index or not run.is_announced_again:
                 self.dropped[f"{topics.KEYFRAMES}: of an earlier keyframe"] += 1
                 return []
             self._begin_anew(run)
-        self._keep(self._keyframes, (run_id, keyframe.index), keyframe, topics.KEYFRAMES)
+        self._keep(self._keyframes, run_id, keyframe.index, keyframe)
         return []
 
     def commit(self, commit: Commit) -> list[Answer]:
@@ -117,7 +120,7 @@ class WorkOrder:
         run = self._runs.get(commit.run_id)
         if run is not None and commit.keyframe < run.num_known:
             return self._followed(run, commit)
-        self._keep(self._commits, (commit.run_id, commit.keyframe), commit, topics.COMMITS)
+        self._keep(self._commits, commit.run_id, commit.keyframe, commit)
         return []
 
     def advance(self) -> list[Answer]:
@@ -154,19 +157,25 @@ class WorkOrder:
         run.backend.start(run.announced)
         run.is_announced_again, run.stamps_ns, run.repeated = False, [], -1
 
-    def _keep(self, waiting: dict[tuple[str, int], Any], key: tuple[str, int], value: Any, topic: str) -> None:
-        waiting[key] = value
-        if len(waiting) > MOST_WAITING:
-            del waiting[next(iter(waiting))]
-            self.dropped[f"{topic}: of no run that goes on"] += 1
+    def _keep(self, waiting: Waiting[Any], run_id: str, index: int, value: Any) -> None:
+        """Let a message wait for those before it. A topic keeps its order, and so leaves out none of an announced run;
+        nor does anything follow there on what is of another run, unless its announcement has come meanwhile.
+        """
+        run = self._runs.get(run_id)
+        if run is not None:
+            self.dropped += waiting.without_others(self._runs)
+            if index > run.num_known and not waiting.has(run_id, index - 1):
+                self.dropped[f"{waiting.topic}: out of turn"] += 1
+                return
+        self.dropped += waiting.keep(run_id, index, value)
 
     def _advanced(self, run_id: str, run: _Run) -> list[Answer]:
         answers: list[Answer] = []
         while True:
-            keyframe = self._keyframes.pop((run_id, run.num_known), None)
-            commit = self._commits.pop((run_id, run.num_known - 1), None)
+            keyframe = self._keyframes.pop(run_id, run.num_known)
+            commit = self._commits.pop(run_id, run.num_known - 1)
             if keyframe is not None:
-                answers += self._began(run, keyframe, (run_id, keyframe.index + 1) in self._keyframes)
+                answers += self._began(run, keyframe, self._keyframes.has(run_id, keyframe.index + 1))
             elif commit is not None:
                 answers += self._followed(run, commit)
             else:
@@ -189,5 +198,6 @@ class WorkOrder:
         if fault:
             self.dropped[f"{topics.COMMITS}: {fault}"] += 1
             return []
+        self.repeated[topics.COMMITS] += commit.keyframe <= run.backend.committed
         answer = run.backend.commit(commit)
         return [answer] if answer is not None else []

@@ -11,12 +11,16 @@ import numpy as np
 from semantic_slam.evaluation.record import json_object
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.inputs.spatial_reader import camera_of
+from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages.ground_truth import GroundTruthObjects, ReplayProgress
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.report.keyframe import rounded
 from semantic_slam.report.palette import OTHER_COLOUR
 from semantic_slam.report.plain_json import plain
+from semantic_slam.report.space import camera_pyramid
 from semantic_slam.view.class_palette import ClassPalette
 from semantic_slam.view.extent import Extent
 from semantic_slam.view.live_charts import LiveCharts
@@ -58,6 +62,8 @@ class LiveRun:
         self._palette = ClassPalette()
         self._classes: list[dict[str, Any]] = []
         self._charts = LiveCharts()
+        self._camera = Camera()
+        self._pyramid: list[list[float]] = []  # what it sees, of a run in space
         self._pictures.forget_run()
         self._true_path.begin(stamp_ns)
 
@@ -105,10 +111,16 @@ class LiveRun:
         colours = self._palette.of(belief)
         pairs = zip(belief.class_names, colours, strict=True)
         self._classes = [{"name": name, "colour": own, "shared": own == OTHER_COLOUR} for name, own in pairs]
-        true_objects = np.array(self._true_objects).reshape(-1, 2)
+        self._pyramid = [] if belief.planar else self._seen_by_the_camera()
+        true_objects = np.array(self._true_objects).reshape(-1, 3)[:, :2]
         self._extent.show(np.concatenate([self._timeline.to_be_seen(), true_objects]))
         self._pictures.add_belief(belief, colours, self._version, self._folder)
         self._charts.add(belief)
+
+    def _seen_by_the_camera(self) -> list[list[float]]:
+        run = self._configuration
+        settings = json_object(run.configuration).get("open_world", {}) if run else {}
+        return [rounded(point) for point in camera_pyramid(self._camera, settings)]
 
     @property
     def _folder(self) -> str:
@@ -117,6 +129,7 @@ class LiveRun:
     def add_measurements(self, measured: SemanticMeasurements) -> None:
         with self._lock:
             self._version += 1
+            self._camera = camera_of(measured)
             self._pictures.add_measurements(measured, self._version, self._folder)
 
     def add_picture(self, message: Any) -> None:
@@ -132,7 +145,7 @@ class LiveRun:
 
     def add_true_objects(self, objects: GroundTruthObjects) -> None:
         with self._lock:
-            poses = objects.poses[~objects.moves, :2]
+            poses = objects.poses[~objects.moves, :3]
             self._true_objects = poses[np.isfinite(poses).all(axis=1)].round(3).tolist()
 
     def add_diagnostics(self, message: Any) -> None:
@@ -152,6 +165,7 @@ class LiveRun:
                 "pictures": self._pictures.changed_since(since),
                 "truth": self._true_path.changed_since(since),
                 "crosses": self._true_objects,
+                "camera": self._pyramid or None,
                 "classes": self._classes,
                 "extent": self._extent.box,
                 "run": self._run(),

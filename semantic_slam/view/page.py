@@ -22,5 +22,5 @@ def assets() -> dict[str, tuple[str, bytes]]:
         "/": (HTML, parts.get_template("view.html").render().encode()),
         "/report.css": (CSS, part("report.css")),
         "/view.css": (CSS, part("view.css")),
-        **{f"/{name}": (SCRIPT, part(name)) for name in ("map.js", "plots.js", "view.js")},
+        **{f"/{name}": (SCRIPT, part(name)) for name in ("map.js", "space.js", "plots.js", "view.js")},
     }

@@ -11,8 +11,6 @@ from semantic_slam.report.objects import object_label
 
 SHOWN_OBJECTS = 400
 """The likeliest to exist; a map of more is not to be read."""
-CERTAIN = 0.99
-"""Existence from which on an object is drawn as any other."""
 
 
 class ShownObjects:
@@ -35,11 +33,6 @@ class ShownObjects:
             if number not in self.places:
                 self._enter(number, object_label(belief, row), version)
         return gone
-
-    def fading(self, belief: HybridBelief) -> list[list[float]]:
-        """Place and existence of those that may not exist."""
-        rows = zip(belief.object_ids.tolist(), belief.existence.tolist(), strict=True)
-        return [[self.places[own], round(value, 2)] for own, value in rows if own in self.places and value < CERTAIN]
 
     def changed_since(self, version: int) -> list[list[Any]]:
         """Place and entry of those that came into the list since."""

@@ -60,7 +60,7 @@ class Timeline:
         gone = self.objects.note(belief, version)
         scene = keyframe_scene(belief, self.start_ns, [], self.objects.places, self.objects.written)
         scene["o"] += [[place] for place in gone]
-        scene = plain(scene | {"e": self.objects.fading(belief), **_numbers(belief)})
+        scene = plain(scene | _numbers(belief))
         rows = plain(hypothesis_rows(belief, heaviest, {}))
         self.moments.append(
             Moment(

@@ -1,5 +1,6 @@
 """Where the robot truly was, of late."""
 
+import math
 from collections import deque
 
 import numpy as np
@@ -17,16 +18,16 @@ class TruePath:
     """The newest points; those of a run may come before its first belief."""
 
     def __init__(self) -> None:
-        self._points: deque[tuple[int, int, list[float]]] = deque(maxlen=KEPT_TRUTH)  # version, stamp, x y
+        self._points: deque[tuple[int, int, list[float]]] = deque(maxlen=KEPT_TRUTH)  # version, stamp, x y z
 
     def add(self, pose: OdometryEstimate, version: int) -> None:
         """Take in a point that is a step away; time that runs backwards is that of another run."""
-        x, y = pose.pose[:2].tolist()
+        x, y, z = pose.pose[:3].tolist()
         if self._points and pose.stamp_ns < self._points[-1][1]:
             self._points.clear()
-        last_x, last_y = self._points[-1][2] if self._points else (np.inf, np.inf)
-        if np.isfinite([x, y]).all() and np.hypot(x - last_x, y - last_y) >= STEP_M:
-            self._points.append((version, pose.stamp_ns, [round(x, 3), round(y, 3)]))
+        last = self._points[-1][2] if self._points else [np.inf] * 3
+        if np.isfinite([x, y, z]).all() and math.dist((x, y, z), last) >= STEP_M:
+            self._points.append((version, pose.stamp_ns, [round(x, 3), round(y, 3), round(z, 3)]))
 
     def begin(self, stamp_ns: int) -> None:
         """Forget what was before a run that begins then."""

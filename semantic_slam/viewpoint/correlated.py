@@ -16,7 +16,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.rows import take
-from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, even_azimuths, kernel
+from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, even_azimuths, gram, kernel
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 MAX_BATCH_NUMBERS = 4_000_000
@@ -108,8 +108,7 @@ def _posterior_covariance(fit: ClassFit) -> Array:
     parts = []
     for component in range(fit.targets.shape[1]):
         sigma, length = float(fit.signal_sigma[component]), float(fit.length_scale[component])
-        gram = kernel(fit.azimuth_rad, fit.azimuth_rad, sigma, length) + np.diag(fit.target_variances[:, component])
-        cross = np.linalg.solve(np.linalg.cholesky(gram), kernel(fit.azimuth_rad, grid, sigma, length))
+        cross = np.linalg.solve(np.linalg.cholesky(gram(fit, component)), kernel(fit.azimuth_rad, grid, sigma, length))
         parts.append(kernel(grid, grid, sigma, length) - cross.T @ cross)
     return np.stack(parts)
 

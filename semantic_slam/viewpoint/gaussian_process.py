@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.viewpoint.directions import Directions
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 GRID = 360
@@ -24,23 +25,42 @@ class ClassFit:
     length_scale: Array  # (F,) of the kernel, a chord on the unit circle
     noise_covariance: Array  # (G, F, F) spread of single views about the mean, at azimuths 2 pi g / G
     coverage_rad: float  # largest angle to a training view that counts as covered
+    elevation_rad: Array | None = None  # (M,) of the views; None: of one height. Else the noise is (E, A, F, F)
+
+    @property
+    def directions(self) -> Directions:
+        """Directions of the training views."""
+        return Directions(self.azimuth_rad, self.elevation_rad)
 
 
 def kernel(first_rad: Array, second_rad: Array, signal_sigma: float, length_scale: float) -> Array:
     """(A, B) squared-exponential kernel of two sets of azimuths, as points (cos, sin) on the unit circle (Eq. 3.12)."""
-    squared_chord = 2.0 - 2.0 * np.cos(first_rad[:, None] - second_rad[None, :])
+    return kernel_of(np.cos(first_rad[:, None] - second_rad[None, :]), signal_sigma, length_scale)
+
+
+def kernel_of(cosines: Array, signal_sigma: float, length_scale: float) -> Array:
+    """The kernel between directions by the cosines of their angles."""
+    squared_chord = 2.0 - 2.0 * cosines
     return np.asarray(signal_sigma**2 * np.exp(-0.5 * squared_chord / length_scale**2))
+
+
+def gram(fit: ClassFit, component: int) -> Array:
+    """(M, M) covariance of what one component's training views measured."""
+    sigma, length = float(fit.signal_sigma[component]), float(fit.length_scale[component])
+    directions = fit.directions
+    shared = kernel_of(directions.cosines(directions), sigma, length)
+    return np.asarray(shared + np.diag(fit.target_variances[:, component]))
 
 
 def posterior(fit: ClassFit, component: int, azimuth_rad: Array) -> tuple[Array, Array, Array]:
     """Mean, slope of the mean [1/rad] and variance of one component at (B,) azimuths (Eqs. 3.15-3.16)."""
     sigma, length = float(fit.signal_sigma[component]), float(fit.length_scale[component])
-    gram = kernel(fit.azimuth_rad, fit.azimuth_rad, sigma, length) + np.diag(fit.target_variances[:, component])
-    weights = np.linalg.solve(gram, fit.targets[:, component] - fit.prior_mean[component])
+    known = gram(fit, component)
+    weights = np.linalg.solve(known, fit.targets[:, component] - fit.prior_mean[component])
     cross = kernel(azimuth_rad, fit.azimuth_rad, sigma, length)
     difference = azimuth_rad[:, None] - fit.azimuth_rad[None, :]
     slope = (cross * (-np.sin(difference) / length**2)) @ weights
-    variance = sigma**2 - np.einsum("bm,mb->b", cross, np.linalg.solve(gram, cross.T))
+    variance = sigma**2 - np.einsum("bm,mb->b", cross, np.linalg.solve(known, cross.T))
     return fit.prior_mean[component] + cross @ weights, slope, np.maximum(variance, 0.0)
 
 
@@ -59,7 +79,28 @@ def tabulate(fit: ClassFit) -> PosteriorTable:
     return PosteriorTable(*(np.stack([part[index] for part in parts], axis=-1) for index in range(3)))
 
 
-class GaussianProcessModel:
+class FittedClasses:
+    """What fitted class models have in common."""
+
+    def __init__(self, class_names: tuple[str, ...], feature_names: tuple[str, ...], fits: Sequence[ClassFit]) -> None:
+        """One ``ClassFit`` per class; ``feature_names`` (F,) are the classifier's."""
+        self._class_names = class_names
+        self.feature_names = feature_names
+        self.fits = tuple(fits)
+        self._coverage_rad = np.array([fit.coverage_rad for fit in self.fits])
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """Names of the C classes."""
+        return self._class_names
+
+    @property
+    def num_features(self) -> int:
+        """F, components of the feature."""
+        return len(self.feature_names)
+
+
+class GaussianProcessModel(FittedClasses):
     """The class models, tabulated over azimuth: a prediction costs a look-up, whatever the number of views.
 
     The covariance is that of the noise of single views plus the posterior variance of the mean.
@@ -73,24 +114,11 @@ class GaussianProcessModel:
         tables: Sequence[PosteriorTable] | None = None,
     ) -> None:
         """One ``ClassFit`` per class, with its table where it is known; ``feature_names`` (F,) are the classifier's."""
-        self._class_names = class_names
-        self.feature_names = feature_names
-        self.fits = tuple(fits)
+        super().__init__(class_names, feature_names, fits)
         self.tables = tuple(tables) if tables is not None else tuple(tabulate(fit) for fit in self.fits)
         pairs = zip(self.fits, self.tables, strict=True)
         self._cubics = np.concatenate([_cubics(fit, table) for fit, table in pairs])  # (C GRID, 2 F + F F, 4)
         self._distance = np.concatenate([_distance_to_training(fit) for fit in self.fits])  # (C GRID,)
-        self._coverage_rad = np.array([fit.coverage_rad for fit in self.fits])
-
-    @property
-    def class_names(self) -> tuple[str, ...]:
-        """Names of the C classes."""
-        return self._class_names
-
-    @property
-    def num_features(self) -> int:
-        """F, components of the feature."""
-        return len(self.feature_names)
 
     def predict(self, classes: Index, viewpoints: Viewpoints) -> Prediction:
         """Mean, covariance and slope for (B,) class indices; only the azimuth matters to these models."""
@@ -115,9 +143,14 @@ class GaussianProcessModel:
 
 def _cell(azimuth_rad: Array) -> tuple[Index, Array]:
     """(B,) grid cell of each azimuth and the position 0..1 in it."""
-    position = azimuth_rad * (GRID / (2.0 * np.pi))
+    cell, place = split_at(azimuth_rad * (GRID / (2.0 * np.pi)))
+    return cell % GRID, place
+
+
+def split_at(position: Array) -> tuple[Index, Array]:
+    """(B,) whole parts of positions and what is left of them, 0..1."""
     floor: Array = np.floor(position)
-    return floor.astype(np.int64) % GRID, position - floor
+    return floor.astype(np.int64), position - floor
 
 
 def even_azimuths(count: int) -> Array:

@@ -51,6 +51,15 @@ def feature_names(model: ViewpointModel) -> tuple[str, ...]:
     return names if len(names) == model.num_features else ()
 
 
+def all_around(model: ViewpointModel, count: int) -> tuple[Index, Viewpoints]:
+    """Every class from ``count`` azimuths, a metre away, at each height that it was fitted at, or level."""
+    heights: tuple[float, ...] = getattr(model, "elevations_rad", (0.0,))
+    names = len(model.class_names)
+    azimuth = np.tile(2.0 * np.pi / count * np.arange(count), names * len(heights))
+    elevation = np.tile(np.repeat(heights, count), names)
+    return np.repeat(np.arange(names), count * len(heights)), Viewpoints(azimuth, elevation, np.ones_like(azimuth))
+
+
 def log_likelihood(model: ViewpointModel, feature: Array, feature_covariance: Array, viewpoint: Viewpoints) -> Array:
     """(C,) log N(feature; h_c, Sigma_c + feature_covariance) at one viewpoint, in nats.
 

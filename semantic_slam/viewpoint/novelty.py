@@ -4,8 +4,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.chi_squared import chi_squared_quantile
-from semantic_slam.viewpoint.gaussian_process import even_azimuths
-from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
+from semantic_slam.viewpoint.model import ViewpointModel, all_around
 
 NUM_AZIMUTHS = 72
 QUANTILE = 0.999
@@ -16,9 +15,7 @@ class KnownViews:
     """What C class models predict in the directions that they were fitted on."""
 
     def __init__(self, model: ViewpointModel) -> None:
-        azimuth = np.tile(even_azimuths(NUM_AZIMUTHS), len(model.class_names))
-        classes = np.repeat(np.arange(len(model.class_names)), NUM_AZIMUTHS)
-        viewpoints = Viewpoints(azimuth, np.zeros_like(azimuth), np.ones_like(azimuth))
+        classes, viewpoints = all_around(model, NUM_AZIMUTHS)
         covered = model.in_coverage(classes, viewpoints)
         prediction = model.predict(classes, viewpoints)
         self.num_features = model.num_features

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
+from semantic_slam.viewpoint.model import ViewpointModel, all_around, log_density
 
 DIRECTIONS = 72
 """Azimuths over which predictions are averaged: every 5 degrees."""
@@ -28,9 +28,7 @@ class OutlierScores:
     @classmethod
     def of(cls, model: ViewpointModel, share: float) -> "OutlierScores":
         """Density with the mean and the covariance of all scores that the models predict, all classes alike."""
-        classes = np.repeat(np.arange(len(model.class_names)), DIRECTIONS)
-        azimuth = np.tile(2.0 * np.pi / DIRECTIONS * np.arange(DIRECTIONS), len(model.class_names))
-        expected = model.predict(classes, Viewpoints(azimuth, np.zeros(len(azimuth)), np.ones(len(azimuth))))
+        expected = model.predict(*all_around(model, DIRECTIONS))
         mean = expected.mean.mean(axis=0)
         off = expected.mean - mean
         return cls(share, mean, off.T @ off / len(off) + expected.covariance.mean(axis=0))

@@ -1,4 +1,4 @@
-"""The mirror-symmetric two-class model of Eq. 4.22."""
+"""The mirror-symmetric two-class model of Eq. 4.22, in space by the angle off the object's front."""
 
 from dataclasses import dataclass
 
@@ -12,6 +12,8 @@ from semantic_slam.viewpoint.model import Prediction, Viewpoints
 @dataclass(frozen=True)
 class ParametricModel:
     """h_1 = [a sin^2(t/2) + 1 - a, a - a sin^2(t/2)] over azimuth t; class 2 swaps the components.
+
+    From above or below, t is the angle to the front: its cosine is that of the azimuth times that of the elevation.
 
     ``alpha`` (a, 0..1) is the strength of the viewpoint dependency. The covariance is (R^T R)^-1 with
     R = ``concentration`` [[1, -0.5], [0, 1]], for every viewpoint.
@@ -28,6 +30,11 @@ class ParametricModel:
         sign = np.where(classes == 0, 1.0, -1.0)
         count = len(sine)
         mean, jacobian = np.empty((count, 2)), np.zeros((count, 2, 3))
+        if viewpoints.elevation_rad.any():
+            up, level = sine_cosine(viewpoints.elevation_rad)
+            jacobian[:, 0, 1] = 0.5 * self.alpha * sign * cosine * up
+            jacobian[:, 1, 1] = -jacobian[:, 0, 1]
+            sine, cosine = sine * level, cosine * level
         mean[:, 0] = 0.5 + sign * (0.5 - 0.5 * self.alpha * (1.0 + cosine))
         mean[:, 1] = 1.0 - mean[:, 0]
         jacobian[:, 0, 0] = 0.5 * self.alpha * sign * sine

@@ -1,6 +1,6 @@
 """Viewpoint model files: arrays and a JSON description in one safetensors file; nothing in it is executed."""
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -10,27 +10,28 @@ from semantic_slam.errors import InputError
 from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.appearance import APPEARANCE_FIELDS, KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, PosteriorTable
+from semantic_slam.viewpoint.spherical_process import AZIMUTHS, ELEVATIONS, SphericalProcessModel, SphericalTable
 
 FORMAT = ModelFormat(
     kind="gp_independent", schema_version=1, remedy="check semantic_model.path, or make one with fit_viewpoint_models"
 )
+FittedModel = GaussianProcessModel | SphericalProcessModel
+"""Class models over one angle of view, or over two."""
 APPEARANCE = "appearance."
 """What names of arrays begin with that tell what the objects look like; older files have none."""
 
 
 def save_model(
-    model: GaussianProcessModel, path: Path, provenance: dict[str, Any], appearance: KnownAppearance | None = None
+    model: FittedModel, path: Path, provenance: dict[str, Any], appearance: KnownAppearance | None = None
 ) -> None:
     """Write the model, with what its objects look like where that is known.
 
     ``provenance`` (command, seed, data, network, report) is kept with it as it is.
     """
-    arrays = {}
-    for index, parts in enumerate(zip(model.fits, model.tables, strict=True)):
-        for part in parts:
-            for item in fields(part):
-                value = np.array(getattr(part, item.name), dtype=np.float64, order="C")
-                arrays[f"{index}.{item.name}"] = value
+    arrays: dict[str, Any] = {}
+    for index, (fit, table) in enumerate(zip(model.fits, model.tables, strict=True)):
+        told = {name: value for name, value in (vars(fit) | vars(table)).items() if value is not None}
+        arrays |= {f"{index}.{name}": np.array(value, dtype=np.float64, order="C") for name, value in told.items()}
     for name in APPEARANCE_FIELDS if appearance is not None else ():
         arrays[APPEARANCE + name] = np.array(getattr(appearance, name), dtype=np.float32, order="C")
     description = {
@@ -41,16 +42,17 @@ def save_model(
     FORMAT.write(path, arrays, description)
 
 
-def read_model(path: Path) -> GaussianProcessModel:
-    """The model in a file. Raises InputError naming the file, what is wrong and the remedy."""
+def read_model(path: Path) -> FittedModel:
+    """The model in a file, over one angle or two. Raises InputError naming the file, what is wrong and the remedy."""
     arrays, description = FORMAT.read(path)
     try:
         class_names = tuple(str(name) for name in description["class_names"])
         feature_names = tuple(str(name) for name in description["feature_names"])
-        parts = [_class_parts(arrays, index, len(feature_names)) for index in range(len(class_names))]
-        return GaussianProcessModel(
-            class_names, feature_names, [fit for fit, _ in parts], [table for _, table in parts]
-        )
+        kind = SphericalProcessModel if "0.elevation_rad" in arrays else GaussianProcessModel
+        table = _SPHERE if kind is SphericalProcessModel else _CIRCLE
+        parts = [_class_parts(arrays, index, len(feature_names), table) for index in range(len(class_names))]
+        model: FittedModel = kind(class_names, feature_names, [fit for fit, _ in parts], [table for _, table in parts])
+        return model
     except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as fault:
         raise InputError(
             f"{path}: incomplete viewpoint model ({fault}); fit it anew with fit_viewpoint_models"
@@ -77,24 +79,42 @@ def read_provenance(path: Path) -> dict[str, Any]:
     return dict(FORMAT.read(path)[1].get("provenance", {}))
 
 
-def _class_parts(arrays: dict[str, Any], index: int, num_features: int) -> tuple[ClassFit, PosteriorTable]:
+@dataclass(frozen=True)
+class _Tabulated:
+    """What a file holds of the posterior, and in which shapes."""
+
+    table: type[Any]
+    grid: tuple[int, ...]  # of the posterior
+    optional: tuple[str, ...]  # fields of a fit that are not there
+
+
+_CIRCLE = _Tabulated(PosteriorTable, (GRID,), ("elevation_rad",))
+_SPHERE = _Tabulated(SphericalTable, (ELEVATIONS, AZIMUTHS), ())
+
+
+def _class_parts(arrays: dict[str, Any], index: int, num_features: int, told: _Tabulated) -> tuple[ClassFit, Any]:
     """The arrays of one class, their shapes checked; raises KeyError or ValueError."""
-    names = [item.name for part in (ClassFit, PosteriorTable) for item in fields(part)]
+    names = [item.name for part in (ClassFit, told.table) for item in fields(part) if item.name not in told.optional]
     values = {name: arrays[f"{index}.{name}"] for name in names}
     views = len(values["azimuth_rad"])
     shapes = {
         "azimuth_rad": (views,),
+        "elevation_rad": (views,),
         "targets": (views, num_features),
         "target_variances": (views, num_features),
         "prior_mean": (num_features,),
         "signal_sigma": (num_features,),
         "length_scale": (num_features,),
-        "noise_covariance": (len(values["noise_covariance"]), num_features, num_features),
+        "noise_covariance": (
+            *(told.grid if len(told.grid) > 1 else values["noise_covariance"].shape[:1]),
+            num_features,
+            num_features,
+        ),
         "coverage_rad": (),
-        **{item.name: (GRID, num_features) for item in fields(PosteriorTable)},
+        **{item.name: (*told.grid, num_features) for item in fields(told.table)},
     }
-    for name, shape in shapes.items():
+    for name, shape in ((name, shapes[name]) for name in names):
         if values[name].shape != shape or not np.all(np.isfinite(values[name])):
             raise ValueError(f"class {index}: '{name}' has a wrong shape or is not finite")
-    table = PosteriorTable(*(values.pop(item.name) for item in fields(PosteriorTable)))
+    table = told.table(*(values.pop(item.name) for item in fields(told.table)))
     return ClassFit(**{**values, "coverage_rad": float(values["coverage_rad"])}), table

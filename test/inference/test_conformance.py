@@ -199,5 +199,6 @@ CHECKS = {
     "exact-ch4-lg/1": check_linear_gaussian,
     "exact-ch4-se2/1": check_planar,
     "exact-ch4-se3/1": check_spatial,
+    "exact-ch4-se3-bodies/1": check_spatial,
     "exact-ch4-det/1": check_deterministic,
 }

@@ -5,7 +5,10 @@ import pytest
 from semantic_slam_lab.benchmarks import engine_growth
 from semantic_slam_lab.benchmarks.hybrid_smoother import LIMIT_S, STEPS, Record, run_ours, sharp_world
 from semantic_slam_lab.benchmarks.keyframe_floor import Floor
+from semantic_slam_lab.benchmarks.spatial_keyframe import PAIRS
+from semantic_slam_lab.benchmarks.spatial_keyframe import Floor as SpatialFloor
 from semantic_slam_lab.grid.hypothesis_fan import TRACKED, HypothesisFan
+from semantic_slam_lab.grid.run import Setting
 from semantic_slam_lab.grid.world import Noise, grid_world
 from semantic_slam_lab.peers.hybrid_peers import DcsamPeer, HybridPeer, SmootherPeer
 
@@ -54,6 +57,20 @@ def test_the_floor_estimates_the_track() -> None:
     assert least.isam.getFactorsUnsafe().size() == factors
     estimate = least.isam.calculateEstimatePose2(int(least.isam.getLinearizationPoint().keys()[-1]))
     assert np.hypot(estimate.x() - world.truth[-2, 0], estimate.y() - world.truth[-2, 1]) < 0.5
+
+
+@pytest.mark.parametrize("setting", [*PAIRS["points"], *PAIRS["bodies"]])
+def test_fan_and_floor_are_of_one_world_in_space_too(setting: Setting) -> None:
+    world = grid_world(2, num_keyframes=4, noise=TRACKED)
+    fan, least = HypothesisFan(world, 1, setting), SpatialFloor(world, setting)
+    fan.number = 3
+    fan.advance(2)
+    assert len(fan) == 3
+    for _ in range(3):
+        least.extend()
+    robot, landmark = (6, 6 if setting.semantics else 3) if setting.is_spatial else (3, 3 if setting.semantics else 2)
+    marginal = least.child()
+    assert marginal.shape == (robot + 6 * landmark,) * 2 and np.linalg.eigvalsh(marginal).min() > 0.0
 
 
 def test_exponents_are_those_of_powers(monkeypatch: pytest.MonkeyPatch) -> None:

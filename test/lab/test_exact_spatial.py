@@ -1,25 +1,35 @@
-"""The exact fixture in space is what its script makes: the same problem, and the same answer from fewer draws."""
+"""The exact fixtures in space are what their scripts make: the same problem, and the same answer from fewer draws."""
 
 import json
 from pathlib import Path
 
 import pytest
-import semantic_slam_lab.exact.spatial as exact
+from semantic_slam_lab.exact import bodies, spatial
+from semantic_slam_lab.exact.spatial_problem import SpatialProblem
 
-FIXTURE = json.loads((Path(__file__).parents[1] / "fixtures" / "ch4_se3_N3_k2_n2.json").read_text(encoding="utf-8"))
+FOLDER = Path(__file__).parents[1] / "fixtures"
+SCRIPTS = {"ch4_se3_N3_k2_n2": spatial.problem, "ch4_se3_N2_k2_n2_bodies": bodies.problem}
 
-PROBLEMS = exact.problem().given, FIXTURE["input"]
+
+@pytest.fixture(params=SCRIPTS)
+def fixture(request: pytest.FixtureRequest) -> tuple[SpatialProblem, dict]:
+    return SCRIPTS[request.param](), json.loads((FOLDER / f"{request.param}.json").read_text(encoding="utf-8"))
 
 
-def test_the_fixture_is_of_the_script_s_problem() -> None:
+def test_the_fixture_is_of_the_script_s_problem(fixture: tuple[SpatialProblem, dict]) -> None:
     """To rounding, which is not the same on all processors."""
-    made, kept = (json.loads(json.dumps(own), parse_float=lambda text: f"{float(text):.9f}") for own in PROBLEMS)
+    problems = fixture[0].given, fixture[1]["input"]
+    made, kept = (json.loads(json.dumps(own), parse_float=lambda text: f"{float(text):.9f}") for own in problems)
     assert made == kept
 
 
-def test_few_draws_agree_with_the_fixture(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exact, "DRAWS", exact.CHUNK)
-    row = max(FIXTURE["expected"]["hypotheses"], key=lambda own: own["weight"])
-    found = exact.sampled(exact.problem(), tuple(map(tuple, row["beta"])), seed=9)
-    assert found.log_evidence == pytest.approx(row["log_evidence"], abs=4.0 * found.relative_error)
+def test_few_draws_agree_with_the_fixture(
+    fixture: tuple[SpatialProblem, dict], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(spatial, "DRAWS", spatial.CHUNK)
+    problem, data = fixture
+    rows = data["expected"]["hypotheses"]
+    best = max(range(len(rows)), key=lambda row: float(rows[row]["weight"]))
+    found = spatial.sampled(problem, problem.explanations()[best], seed=9)
+    assert found.log_evidence == pytest.approx(rows[best]["log_evidence"], abs=4.0 * found.relative_error)
     assert found.relative_error < 0.03

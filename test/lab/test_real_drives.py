@@ -293,6 +293,14 @@ def test_an_ablation_is_offered_where_it_changes_the_configuration() -> None:
     assert methods.configuration_of("without_correlation", repeating, methods.Chosen()) == independent
 
 
+def test_outliers_in_place_are_switched_off_where_there_are_any() -> None:
+    base = methods.configuration()
+    none, some = (replace(base, detection_errors=replace(base.detection_errors, outlier_share=e)) for e in (0.0, 0.02))
+    assert "without_outliers" in methods.missing(none)
+    assert "without_outliers" not in methods.missing(some)
+    assert methods.configuration_of("without_outliers", some, methods.Chosen()) == none
+
+
 def test_others_are_given_the_noise_that_ours_chose() -> None:
     base = methods.configuration()
     told = methods.configuration_of(

@@ -70,6 +70,7 @@ def candidates(k=2, d=3, p=1):
         associations=numbers(k, d, dtype=np.int32), class_assignments=numbers(k, d, dtype=np.int32) - 2,
         modes=numbers(k, dtype=np.uint16), log_weights=numbers(k), effective_sample_sizes=np.full(k, np.nan),
         innovation_nees=numbers(k),
+        outlier_probability=numbers(k, d),
         poses=numbers(k, 7), pose_covariances=numbers(k, 6, 6), object_poses=numbers(k, d, 7),
         object_covariances=numbers(k, d, 6, 6), expanded_parent_ids=numbers(p, dtype=np.uint64),
         log_mass_not_enumerated=np.full(p, -np.inf),

@@ -10,7 +10,7 @@ import pytest
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import Configuration, from_dict
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.inference.engine import Engine
@@ -213,3 +213,21 @@ def test_frames_and_drops_are_counted_once_when_a_classifier_begins_again() -> N
     count.lost(0)
     count.lost(1)
     assert count.num_done(num_waiting=1) == 5 - 1 + 2 + 1
+
+
+def test_measurements_that_are_nobodys_are_refused_where_none_can_be_lost() -> None:
+    """An earlier number, or a later one; a classifier that begins anew goes over the last frames."""
+    measurements = keyframes()[0].measurements
+
+    def frame(second: int, sequence: int) -> SemanticMeasurements:
+        return replace(measurements, stamp_ns=second * 10**9, sequence=sequence)
+
+    count = FrameCount(is_gapless=True)
+    assert all(count.measured(frame(second, second + 2)) for second in (1, 2, 3))
+    for strange in (frame(900, 3), frame(900, 0), frame(4, 7)):
+        with pytest.raises(MessageError, match="somebody else"):
+            count.measured(strange)
+    assert count.measured(frame(3, 0)) is None and count.measured(frame(4, 1)) is not None
+    with pytest.raises(MessageError, match="were lost"):
+        count.lost(10**6)
+    assert count.num_done(0) == 4

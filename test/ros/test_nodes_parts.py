@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
+from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import MarkerArray
 from worlds.belief_factory import CLASSES, small_belief
 
@@ -106,6 +107,19 @@ def test_ellipsoid_spans_two_standard_deviations() -> None:
     covariance[0, 0, 0], covariance[0, 1, 1] = 0.09, 0.25
     marker = MarkersView().of(replace(belief, object_covariances=covariance)).markers[0]
     assert sorted([marker.scale.x, marker.scale.y, marker.scale.z]) == pytest.approx([0.1, 1.2, 2.0])
+
+
+def test_in_space_an_ellipsoid_has_three_axes_of_its_own_and_stands_at_its_height() -> None:
+    belief = small_belief(0, [1], [1], [1.0], [4], [[4]])
+    turn, sigmas = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix(), np.array([0.2, 0.4, 0.7])
+    covariance = np.zeros((1, 6, 6))
+    covariance[0, :3, :3] = turn @ np.diag(sigmas**2) @ turn.T
+    poses = np.array([[1.0, 2.0, 0.9, 0.0, 0.0, 0.0, 1.0]])
+    marker = MarkersView().of(replace(belief, object_poses=poses, object_covariances=covariance)).markers[0]
+    scale, pose = np.array([marker.scale.x, marker.scale.y, marker.scale.z]), marker.pose
+    axes = Rotation.from_quat([getattr(pose.orientation, axis) for axis in "xyzw"]).as_matrix()
+    np.testing.assert_allclose(axes @ np.diag((scale / 4.0) ** 2) @ axes.T, covariance[0, :3, :3], atol=1e-12)
+    assert pose.position.z == 0.9
 
 
 @pytest.mark.parametrize(("unexplained", "level"), [(np.nan, Level.OK), (0.2, Level.OK), (0.9, Level.WARN)])

@@ -1,5 +1,7 @@
 """Where a player begins that was started again, and which messages the other nodes know."""
 
+from collections import Counter
+
 import pytest
 from worlds.bag_factory import input_entries, of_topic
 
@@ -39,13 +41,15 @@ def test_a_replay_begins_at_its_start_where_little_or_nothing_is_done(frames: li
 
 
 def test_repeated_messages_are_known_by_topic_and_content() -> None:
-    repeats = Repeats()
+    counted: Counter[str] = Counter()
+    repeats = Repeats(counted)
     assert not repeats.is_known("odom", b"a") and repeats.is_known("odom", b"a")
     assert not repeats.is_known("image", b"a") and not repeats.is_known("odom", b"b")
+    assert counted == {"odom": 1}
 
 
 def test_what_is_remembered_is_bounded() -> None:
-    repeats = Repeats()
+    repeats = Repeats(Counter())
     for n in range(MOST_REMEMBERED + 1):
         repeats.is_known("odom", n.to_bytes(4, "little"))
     assert repeats.is_known("odom", (1).to_bytes(4, "little"))

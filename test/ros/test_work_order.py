@@ -22,7 +22,8 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message, to_message
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros.work_order import MOST_WAITING, WorkOrder
+from semantic_slam.ros.waiting import MOST_WAITING
+from semantic_slam.ros.work_order import WorkOrder
 
 PLACES = ((3.0, 0.5), (3.5, -0.6), (2.0, 1.0))
 CLOSED = from_dict({"semantic_model": {"kind": "none"}})
@@ -275,3 +276,28 @@ def test_keyframes_of_runs_that_nobody_announced_are_bounded(spoken: list[tuple[
         order.keyframe("nobody's", replace(keyframe, index=index))
     assert order.dropped.total() == 7
     assert from_message(to_message(keyframe, run_id="x")).index == 0
+
+
+def test_what_is_out_of_turn_or_of_a_run_that_nobody_announced_is_counted_and_changes_no_answer(
+    spoken: list[tuple[bytes, str]],
+) -> None:
+    """A topic leaves out nothing, and nothing of an announced run follows on it after what is of another one."""
+    expected = answers(WorkOrder(lambda: Backend(0)), spoken)
+    keyframe, commit = decode(*spoken[3]), decode(*spoken[4])
+    far = serialize(to_message(replace(keyframe, index=1000), run_id=commit.run_id)), spoken[3][1]
+    others = serialize(to_message(keyframe, run_id="nobody's")), spoken[3][1]
+    order = WorkOrder(lambda: Backend(0))
+    said = [*spoken[:3], far, others, spoken[3], changed(spoken[4], keyframe=900), spoken[4]]
+    assert answers(order, said) == expected
+    assert order.dropped == {
+        f"{topics.KEYFRAMES}: out of turn": 1,
+        f"{topics.KEYFRAMES}: of a run that is not announced": 1,
+        f"{topics.COMMITS}: out of turn": 1,
+    }
+
+
+def test_what_came_before_is_counted_apart(spoken: list[tuple[bytes, str]]) -> None:
+    order = WorkOrder(lambda: Backend(0))
+    answers(order, [*spoken, spoken[0], spoken[1], spoken[4]])
+    assert order.repeated == {topics.RUN_CONFIGURATION: 1, topics.KEYFRAMES: 1, topics.COMMITS: 1}
+    assert not order.dropped

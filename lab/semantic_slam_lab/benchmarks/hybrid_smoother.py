@@ -20,7 +20,7 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam_lab.benchmarks.row import Row
-from semantic_slam_lab.grid.run import keyframes_of, run_of
+from semantic_slam_lab.grid.run import Setting, keyframes_of, run_of
 from semantic_slam_lab.grid.world import Noise, World, grid_world
 from semantic_slam_lab.peers.hybrid_peers import DcsamPeer, HybridPeer, SmootherPeer
 
@@ -125,7 +125,7 @@ def sharp_world(seed: int, num_detections: int) -> World:
 
 def run_ours(world: World) -> tuple[list[tuple[int, ...]], list[float]]:
     """Associations of the best hypothesis at the end, and seconds per step."""
-    manager = Engine.of_run(run_of(world, semantics=False), InProcessPool(1))
+    manager = Engine.of_run(run_of(world, Setting(semantics=False)), InProcessPool(1))
     seconds = []
     for keyframe in keyframes_of(world):
         start = time.thread_time()

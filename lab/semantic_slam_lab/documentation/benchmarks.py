@@ -36,8 +36,8 @@ SECTIONS = (
         "Benchmarks",
         "Ours and a peer in turn within one run, on one core. The ratio is the peer's time over ours for"
         " `…_vs_literal…`, `…_vs_sampled`, `…_vs_shared_samples` and `…_vs_loop`; ours over the other's for"
-        " `…_vs_one_pass`, `…_floor`, `…_time…`, `…_all_runs…`, `…_builtin`, total variations and the like; throughput"
-        " for `two_backends_vs_one`; the exponent itself for `…_growth…`.",
+        " `…_vs_one_pass`, `…_floor`, `…_vs_planar…`, `…_time…`, `…_all_runs…`, `…_builtin`, total variations and the"
+        " like; throughput for `two_backends_vs_one`; the exponent itself for `…_growth…`.",
         (("", benchmarks),),
     ),
 )

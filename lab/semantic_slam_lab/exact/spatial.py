@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from semantic_slam_lab.exact.spatial_problem import Array, History, SpatialProblem, States
+from semantic_slam_lab.exact.spatial_problem import Array, SpatialProblem, States
 
 DRAWS, CHUNK, SEEDS = 1 << 17, 1 << 14, (1, 2)
 """Draws for each history and seed: with 36 histories 4.7 million each."""
@@ -43,13 +43,14 @@ def problem(seed: int = 13) -> SpatialProblem:
     truth = drawn.states(random.standard_normal((1, drawn.size)))
     by_range, by_ray, _ = np.sqrt(given["Sv"])
     given["Z"] = [
-        [_seen(turn.inv().apply(truth.points[0, n] - place)[0], by_range, by_ray, random) for n in frame]
+        [seen_along(turn.inv().apply(truth.points[0, n] - place)[0], by_range, by_ray, random) for n in frame]
         for turn, place, frame in zip(truth.turns, truth.places, SEEN, strict=True)
     ]
     return drawn
 
 
-def _seen(body: Array, by_range: float, by_ray: float, random: np.random.Generator) -> dict[str, Any]:
+def seen_along(body: Array, by_range: float, by_ray: float, random: np.random.Generator) -> dict[str, Any]:
+    """A detection of a point (3,) in the body frame, with errors of both."""
     ray = body / np.linalg.norm(body)
     aside = np.cross(ray, by_ray * random.standard_normal(3))
     turned = Rotation.from_rotvec(np.cross(ray, aside)).apply(ray)
@@ -66,7 +67,7 @@ class Sampled:
     mean: Array  # (M,) of moments() under its posterior
 
 
-def sampled(given: SpatialProblem, history: History, seed: int) -> Sampled:
+def sampled(given: SpatialProblem, history: Any, seed: int) -> Sampled:
     """By importance sampling about the mode."""
     mode, root = _mode(given, history)
     random, size = np.random.default_rng(seed), given.size
@@ -77,7 +78,7 @@ def sampled(given: SpatialProblem, history: History, seed: int) -> Sampled:
         y = mode + scale * normal @ root.T
         states = given.states(y)
         log_prior = -0.5 * (y**2).sum(axis=1)
-        logs.append(given.log_likelihood(states, history) + log_prior - _log_proposal(scale * normal, root))
+        logs.append(given.log_density(states, history) + log_prior - _log_proposal(scale * normal, root))
         features.append(moments(states))
     log_weights = np.concatenate(logs)
     top = float(log_weights.max())
@@ -91,11 +92,11 @@ def sampled(given: SpatialProblem, history: History, seed: int) -> Sampled:
     )
 
 
-def _mode(given: SpatialProblem, history: History) -> tuple[Array, Array]:
+def _mode(given: SpatialProblem, history: Any) -> tuple[Array, Array]:
     """Mode of the posterior of all deviations, and the root of its covariance there (Gauss-Newton)."""
 
     def residuals(y: Array) -> Array:
-        return np.concatenate([y, given.residuals(given.states(y[None]), history)[0]])
+        return np.concatenate([y, given.residuals_of(given.states(y[None]), history)[0]])
 
     found = least_squares(residuals, np.zeros(given.size), method="lm")
     return found.x, np.linalg.cholesky(np.linalg.inv(found.jac.T @ found.jac))
@@ -109,55 +110,62 @@ def _log_proposal(deviation: Array, root: Array) -> Array:
 
 
 def moments(states: States) -> Array:
-    """(B, M): of the newest place, its squares and products, of q q^T of the newest turn, and of all points."""
+    """(B, M): of the newest place, its squares and products, of q q^T of the newest turn, and of all objects."""
     place, q = states.places[-1], states.turns[-1].as_quat()
     parts = [place, place[:, :, None] * place[:, None], q[:, :, None] * q[:, None], states.points]
+    parts += [turn.as_quat()[:, :, None] * turn.as_quat()[:, None] for turn in states.object_turns]
     return np.concatenate([part.reshape(len(place), -1) for part in parts], axis=1)
 
 
 def answer(given: SpatialProblem, seed: int) -> dict[str, Any]:
-    """Weights of all histories, log evidence, and moments of their mixture."""
-    histories = given.histories()
-    found = [sampled(given, history, seed + 1000 * row) for row, history in enumerate(histories)]
+    """Weights of all explanations, log evidence, and moments of their mixture."""
+    explanations = given.explanations()
+    found = [sampled(given, own, seed + 1000 * row) for row, own in enumerate(explanations)]
     logs = np.array([own.log_evidence for own in found])
     total = float(np.logaddexp.reduce(logs))
     weights = np.exp(logs - total)
     mean = weights @ np.array([own.mean for own in found])
-    place, scatter = mean[:3], mean[12:28].reshape(4, 4)
-    turn = np.linalg.eigh(scatter)[1][:, -1]
+    place, points = mean[:3], mean[28 : 28 + 3 * given.num_points]
+    turns = mean[28 + 3 * given.num_points :].reshape(-1, 4, 4)
     return {
         "hypotheses": [
-            {"beta": history, "log_evidence": float(log), "weight": float(weight)}
-            for history, log, weight in zip(histories, logs, weights, strict=True)
+            {**given.described(own), "log_evidence": float(log), "weight": float(weight)}
+            for own, log, weight in zip(explanations, logs, weights, strict=True)
         ],
         "log_evidence": total,
-        "xk_mean": [*place.tolist(), *(turn * np.sign(turn[3])).tolist()],
+        "xk_mean": [*place.tolist(), *_mean_turn(mean[12:28].reshape(4, 4))],
         "xk_place_cov": (mean[3:12].reshape(3, 3) - np.outer(place, place)).tolist(),
-        "object_means": mean[28:].reshape(-1, 3).tolist(),
+        "object_means": points.reshape(-1, 3).tolist(),
+        **({"object_turns": list(map(_mean_turn, turns))} if len(turns) else {}),
         "relative_error": max(own.relative_error for own, weight in zip(found, weights, strict=True) if weight > 1e-3),
         "effective": min(own.effective for own, weight in zip(found, weights, strict=True) if weight > 1e-3),
     }
 
 
+def _mean_turn(scatter: Array) -> list[float]:
+    """The quaternion of unit length nearest to all of which ``scatter`` (4, 4) is the mean of q q^T."""
+    turn = np.linalg.eigh(scatter)[1][:, -1]
+    return [float(value) for value in turn * np.sign(turn[3])]
+
+
 def prior_log_evidence(given: SpatialProblem, draws: int, seed: int) -> tuple[float, float]:
-    """Log evidence of all histories together by samples of the prior, and its relative error."""
+    """Log evidence of all explanations together by samples of the prior, and its relative error."""
     random, sums = np.random.default_rng(seed), []
     for _ in range(draws // CHUNK):
         states = given.states(random.standard_normal((CHUNK, given.size)))
-        logs = [given.log_likelihood(states, history) for history in given.histories()]
+        logs = [given.log_density(states, own) for own in given.explanations()]
         sums.append(np.exp(np.logaddexp.reduce(logs, axis=0)))
     values = np.concatenate(sums)
     return float(np.log(values.mean())), float(values.std() / values.mean() / np.sqrt(len(values)))
 
 
-def main(path: Path) -> None:
-    """Write the fixture."""
-    given = problem()
+def write(given: SpatialProblem, path: Path, schema: str, name: str) -> None:
+    """Write the fixture of a problem."""
     first, second = (answer(given, seed) for seed in SEEDS)
     pairs = zip(first["hypotheses"], second["hypotheses"], strict=True)
     log_prior, error = prior_log_evidence(given, 1 << 19, 3)
     checks = {
-        "draws": DRAWS * len(given.histories()),
+        "draws": DRAWS * len(given.explanations()),
         "weight_between_seeds": max(abs(one["weight"] - other["weight"]) for one, other in pairs),
         "place_between_seeds_m": float(np.abs(np.subtract(first["xk_mean"], second["xk_mean"])[:3]).max()),
         "relative_error": first.pop("relative_error"),
@@ -165,8 +173,8 @@ def main(path: Path) -> None:
         "prior_samples": {"log_evidence": log_prior, "relative_error": error},
     }
     fixture = {
-        "schema": "exact-ch4-se3/1",
-        "name": "SE3 and R3, N3 k2 n2",
+        "schema": schema,
+        "name": name,
         "input": given.given,
         "tol": {"weight_abs": 0.02, "mean_sigmas": 0.03, "log_evidence_abs": 0.03},
         "checks": checks,
@@ -177,4 +185,4 @@ def main(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    write(problem(), Path(sys.argv[1]), "exact-ch4-se3/1", "SE3 and R3, N3 k2 n2")

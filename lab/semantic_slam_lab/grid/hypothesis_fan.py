@@ -10,7 +10,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam_lab.grid.run import keyframes_of, run_of
+from semantic_slam_lab.grid.run import Setting, keyframes_of, run_of
 from semantic_slam_lab.grid.world import Noise, World
 
 TRACKED = Noise(robot=(0.25, 0.25, 0.01))
@@ -22,10 +22,10 @@ class HypothesisFan:
     best child. All get the same weight, so that none is spared work for being unlikely.
     """
 
-    def __init__(self, world: World, number: int):
-        run = run_of(world)
+    def __init__(self, world: World, number: int, setting: Setting | None = None):
+        run = run_of(world, setting)
         self.number, self._run_id = number, run.run_id
-        self._keyframes = keyframes_of(world)
+        self._keyframes = keyframes_of(world, setting)
         self._backend = Backend(0)
         self._backend.start(run)
         self._ids = np.array([ROOT_ID], dtype=np.uint64)

@@ -1,4 +1,9 @@
-"""A grid world as the engine is given it: a run's announcement and keyframes, the default configuration."""
+"""A grid world as the engine is given it: a run's announcement and keyframes, the default configuration.
+
+In space the world is the same, and level: the robot does not know its height and how it is tilted, nor the objects'.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,9 +23,27 @@ MEASUREMENT_RANGE_LIMIT = 1e-3
 """Metres: a drawn range is not negative."""
 
 
-def run_of(world: World, *, semantics: bool = True) -> RunConfiguration:
+HEIGHT_VARIANCE, TILT_VARIANCE = 0.01, 0.0004
+"""In space, of robot and objects before the first keyframe [m^2, rad^2]; of a motion so many times less."""
+MOTION_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What of a world is estimated."""
+
+    observation: str = "range_bearing"
+    semantics: bool = True
+    is_spatial: bool = False
+
+    def aside(self) -> Array:
+        """(6, 6) over x y z rx ry rz: of what is not in the plane."""
+        return np.diag([0.0, 0.0, HEIGHT_VARIANCE, TILT_VARIANCE, TILT_VARIANCE, 0.0]) * self.is_spatial
+
+
+def run_of(world: World, setting: Setting | None = None) -> RunConfiguration:
     """The default configuration but for what the world defines: classes, visibility, neither clutter nor outliers."""
-    sensor = world.sensor
+    sensor, setting = world.sensor, setting or Setting()
     model = {
         "kind": "parametric",
         "alpha": sensor.alpha,
@@ -30,7 +53,9 @@ def run_of(world: World, *, semantics: bool = True) -> RunConfiguration:
     limits = {"max_range_m": sensor.max_range_m, "field_of_view_rad": sensor.field_of_view_rad}
     configuration = from_dict(
         {
-            "semantic_model": model if semantics else {"kind": "none"},
+            "state_space": "spatial" if setting.is_spatial else "planar",
+            "observation": setting.observation,
+            "semantic_model": model if setting.semantics else {"kind": "none"},
             "visibility": limits,
             "closed_world": {"clutter_per_frame": 0.0},
         }
@@ -40,7 +65,7 @@ def run_of(world: World, *, semantics: bool = True) -> RunConfiguration:
             object_id=i,
             name=str(i),
             pose=pose_vector_from_planar(mean),
-            covariance=_in_map(mean, world.noise.objects),
+            covariance=_in_map(mean, world.noise.objects) + setting.aside(),
             class_probabilities={},
         )
         for i, mean in enumerate(world.object_means)
@@ -49,14 +74,15 @@ def run_of(world: World, *, semantics: bool = True) -> RunConfiguration:
         configuration,
         MapPrior(objects),
         pose_vector_from_planar(world.robot_mean),
-        _in_map(world.robot_mean, world.noise.robot),
+        _in_map(world.robot_mean, world.noise.robot) + setting.aside(),
         stamp_ns=10**9,
     )
 
 
-def keyframes_of(world: World) -> list[Keyframe]:
+def keyframes_of(world: World, setting: Setting | None = None) -> list[Keyframe]:
     """One keyframe per frame, a second apart."""
-    covariance = covariance_from_planar(np.diag(world.noise.motion))
+    aside = MOTION_SHARE * (setting or Setting()).aside()
+    covariance = covariance_from_planar(np.diag(world.noise.motion)) + aside
     return [
         Keyframe(
             index=k,
@@ -93,6 +119,8 @@ def _measurements(sequence: int, frame: Frame, world: World) -> SemanticMeasurem
         ranges_m=np.maximum(frame.geometry[:, 0], MEASUREMENT_RANGE_LIMIT),
         bearings_rad=frame.geometry[:, 1],
         geometric_covariances=np.tile(np.diag(world.noise.geometry), (count, 1, 1)),
+        elevations_rad=np.zeros(count),
+        place_covariances=np.tile(np.diag([*world.noise.geometry, world.noise.geometry[1]]), (count, 1, 1)),
         sensor_position=np.zeros(3),
         in_coverage=np.ones(count, dtype=bool),
     )

@@ -17,6 +17,7 @@ from semantic_slam.inference.association.murty import k_best
 from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
+from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -30,10 +31,9 @@ class PairDensities:
     parts: list[Linearisation]  # D, of M rows each
     offsets: Array | None = None  # (D, M, m) of the linear residuals where they were linearised; None: all are as here
     elsewhere: Flags | None = None  # (D, M) which were not linearised at the prediction
-    log_words: Array | None = (
-        None  # (D, M + 1) what each is called, as one of each object and as one of none; None: not
-    )
-    # asked for, where places tell enough
+    tail: HeavyTail | None = None  # of detections' errors; None: none is an outlier
+    outlier_distance: Array | None = None  # (D, M) Mahalanobis, of outliers
+    log_words: Array | None = None  # (D, M + 1) what each is called, as one of each object and of none; None: not asked
 
 
 def pair_densities(
@@ -43,6 +43,7 @@ def pair_densities(
     mean: Array,
     covariance: Array,
     errors: PredictedErrors | None = None,
+    tail: HeavyTail | None = None,
 ) -> PairDensities:
     """Densities of all pairs from the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects.
 
@@ -51,7 +52,7 @@ def pair_densities(
     count, storage = len(mean) - 1, spaces.storage
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
-        return PairDensities(nothing, nothing, [])
+        return PairDensities(nothing, nothing, [], tail=tail, outlier_distance=nothing)
     joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
     rows = len(detections) * count
     collected = model.collect(detections)
@@ -71,7 +72,12 @@ def pair_densities(
         prior = errors.with_pairs(joint, places).reshape(rows, jacobian.shape[-1], -1)
     innovation = Innovation.of(part, jacobian, prior)
     parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
-    return PairDensities(innovation.log_density.reshape(-1, count), innovation.distance.reshape(-1, count), parts)
+    log_density, distance = innovation.log_density.reshape(-1, count), innovation.distance.reshape(-1, count)
+    if tail is None:
+        return PairDensities(log_density, distance, parts)
+    wide = Innovation.of(part, jacobian, prior, np.where(part.measured, tail.added, 0.0))
+    mixed = np.logaddexp(tail.log_rest + log_density, tail.log_share + wide.log_density.reshape(-1, count))
+    return PairDensities(mixed, distance, parts, tail=tail, outlier_distance=wide.distance.reshape(-1, count))
 
 
 def _rows(part: Linearisation, rows: slice) -> Linearisation:

@@ -47,6 +47,11 @@ def _check_detection_errors(configuration: Configuration, association: type[Asso
             "detection_errors.correlated_share works only where updates are not iterated;"
             " set association: open, or given, and open_world.iterate_updates: false"
         )
+    if errors.outlier_share > 0.0 and not (association.tracks_objects and sees_places_in_single_steps(configuration)):
+        raise InputError(
+            "detection_errors.outlier_share works only with association: open or given, open_world.iterate_updates:"
+            " false and semantic_model.kind: none or detector; set these, or it to 0"
+        )
     if (errors.sigma_range_offset_m or errors.sigma_yaw_rad) and errors.correlated_share <= 0.0:
         raise InputError(
             "detection_errors.sigma_range_offset_m and sigma_yaw_rad need detection_errors.correlated_share above 0;"

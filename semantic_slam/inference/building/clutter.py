@@ -1,6 +1,7 @@
 """What detections of no object look like, under the class models of a run."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -9,9 +10,11 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.building.run_models import RunModels
 from semantic_slam.inference.models.clutter import Clutter, EvenClutter, EvenSpatialClutter
-from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.reference import EvenWords
 from semantic_slam.viewpoint.outliers import OutlierScores
+
+FEATURE = "feature", "feature_covariance"
+"""What detections tell of their objects' looks."""
 
 
 def clutter_of(configuration: Configuration, models: RunModels) -> Clutter | None:
@@ -30,8 +33,8 @@ def clutter_of(configuration: Configuration, models: RunModels) -> Clutter | Non
         return None
     broad = OutlierScores.of(models.viewpoint, 0.0)
 
-    def log_scores(detections: Sequence[PlanarDetection]) -> Array:
-        seen = PlanarDetections.of(detections)
-        return broad.log_density(seen.feature, seen.feature_covariance) / models.tempering
+    def log_scores(detections: Sequence[Any]) -> Array:
+        features, covariances = ([getattr(own, name) for own in detections] for name in FEATURE)
+        return broad.log_density(np.array(features), np.array(covariances)) / models.tempering
 
-    return EvenClutter.of(configuration.open_world, log_scores)
+    return clutter.of(configuration.open_world, log_scores)

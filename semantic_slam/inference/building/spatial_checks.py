@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
@@ -27,8 +28,15 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
         association.tracks_objects and not world.iterate_updates,
         "set open_world.iterate_updates: true",
     )
-    yield configuration.semantic_model.kind not in ("none", "detector"), "set semantic_model.kind: none or detector"
-    yield configuration.observation == "range_bearing", "set observation: points"
+    yield _needs_the_plane(configuration), "set semantic_model.kind: none, detector, or one of viewpoints"
+    yield (
+        configuration.observation == "points" and configuration.semantic_model.kind not in ("none", "detector"),
+        "set observation: range_bearing, or semantic_model.kind: none or detector",
+    )
+    yield (
+        configuration.observation == "range_bearing" and association.tracks_objects,
+        "set observation: points, or association: enumerated, or given with open_world.iterate_updates: true",
+    )
     yield Moving(configuration.moving).is_on, "set moving.share: 0 and moving.share_by_label: []"
     yield closed.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"
     yield closed.displaced_share > 0.0, "set closed_world.displaced_share: 0"
@@ -45,3 +53,9 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     yield world.direction_rad != 0.0, "set open_world.direction_rad: 0 and tell where the camera looks"
     yield len(world.detection_by_direction) > 0, "set open_world.detection_by_direction: []"
     yield world.field_of_view_rad >= np.pi, "set open_world.field_of_view_rad below half a turn"
+
+
+def _needs_the_plane(configuration: Configuration) -> bool:
+    """Whether class models tell more than scores by viewpoint: descriptors and vectors are of the plane."""
+    kind = class_model_kind(configuration.semantic_model)
+    return kind.descriptors is not None or kind.embeddings is not None

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 
 AT_MODES = (
     "log_evidence",
@@ -43,6 +43,8 @@ class Assignments:
         None  # (K,) of the detections of known objects, per degree of freedom; NaN without any
     )
     bend: Array | None = None  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most
+    outlier: Flags | None = None  # (K, n) which detections are taken for outliers in their place
+    outlier_probability: Array | None = None  # (K, n) that they are
     posterior_modes: NDArray[np.object_] | None = None  # (K,) what the whole window had to say, None where not asked
     windows: NDArray[np.object_] | None = None  # (K,) since the candidate was last Gaussian, None: it is
 

@@ -153,9 +153,9 @@ class KeyframeProblem:
         return states[np.arange(len(states)), 1 + self.slots[:, detection], : self.spaces.storage.landmark]
 
     def heading_rows(self, detection: int) -> Index | None:
-        """(B,) coordinates of the headings of a detection's objects; None where objects do not turn."""
-        heading = self.spaces.landmark.heading
-        return None if heading is None else self.layout.starts(1 + self.slots[:, detection]) + heading
+        """(B,) coordinates of the headings of a detection's objects, about their own z; None where they do not turn."""
+        turn = self.spaces.landmark.own_turn
+        return None if turn is None else self.layout.starts(1 + self.slots[:, detection]) + turn
 
     def heading_sigma(self, detection: int) -> Array:
         """(B,) prior standard deviation of the heading of a detection's object, 0 where objects do not turn."""

@@ -1,16 +1,13 @@
 """Keyframes of semantic measurements as steps of the planar engine."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.inputs.score_features import score_features
+from semantic_slam.inference.inputs.score_features import FeatureReader
 from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
@@ -42,15 +39,15 @@ class PlanarReader:
         words: WordReader | None = None,
         vectors: VectorReader | None = None,
     ):
-        self.num_features, self.bias_sigmas = num_features, np.asarray(bias_sigmas, dtype=np.float64)
+        self.bias_sigmas = np.asarray(bias_sigmas, dtype=np.float64)
         self.bias_means = np.zeros_like(self.bias_sigmas) if bias_means is None else np.asarray(bias_means, dtype=float)
-        self.feature_names, self.noise = feature_names, noise or ConfiguredNoise()
+        self._features, self.noise = FeatureReader(num_features, feature_names), noise or ConfiguredNoise()
         self._words, self._vectors = words, vectors
         self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError when the measurements' features are not those of the class models."""
-        measurements = self._with_features(keyframe.measurements)
+        measurements = self._features.with_features(keyframe.measurements)
         covariances = self.noise.of_detections(measurements.ranges_m, measurements.geometric_covariances)
         return Step(
             sensed=self._region_after(keyframe),
@@ -77,28 +74,6 @@ class PlanarReader:
         measurements, before = keyframe.measurements, self._sensed[-1] if self._sensed else None
         self._sensed.append(SensedRegion.of(measurements.ranges_m, measurements.bearings_rad, before))
         return self._sensed[-1]
-
-    def _with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """The measurements, with vectors or class scores as their features where they have none. Raises InputError."""
-        num_given = measurements.features.shape[1]
-        if not self.num_features or not len(measurements) or num_given == self.num_features:
-            return measurements
-        if num_given:
-            raise InputError(
-                f"the classifier gives {num_given} feature components but the class models were"
-                f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
-            )
-        features = self._told_features(measurements)
-        return replace(
-            measurements, features=features, feature_covariances=np.zeros((*features.shape, self.num_features))
-        )
-
-    def _told_features(self, measurements: SemanticMeasurements) -> Array:
-        """(D, F) vectors of appearance where the class models were fitted on such, else class scores."""
-        told = measurements.embeddings
-        if told.shape[1] == self.num_features and not self.feature_names and np.isfinite(told).all():
-            return told
-        return score_features(measurements, self.feature_names)
 
     def _motion(self, keyframe: Keyframe) -> Motion:
         control = planar_from_pose_vector(keyframe.odometry)

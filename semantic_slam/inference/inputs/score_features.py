@@ -1,5 +1,7 @@
 """A detector's class scores as the semantic feature, where no classifier has measured one."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from semantic_slam.errors import InputError
@@ -7,6 +9,39 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 REMEDY = "or set semantic_model.kind: none"
+
+
+@dataclass(frozen=True)
+class FeatureReader:
+    """Features that the class models need: ``num_features`` of them, 0 for none.
+
+    ``names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
+    """
+
+    num_features: int = 0
+    names: tuple[str, ...] = ()
+
+    def with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
+        """The measurements, with vectors or class scores as their features where they have none. Raises InputError."""
+        num_given = measurements.features.shape[1]
+        if not self.num_features or not len(measurements) or num_given == self.num_features:
+            return measurements
+        if num_given:
+            raise InputError(
+                f"the classifier gives {num_given} feature components but the class models were"
+                f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
+            )
+        features = self._told(measurements)
+        return replace(
+            measurements, features=features, feature_covariances=np.zeros((*features.shape, self.num_features))
+        )
+
+    def _told(self, measurements: SemanticMeasurements) -> Array:
+        """(D, F) vectors of appearance where the class models were fitted on such, else class scores."""
+        told = measurements.embeddings
+        if told.shape[1] == self.num_features and not self.names and np.isfinite(told).all():
+            return told
+        return score_features(measurements, self.names)
 
 
 def score_features(measurements: SemanticMeasurements, names: tuple[str, ...]) -> Array:

@@ -7,6 +7,7 @@ from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, point_of_place
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.inputs.score_features import FeatureReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
@@ -19,18 +20,23 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 class SpatialReader:
     """Takes all six of motions, and range and ray of detections, or the ray alone.
 
-    ``words`` reads what the detector says, where that is evidence of classes; ``ranges`` tells what is known of a range
-    that was not measured.
+    ``words`` reads what the detector says, where that is evidence of classes, ``features`` what class models need;
+    ``ranges`` tells what is known of a range that was not measured.
     """
 
     def __init__(
-        self, noise: ConfiguredNoise, words: WordReader | None = None, ranges: UnmeasuredRanges | None = None
+        self,
+        noise: ConfiguredNoise,
+        words: WordReader | None = None,
+        ranges: UnmeasuredRanges | None = None,
+        features: FeatureReader | None = None,
     ) -> None:
         self._noise, self._words, self._ranges = noise, words, ranges or UnmeasuredRanges()
+        self._features = features or FeatureReader()
 
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError for detections that do not say where in space their object is."""
-        measurements = keyframe.measurements
+        measurements = self._features.with_features(keyframe.measurements)
         return Step(
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
@@ -78,6 +84,8 @@ class SpatialReader:
             range_m=distance,
             covariance=0.5 * (covariance + covariance.T),
             sensor=measurements.sensor_position,
+            feature=measurements.features[row],
+            feature_covariance=measurements.feature_covariances[row],
         )
 
     def _along_ray(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
@@ -97,6 +105,8 @@ class SpatialReader:
             covariance=covariance,
             sensor=measurements.sensor_position,
             log_range=self._ranges.of_detection(measurements.labels[row], measurements.angular_sizes_rad[row]),
+            feature=measurements.features[row],
+            feature_covariance=measurements.feature_covariances[row],
         )
 
     def _told(self, measurements: SemanticMeasurements, row: int, slopes: Array) -> Array | None:

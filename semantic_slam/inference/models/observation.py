@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import NewObjectConfiguration
-from semantic_slam.geometry.arrays import Array, row_sums, squared_norms
+from semantic_slam.geometry.arrays import Array, Flags, row_sums, squared_norms
 from semantic_slam.geometry.rows import Selection
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.states.gaussian import GaussianPrior
@@ -25,6 +25,11 @@ class Linearisation:
     jacobian_object: Array  # (B, m, l)
     log_normaliser: Array  # (B,)
 
+    @property
+    def measured(self) -> Flags:
+        """(B, m) which components there are: a bearing alone has no range."""
+        return np.asarray(self.jacobian_object.any(axis=2))
+
 
 @dataclass(frozen=True)
 class Innovation:
@@ -35,9 +40,15 @@ class Innovation:
     log_density: Array  # (B,)
 
     @classmethod
-    def of(cls, part: Linearisation, jacobian: Array, covariance: Array) -> "Innovation":
-        """``jacobian`` (B, m, n) of the residual by what has the ``covariance`` (B, n, n)."""
-        root = cholesky(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1]))
+    def of(cls, part: Linearisation, jacobian: Array, covariance: Array, added: Array | None = None) -> "Innovation":
+        """``jacobian`` (B, m, n) of the residual by what has the ``covariance`` (B, n, n).
+
+        ``added`` (B, m): variance of its components beyond one; None: none.
+        """
+        spread = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2) + np.eye(jacobian.shape[1])
+        if added is not None:
+            spread += added[:, :, None] * np.eye(jacobian.shape[1])
+        root = cholesky(spread)
         whitened = forward(root, part.residual[..., None])[..., 0]
         log_determinant = row_sums(np.log(np.einsum("bii->bi", root)))
         return cls(root, whitened, part.log_normaliser - 0.5 * squared_norms(whitened) - log_determinant)
@@ -77,7 +88,9 @@ class ObservationModel(Protocol):
     Of S ``detections`` the rows repeat: state b is of detection b mod S.
     """
 
-    num_classes: int  # 0: classes are not enumerated
+    @property
+    def num_classes(self) -> int:
+        """Classes that hypotheses enumerate; 0: none."""
 
     @property
     def new_objects(self) -> NewObjectConfiguration:

@@ -73,6 +73,16 @@ class PlanarDetection:
         """(F,) diagonal of the feature's covariance."""
         return np.array(self.feature_covariance.diagonal())
 
+    def widened(self, width: float) -> "PlanarDetection":
+        """With errors so many times as wide: one object for each width, whoever asks."""
+        if width not in self._widened:
+            self._widened[width] = replace(self, covariance=width**2 * self.covariance)
+        return self._widened[width]
+
+    @cached_property
+    def _widened(self) -> dict[float, "PlanarDetection"]:
+        return {}
+
     @cached_property
     def _taken(self) -> dict[tuple[float, bool, float], "PlanarDetection"]:
         return {}

@@ -10,8 +10,12 @@ from semantic_slam.inference.states.spaces import Spaces
 class PointGeometry:
     """Geometry alone: nobody knows from which side a point is seen, so that views tell nothing of its class."""
 
-    num_classes = 0
     spaces: Spaces
+
+    @property
+    def num_classes(self) -> int:
+        """None."""
+        return 0
 
     def distance(self, point: Array) -> Array:
         """(B,) metres of points (B, p) in the body frame."""

@@ -1,7 +1,7 @@
 """A keyframe as the engine sees it."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,11 @@ class AssociatedDetection:
     object_id: int
     assigned_class: int
     number: int = 0  # among the detections of its keyframe whose errors repeat
+    width: float = 1.0  # of an outlier: standard deviation of what does not repeat, in that of others
+
+    def as_outlier(self, width: float) -> "AssociatedDetection":
+        """An outlier, whose white error is so many times as wide."""
+        return replace(self, detection=self.detection.widened(width), width=width)
 
 
 @dataclass(frozen=True, kw_only=True)

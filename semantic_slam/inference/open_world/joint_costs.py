@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.evidence.outlier_choices import OutlierChoices
+from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 
 
@@ -27,6 +29,8 @@ class JointCosts:
     log_constant: Array  # (P,) normaliser of each, and what detecting its object weighs against missing it
     log_alone: Array  # (D, T)
     num_objects: int  # M
+    tail: HeavyTail | None  # of detections' errors; None: none is an outlier
+    measured: Flags  # (P, c) which components of the residuals there are
 
     @classmethod
     def of(cls, linear: LinearisedEvidence, admitted: Flags, log_ratio: Array, log_alone: Array) -> "JointCosts":
@@ -45,17 +49,25 @@ class JointCosts:
             log_constant=joint.log_normalisers + np.broadcast_to(log_ratio, admitted.shape)[rows, columns],
             log_alone=log_alone,
             num_objects=admitted.shape[1],
+            tail=linear.tail,
+            measured=joint.measured.reshape(count, size),
         )
 
     def log_scores(self, assignments: Index) -> Array:
         """(K,) log weights of joint assignments (K, D): objects, from M on the ways of being of none of them."""
         pairs = self._pairs(assignments)
-        residual, covariance = self._joint(pairs)
-        squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=1)
         ways = np.clip(assignments - self.num_objects, 0, self.log_alone.shape[1] - 1)
         alone = self.log_alone[np.arange(len(self.log_alone)), ways]
         constant = np.where(pairs >= 0, self.log_constant[pairs], alone).sum(axis=1)
+        if self.tail is not None:
+            return np.asarray(constant + self._choices(self.tail, pairs).log_density)
+        residual, covariance = self._joint(pairs)
+        squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=1)
         return np.asarray(constant - 0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])
+
+    def _choices(self, tail: HeavyTail, pairs: Index) -> OutlierChoices:
+        """Which of ``pairs`` (K, n) are outliers."""
+        return OutlierChoices.of(tail, *self._joint(pairs), self.measured[pairs] & (pairs >= 0)[..., None])
 
     def given_others(self, assignment: Index) -> Array:
         """(D, M) log weight of each pair given what the joint ``assignment`` (D,) says of the others; -inf: no pair.
@@ -63,10 +75,12 @@ class JointCosts:
         Given those that are of another object, that is: differences are those of :meth:`log_scores` between assignments
         in which one detection differs.
         """
-        others = np.repeat(self._pairs(assignment[None]), len(self.rows), axis=0)
+        taken = self._pairs(assignment[None])
+        outlier = np.zeros(taken.shape, dtype=bool) if self.tail is None else self._choices(self.tail, taken).outlier
+        others = np.repeat(taken, len(self.rows), axis=0)
         others[np.arange(len(self.rows)), self.rows] = -1
         others[self.columns[others] == self.columns[:, None]] = -1
-        return self._table(self._conditional(others))
+        return self._table(self._conditional(others, outlier))
 
     def given_each(self) -> Array:
         """(P, D, M) log weight of each pair given each pair by itself, which stands; -inf: none, or impossible then."""
@@ -78,13 +92,17 @@ class JointCosts:
         spread = self.covariance[second, second] - gain @ np.swapaxes(cross, 1, 2)
         impossible = (self.rows[first] == self.rows[second]) | (self.columns[first] == self.columns[second])
         spread[impossible] = np.eye(size)
-        values = np.where(impossible, -np.inf, self.log_constant[second] + _log_gaussian(left, spread))
+        values = np.where(impossible, -np.inf, self.log_constant[second] + self._log_density(second, left, spread))
         values[first == second] = 0.0
         return self._table(values.reshape(count, count))
 
-    def _conditional(self, others: Index) -> Array:
-        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1."""
+    def _conditional(self, others: Index, outlier: Flags) -> Array:
+        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which of them are."""
         residual, covariance = self._joint(others)
+        if self.tail is not None:
+            added = (self.tail.added * (outlier & (others >= 0)))[..., None] * self.measured[others]
+            diagonal = np.arange(residual.shape[1])
+            covariance[:, diagonal, diagonal] += added.reshape(residual.shape)
         count, size = self.residual.shape
         cross = self.covariance[np.arange(count)[:, None], others]
         cross = np.where((others >= 0)[..., None, None], cross, 0.0)
@@ -92,7 +110,15 @@ class JointCosts:
         gain = np.swapaxes(np.linalg.solve(covariance, np.swapaxes(cross, 1, 2)), 1, 2)
         left = self.residual - (gain @ residual[..., None])[..., 0]
         spread = self.covariance[np.arange(count), np.arange(count)] - gain @ np.swapaxes(cross, 1, 2)
-        return np.asarray(self.log_constant + _log_gaussian(left, spread))
+        return np.asarray(self.log_constant + self._log_density(np.arange(count), left, spread))
+
+    def _log_density(self, pairs: Index, residual: Array, covariance: Array) -> Array:
+        """(K,) log densities of ``pairs`` (K,) by themselves, up to what normalises whitened residuals (K, c)."""
+        log_density = _log_gaussian(residual, covariance)
+        if self.tail is None:
+            return log_density
+        wide = covariance + (self.tail.added * self.measured[pairs])[..., None] * np.eye(residual.shape[1])
+        return np.logaddexp(self.tail.log_rest + log_density, self.tail.log_share + _log_gaussian(residual, wide))
 
     def _joint(self, pairs: Index) -> tuple[Array, Array]:
         """(K, n c) residuals and their covariances for ``pairs`` (K, n); one for sure in place of -1."""

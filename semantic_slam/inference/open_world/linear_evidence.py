@@ -9,9 +9,10 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.outlier_choices import OutlierChoices
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.open_world.births import Birth
@@ -31,6 +32,8 @@ class _Results:
     object_covariances: Array  # (K, D, l, l)
     bend: Array  # (K,)
     innovation_nees: Array  # (K,) NaN without a known object
+    outlier: Flags  # (K, D) which are taken for outliers in their place
+    outlier_probability: Array  # (K, D)
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], spaces: Spaces) -> "_Results":
@@ -45,6 +48,8 @@ class _Results:
             object_covariances=np.full((count, detections, own, own), np.nan),
             bend=np.zeros(count),
             innovation_nees=np.full(count, np.nan),
+            outlier=np.zeros(shape, dtype=bool),
+            outlier_probability=np.zeros(shape),
         )
 
 
@@ -60,6 +65,11 @@ class JointInnovation:
     cross: Array  # (G, m, k) covariance with robot and objects
     covariance: Array  # (G, m, m)
     log_normalisers: Array  # (G, n)
+
+    @property
+    def measured(self) -> Flags:
+        """(G, n, m / n) which components of each detection there are."""
+        return np.asarray(self.jacobian.any(axis=-1).reshape(*self.log_normalisers.shape, -1))
 
 
 class LinearisedEvidence:
@@ -83,7 +93,7 @@ class LinearisedEvidence:
         """
         self.spaces, self.mean, self.covariance = spaces, mean, covariance
         self.births, self.turns, self.errors = births, turns, errors
-        self.layout, self.known = spaces.layout, len(mean) - 1
+        self.layout, self.known, self.tail = spaces.layout, len(mean) - 1, pairs.tail
         self._part, self._pairs, self._anchors = _stacked(pairs), pairs, anchors
 
     @classmethod
@@ -122,7 +132,9 @@ class LinearisedEvidence:
         shift, after = np.zeros(places.shape), self.covariance[places[:, :, None], places[:, None, :]]
         if seen.shape[1]:
             joint = self._innovation(seen, objects)
-            inverse, (_, log_determinant) = np.linalg.inv(joint.covariance), np.linalg.slogdet(joint.covariance)
+            choices = self._choices(joint)
+            covariance = joint.covariance if choices is None else choices.covariance
+            inverse, (_, log_determinant) = np.linalg.inv(covariance), np.linalg.slogdet(covariance)
             weighted = (inverse @ joint.residual[..., None])[..., 0]
             shift = -(weighted[:, None] @ joint.cross)[:, 0]
             after = after - _transposed(joint.cross) @ inverse @ joint.cross
@@ -130,12 +142,22 @@ class LinearisedEvidence:
             degrees = np.count_nonzero(joint.jacobian.any(axis=2), axis=1)
             log_normaliser = joint.log_normalisers.sum(axis=1)
             result.log_evidence[rows] = log_normaliser - 0.5 * squared - 0.5 * log_determinant
+            if choices is not None:
+                result.log_evidence[rows] = log_normaliser + choices.log_density
+                result.outlier[rows[:, None], seen] = choices.outlier
+                result.outlier_probability[rows[:, None], seen] = choices.probability
             result.innovation_nees[rows] = squared / degrees
             change = (joint.jacobian @ shift[..., None])[..., 0]
             variances = np.diagonal(joint.covariance, axis1=1, axis2=2) - 1.0
             result.bend[rows] = self._bend(seen, *self._from_where_linear(seen, objects, change, variances))
         own = np.concatenate([np.zeros((len(rows), 1), dtype=int), 1 + objects], axis=1)
         self._fill(result, rows, columns, seen, own, self.layout.blocks(shift), after)
+
+    def _choices(self, joint: JointInnovation) -> OutlierChoices | None:
+        """Which detections are outliers; None: none can be."""
+        if self.tail is None:
+            return None
+        return OutlierChoices.of(self.tail, joint.residual, joint.covariance, joint.measured)
 
     def innovation(self, columns: Index, seen: list[int]) -> JointInnovation:
         """The detections ``seen`` together, before they are taken in; ``columns`` (D,): of which object each is."""

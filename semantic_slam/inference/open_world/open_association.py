@@ -18,6 +18,7 @@ from semantic_slam.inference.association.gating import (
     pair_densities,
 )
 from semantic_slam.inference.association.strategy import Parents
+from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import missed
 from semantic_slam.inference.open_world.existence_accounts import least_detected
@@ -132,6 +133,7 @@ class OpenAssociation:
             prediction.predicted.mean[0],
             prediction.predicted.covariance[0],
             prediction.errors,
+            HeavyTail.of(self.problem.detection_errors, prediction.component.outliers),
         )
 
     def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:
@@ -154,6 +156,7 @@ class OpenAssociation:
         if pairs.log_words is not None:
             log_detected, log_new = log_detected + pairs.log_words[:, :-1], log_new + pairs.log_words[:, -1]
         log_known = pairs.log_density + log_detected
+        admitted |= self._outliers(pairs, log_known, log_new)
         moving, may_move, objects = self._moving(prediction, log_known, admitted, log_new, log_missed, log_weights)
         log_pairs = np.concatenate([log_known, moving], axis=1)
         options = np.concatenate([admitted, may_move], axis=1)
@@ -183,6 +186,15 @@ class OpenAssociation:
         known, moves = found.columns < len(near), found.columns < len(near) + moving.shape[1]
         columns = found.columns + np.where(known, 0, np.where(moves, len(log_new), -moving.shape[1]))
         return replace(found, columns=columns)
+
+    def _outliers(self, pairs: PairDensities, log_known: Array, log_new: Array) -> Flags:
+        """(D, M) pairs of outliers that weigh something beside what their detections weigh otherwise."""
+        if pairs.outlier_distance is None:
+            return np.zeros(log_known.shape, dtype=bool)
+        near = pairs.distance < self.settings.gate_sigma
+        best = np.maximum(log_new, np.where(near, log_known, -np.inf).max(axis=1, initial=-np.inf))
+        likely = log_known > best[:, None] - np.log(self.problem.pruning.ratio)
+        return np.asarray(likely & (pairs.outlier_distance < self.settings.gate_sigma))
 
     def _moving(
         self,

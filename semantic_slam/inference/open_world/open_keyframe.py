@@ -30,6 +30,7 @@ from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
+from semantic_slam.inference.states.outlier_counts import OutlierCounts
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
@@ -161,11 +162,14 @@ class OpenKeyframe:
         pairs = list(zip(taken.association, taken.class_assignment, strict=True))
         standing = [number for number, (object_id, kind) in enumerate(pairs) if object_id >= 0 and kind != MOVES]
         observed = [AssociatedDetection(*item, number) for number, item in enumerate(given)]
+        if (tail := self.pairs[parent].tail) is not None:
+            for number in np.flatnonzero(own.column("outlier")[row]).tolist():
+                observed[number] = observed[number].as_outlier(tail.width)
+        known = [number for number in standing if taken.association[number] not in births]
         modes = dict(zip(taken.association, states, strict=True))
         local = None
         if self.parents.components[parent].single_steps:
-            seen = [(number, taken.association[number]) for number in standing]
-            local = prediction.local_after(self.pairs[parent], seen, births)
+            local = prediction.local_after(self.pairs[parent], [observed[number] for number in standing], births)
         robot, spread = own.column("robot")[row], own.column("robot_covariance")[row]
         least = self.problem.open_world.least_existence
         return ComponentUpdate(
@@ -179,7 +183,13 @@ class OpenKeyframe:
             local=local,
             errors=None if prediction.errors is None else prediction.errors.transition,
             carried_errors=prediction.carried_errors,
+            outliers=None if tail is None else self._outliers(own, row, known),
         )
+
+    def _outliers(self, own: Assignments, row: int, known: list[int]) -> OutlierCounts:
+        """What an assignment has had of them, with its detections of ``known`` objects."""
+        before = self.parents.components[int(own.parents[row])].outliers
+        return before.with_more(own.column("outlier_probability")[row, known])
 
     @cached_property
     def _births(self) -> list[dict[int, GaussianPrior]]:
@@ -227,10 +237,14 @@ class OpenKeyframe:
 
     @property
     def _suits_searches(self) -> bool:
-        """Whether the small problems of own searches do, in which detections are as told, and err each on its own."""
+        """Whether the small problems of own searches do, in which detections are as told, and err each on its own.
+
+        None of them is an outlier there.
+        """
         settings = [component.settings for component in self.parents.components]
         are_told = all(own is None or own.as_told for own in settings)
-        return are_told and all(own.errors is None for own in self.predictions)
+        are_plain = all(own.tail is None for own in self.pairs)
+        return are_told and are_plain and all(own.errors is None for own in self.predictions)
 
     @property
     def _linearised(self) -> list[LinearisedEvidence]:

@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
+from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.open_geometry import geometry_of
@@ -98,21 +99,19 @@ class Prediction:
         return np.zeros(0, dtype=int) if self.movers is None else self.movers.movers.ids
 
     def local_after(
-        self, pairs: PairDensities, association: Sequence[tuple[int, int]], births: Collection[int]
+        self, pairs: PairDensities, observed: Sequence[AssociatedDetection], births: Collection[int]
     ) -> LocalMap:
-        """The local map with the detections of one continuation, with the objects that stand still, and that it starts.
-
-        ``association``: detection and object.
-        """
+        """The local map with what is ``observed`` in one continuation, of objects that stand or that it starts."""
         seen = []
-        for number, object_id in association:
-            if object_id not in births:
-                part, column = pairs.parts[number], int(np.searchsorted(self.near_ids, object_id))
-                slopes = part.jacobian_robot[column], part.jacobian_object[column], self._residual_by_errors(number)
-                seen.append(LocalDetection(object_id, *slopes))
+        for item in observed:
+            if item.object_id not in births:
+                part, column = pairs.parts[item.number], int(np.searchsorted(self.near_ids, item.object_id))
+                by_errors = self._residual_by_errors(item.number)
+                slopes = part.jacobian_robot[column], part.jacobian_object[column], by_errors
+                seen.append(LocalDetection(item.object_id, *(slope / item.width for slope in slopes)))
         started = [
-            LocalStart(object_id, own.prior.mean, own.gain, *self._place_by_errors(number, own))
-            for number, object_id, own in ((n, of, self.births[n]) for n, of in association if of in births)
+            LocalStart(item.object_id, own.prior.mean, own.gain, *self._place_by_errors(item.number, own))
+            for item, own in ((each, self.births[each.number]) for each in observed if each.object_id in births)
         ]
         return self.local.updated(seen).with_new(started)
 

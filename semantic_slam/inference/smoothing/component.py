@@ -29,6 +29,7 @@ from semantic_slam.inference.states.keys import number_of, object_key, robot_key
 from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.inference.states.outlier_counts import OutlierCounts
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects, TrackedStates
 
@@ -56,6 +57,7 @@ class Component:
     settings: NoiseSettings | None = None  # that number's; None: all as told
     movers: Movers | None = None  # objects that move, or may; None: nothing does
     metre: Metre | None = None  # how well it is known; None: for sure
+    outliers: OutlierCounts = field(default_factory=OutlierCounts)  # in their place, so far
     past: tuple[Array, ...] = ()  # (n, s) states of the first keyframes' robots, as they were when they were summarised
 
     @classmethod
@@ -248,6 +250,7 @@ class Component:
             tracked=tracked,
             local=None if far else local,
             movers=update.movers,
+            outliers=self.outliers if update.outliers is None else update.outliers,
         )
 
 

@@ -13,6 +13,7 @@ from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.inference.states.outlier_counts import OutlierCounts
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 
@@ -35,6 +36,8 @@ class ComponentUpdate:
     errors: ErrorTransition | None = None  # to those of this frame's detections, where they repeat
     movers: Movers | None = None  # afterwards; None: nothing moves
     carried_errors: CarriedErrors | None = None  # as the motion leaves them, where this frame has no detections
+
+    outliers: OutlierCounts | None = None  # afterwards; None: as before
 
     @property
     def assigned_classes(self) -> dict[int, int]:

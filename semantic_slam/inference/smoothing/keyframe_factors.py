@@ -72,7 +72,7 @@ class KeyframeFactors:
             seen=self._model.collect([item.detection for item in observed]),
             rows=np.full(len(observed), self._keyframe + 1),
             ids=np.array([item.object_id for item in observed]),
-            by_error=errors.white.slopes(ranged),
+            by_error=errors.white.slopes(ranged) / np.array([item.width for item in observed])[:, None],
             keys=keys,
             firsts=firsts,
             sizes=sizes,

@@ -19,6 +19,7 @@ class PlanarPoses:
     storage_size = 3
     frame_size = 5
     heading: ClassVar[int | None] = 2
+    own_turn: ClassVar[int | None] = 2
     position_rows = slice(0, 2)
     origin = np.full(3, 0.7)
     relinearize_threshold = np.array([0.1, 0.1, 0.05])

@@ -15,6 +15,7 @@ class Positions:
     storage_size: int
     frame_size: int
     heading: ClassVar[int | None] = None
+    own_turn: ClassVar[int | None] = None
     prior: ClassVar[Any]  # GTSAM's factors
     between_points: ClassVar[Any]
 

@@ -139,13 +139,11 @@ class Spaces:
 
         ``sensor`` (q,) or (B, q) in the body frame; in the plane an elevation is told by its third component.
         """
-        v = self.landmark.turned_back(o, self.robot.displacement(x, sensor, self.landmark.position(o)))
-        squared = v[:, 0] * v[:, 0] + v[:, 1] * v[:, 1]
-        azimuth, elevation = np.arctan2(v[:, 1], v[:, 0]), np.zeros(len(v))
-        if v.shape[1] > 2:
-            elevation = np.arctan2(v[:, 2], np.sqrt(squared))
-            squared = squared + v[:, 2] * v[:, 2]
-        return Viewpoints(azimuth, elevation, np.maximum(np.sqrt(squared), LEAST_DISTANCE_M))
+        return viewpoints_of(self.camera_positions(x, o, sensor))
+
+    def camera_positions(self, x: Array, o: Array, sensor: Array) -> Array:
+        """(B, q) positions of the cameras of robots ``x`` (B, s) in the frames of landmarks ``o`` (B, s)."""
+        return self.landmark.turned_back(o, self.robot.displacement(x, sensor, self.landmark.position(o)))
 
     def in_map(self, states: Array, covariances: Array) -> tuple[Array, Array]:
         """(..., n, 7) pose vectors and (..., n, 6, 6) covariances of (..., n, w) states, the robot's first."""
@@ -155,6 +153,16 @@ class Spaces:
             poses.append(space.poses(part))
             spreads.append(space.covariances(part, covariances[..., rows, :size, :size]))
         return _joined(poses, -2), _joined(spreads, -3)
+
+
+def viewpoints_of(v: Array) -> Viewpoints:
+    """Viewpoints of cameras at ``v`` (B, 2 or 3) in the frames of what they see."""
+    squared = v[:, 0] * v[:, 0] + v[:, 1] * v[:, 1]
+    azimuth, elevation = np.arctan2(v[:, 1], v[:, 0]), np.zeros(len(v))
+    if v.shape[1] > PLANE:
+        elevation = np.arctan2(v[:, 2], np.sqrt(squared))
+        squared = squared + v[:, 2] * v[:, 2]
+    return Viewpoints(azimuth, elevation, np.maximum(np.sqrt(squared), LEAST_DISTANCE_M))
 
 
 def _joined(parts: list[Array], axis: int) -> Array:

@@ -18,6 +18,7 @@ class SpatialPoses:
     storage_size = 7
     frame_size = 16
     heading: ClassVar[int | None] = None
+    own_turn: ClassVar[int | None] = 2
     position_rows = se3.TRANSLATION
     origin = se3.exp(np.full(6, 0.7))
     relinearize_threshold = np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1])

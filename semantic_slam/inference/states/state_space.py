@@ -39,6 +39,7 @@ class StateSpace(StateArithmetic, Protocol):
     storage_size: int  # s
     frame_size: int  # f
     heading: ClassVar[int | None]  # tangent coordinate that turns a state in the plane; None: no single one does
+    own_turn: ClassVar[int | None]  # tangent coordinate that turns a state about its own z; None: it does not turn
     position_rows: slice  # p tangent coordinates that move a state, along its own axes
     origin: Array  # (s,) a turned state, from which linearisation points are steps
     relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew

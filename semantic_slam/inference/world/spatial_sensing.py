@@ -27,7 +27,7 @@ def points(settings: SensingSettings) -> Sensing:
     return Sensing(
         spaces=POSES_AND_POINTS_IN_SPACE,
         model=SpatialObservation(
-            visibility_of(configuration), configuration.new_objects, _optical_axis(configuration.perception.extrinsics)
+            visibility_of(configuration), configuration.new_objects, optical_axis(configuration.perception.extrinsics)
         ),
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),
@@ -40,7 +40,7 @@ def points(settings: SensingSettings) -> Sensing:
     )
 
 
-def _optical_axis(extrinsics: Sequence[float]) -> Array:
+def optical_axis(extrinsics: Sequence[float]) -> Array:
     """(3,) in the body frame, of the camera whose mount is configured; the body's x where none is."""
     turn = np.asarray(extrinsics[3:] if len(extrinsics) else LOOKS_AHEAD[3:], dtype=np.float64)
     return so3.rotated(so3.normalised(turn), np.array([0.0, 0.0, 1.0]))
@@ -57,12 +57,17 @@ def pose_prior(pose: Array, covariance: Array) -> GaussianPrior:
 def place_prior(pose: Array, covariance: Array) -> GaussianPrior:
     """Prior of a place, whatever the attitude. Raises InputError where it was made in the plane."""
     place = covariance[:3, :3]
+    check_height(place)
+    return GaussianPrior(pose[:3], place + LEAST_VARIANCE * np.eye(3))
+
+
+def check_height(place: Array) -> None:
+    """Raises InputError for the (3, 3) covariance of a place whose height is known and nothing else."""
     if place[HEIGHT, HEIGHT] <= 0.0 < np.trace(place):
         raise InputError(
             "map prior: objects have no variance of their height, as one of the plane; give them one, in which"
             " state_space: spatial can find them"
         )
-    return GaussianPrior(pose[:3], place + LEAST_VARIANCE * np.eye(3))
 
 
 def joint_place_prior(poses: Array, covariance: Array) -> Array:

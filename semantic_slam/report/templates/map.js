@@ -31,18 +31,23 @@ function html(parent, name, className, text) {
 const round = value => Math.round(value * 10) / 10;
 const percent = p => p >= 0.9995 ? "100 %" : p > 0.995 ? (100 * p).toFixed(1) + " %" : (100 * p).toFixed(0) + " %";
 
-function track(i, j) { // from hypothesis j of keyframe i back to its root
-  const points = [];
+function track(i, j) { // rows from hypothesis j of keyframe i back to its root
+  const rows = [];
   for (; i >= 0 && j >= 0; i--) {
     const h = scene.frames[i].h[j];
-    points.push([h[2], h[3]]);
+    rows.push(h);
     j = h[0];
   }
-  return points;
+  return rows;
 }
 
+const heaviest = frame => frame.h.reduce((b, h, j) => h[1] > frame.h[b][1] ? j : b, 0);
+const lightestFirst = frame => frame.h.map((h, j) => j).sort((a, b) => frame.h[a][1] - frame.h[b][1]);
+const classesOf = o => o.slice(7, 7 + scene.classes.length); // probabilities of an object's classes
+const colourOf = p => { const top = p.indexOf(Math.max(...p)); return p[top] > .5 ? scene.classes[top].colour : GREY; };
+
 function nameOf(place, o) { // its label, and what it is once that is likelier than not
-  const p = o.slice(7), top = p.indexOf(Math.max(...p));
+  const p = classesOf(o), top = p.indexOf(Math.max(...p));
   return scene.objects[place].label + (p[top] > .5 ? " " + scene.classes[top].name : "");
 }
 
@@ -72,10 +77,9 @@ class MapView {
       make(this.svg, "polyline", { points: this.path(points), fill: "none", stroke, "stroke-width": width * u, "stroke-linejoin": "round", "stroke-linecap": "round", ...more });
     line(scene.truth, "#ffd34d", this.small ? 5 : 8, { opacity: .8 });
     line(scene.dead, "#a3591a", 1.3, { "stroke-dasharray": `${5 * u} ${5 * u}`, opacity: .75 });
-    const frame = scene.frames[i], best = frame.h.reduce((b, h, j) => h[1] > frame.h[b][1] ? j : b, 0);
-    const order = frame.h.map((h, j) => j).sort((a, b) => frame.h[a][1] - frame.h[b][1]);
+    const frame = scene.frames[i], best = heaviest(frame), order = lightestFirst(frame);
     for (const j of order)
-      line(track(i, j), j === best ? INK : GREY, j === best ? 2.2 : 1.4, { opacity: j === best ? 1 : Math.min(.9, .18 + Math.sqrt(frame.h[j][1])) });
+      line(track(i, j).map(h => [h[2], h[3]]), j === best ? INK : GREY, j === best ? 2.2 : 1.4, { opacity: j === best ? 1 : Math.min(.9, .18 + Math.sqrt(frame.h[j][1])) });
     for (const place of frame.s) {
       const o = objectsAt[i][place], h = frame.h[best];
       if (o) line([[h[2], h[3]], [o[0], o[1]]], SIGHT, 1, { opacity: .7 });
@@ -114,8 +118,7 @@ class MapView {
   }
 
   object(o, about) {
-    const u = this.u, [x, y, yaw, a, b, angle, sigmaYaw, ...p] = o, r = (this.small ? 4.5 : 7) * u;
-    const top = p.indexOf(Math.max(...p)), colour = p[top] > .5 ? scene.classes[top].colour : GREY;
+    const u = this.u, [x, y, yaw, a, b, angle, sigmaYaw] = o, p = classesOf(o), colour = colourOf(p), r = (this.small ? 4.5 : 7) * u;
     this.ellipse(x, y, a, b, angle, { fill: colour, "fill-opacity": .1, stroke: colour, "stroke-width": 1.3 * u });
     const px = this.x(x), py = this.y(y);
     if (sigmaYaw < .8 && !this.small)
@@ -196,7 +199,7 @@ function panel(i) {
   if (!frame.s.length) return void html(box, "h4", "", "Nothing in view");
   html(box, "h4", "", "In view, for the best hypothesis");
   for (const place of [...new Set(frame.s)]) {
-    const p = objectsAt[i][place] ? objectsAt[i][place].slice(7) : [], row = html(box, "div", "seen");
+    const p = objectsAt[i][place] ? classesOf(objectsAt[i][place]) : [], row = html(box, "div", "seen");
     const line = html(row, "div"), top = p.indexOf(Math.max(...p));
     html(line, "b", "", scene.objects[place].label);
     if (top < 0) continue;

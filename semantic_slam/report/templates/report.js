@@ -3,7 +3,7 @@ const objectsAt = [];
 for (const frame of scene.frames) objectsAt.push(objectsAfter(objectsAt.at(-1) || new Array(scene.objects.length).fill(null), frame));
 const main = new MapView(document.getElementById("mainmap"), false);
 const small = [...document.querySelectorAll(".map.small")].map(svg => ({ svg, view: new MapView(svg, true), frame: +svg.dataset.frame }));
-const plots = plotsIn(document);
+const plots = plotsIn(document), canvas = document.getElementById("space"), space = canvas && new SpaceView(canvas);
 const slider = document.getElementById("slider"), first = scene.frames[0].k, last = scene.frames.length - 1;
 let shown = last;
 
@@ -16,6 +16,7 @@ function show(i) {
   html(moment, "b", "", "Keyframe " + frame.k);
   moment.append(` of ${scene.frames[last].k}, ${frame.t.toFixed(1)} s`);
   main.draw(i);
+  if (space) space.draw(i);
   panel(i);
   picture(i);
   for (const plot of plots) plot.point(frame.k, i, i < last);

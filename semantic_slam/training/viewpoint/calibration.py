@@ -9,8 +9,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.regression import fit_class, gaussian_nll, whitened_squared
 from semantic_slam.training.viewpoint.samples import ClassSamples
-from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
-from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
+from semantic_slam.viewpoint.spherical_process import fitted_classes
 
 FOLDS = 3
 
@@ -33,12 +33,14 @@ class Residuals:
         }
 
 
-def residuals(model: GaussianProcessModel, class_index: int, samples: ClassSamples) -> Residuals:
+def residuals(model: ViewpointModel, class_index: int, samples: ClassSamples) -> Residuals:
     """Residuals of samples of one class; the dropout covariance of each measurement is part of what is expected."""
     repeats = samples.features.shape[1]
     size = model.num_features
     azimuth = np.repeat(samples.azimuth_rad, repeats)
-    viewpoints = Viewpoints(azimuth, np.zeros_like(azimuth), np.ones_like(azimuth))
+    told = samples.elevation_rad
+    elevation = np.zeros_like(azimuth) if told is None else np.repeat(told, repeats)
+    viewpoints = Viewpoints(azimuth, elevation, np.ones_like(azimuth))
     prediction = model.predict(np.full(azimuth.size, class_index), viewpoints)
     difference = samples.features.reshape(-1, size) - prediction.mean
     covariance = prediction.covariance + samples.feature_covariances.reshape(-1, size, size)
@@ -51,7 +53,7 @@ def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Re
     fold = np.arange(data.azimuth_rad.size) % FOLDS
     parts = []
     for left_out in range(FOLDS):
-        model = GaussianProcessModel(("class",), feature_names, [fit_class(data.select(fold != left_out))])
+        model = fitted_classes(("class",), feature_names, [fit_class(data.select(fold != left_out))])
         parts.append(residuals(model, 0, data.select(fold == left_out)))
     return Residuals(
         np.concatenate([part.squared for part in parts]),
@@ -63,8 +65,16 @@ def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Re
 def report_of(samples: Mapping[str, ClassSamples], left_out: Mapping[str, Residuals]) -> dict[str, Any]:
     """For each class its coverage and the figures of its residuals of views left out of the fit."""
     return {
-        name: {"coverage": coverage(data.azimuth_rad), **left_out[name].summary()} for name, data in samples.items()
+        name: {"coverage": coverage(own.azimuth_rad) | _heights(own.elevation_rad), **left_out[name].summary()}
+        for name, own in samples.items()
     }
+
+
+def _heights(elevation_rad: Array | None) -> dict[str, list[float]]:
+    """Elevations of the views, where these are told apart."""
+    if elevation_rad is None:
+        return {}
+    return {"heights_deg": np.unique(np.round(np.rad2deg(elevation_rad))).tolist()}
 
 
 def coverage(azimuth_rad: Array) -> dict[str, float]:

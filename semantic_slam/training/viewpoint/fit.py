@@ -3,7 +3,7 @@
 import hashlib
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,23 @@ from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.appearance import KnownAppearance
-from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
+from semantic_slam.viewpoint.spherical_process import fitted_classes
+from semantic_slam.viewpoint.store import FittedModel
+
+Direction = tuple[int, ...]
+"""Steps of azimuth and, where heights are told apart, of elevation."""
+
+
+SAME_HEIGHT_RAD = 1e-6
+"""Elevations that differ by less are one."""
 
 
 @dataclass(frozen=True)
 class FitSettings:
     """How views become data."""
 
-    azimuth_step_deg: float = 3.0  # views within one step are one direction; their elevations and ranges are nuisances
+    azimuth_step_deg: float = 3.0  # views within one step are one direction; their ranges are nuisances
+    elevation_step_deg: float = 0.0  # likewise; 0: elevations are nuisances, too
     draws: int = 8  # crops per direction, each with its own background, light, box and view
     num_passes: int = 50
     seed: int = 0
@@ -37,18 +46,29 @@ class FitSettings:
 class FittedModels:
     """Models of all classes, and how honest they are about views that they were not fitted to."""
 
-    model: GaussianProcessModel
+    model: FittedModel
     left_out: dict[str, Residuals]  # by class, of views left out of the fit
     report: dict[str, Any]  # by class, what is kept as JSON
 
 
 def fit_samples(samples: dict[str, ClassSamples], feature_names: tuple[str, ...]) -> FittedModels:
-    """Model of every class, and its residuals of views left out of the fit."""
-    names = tuple(samples)
+    """Model of every class, and its residuals of views left out of the fit; over one angle where all are of one height.
+
+    What is of one height is told by azimuth alone, as if nobody had measured heights.
+    """
+    samples, names = _at_heights(samples), tuple(samples)
     fits = [fit_class(samples[name]) for name in tqdm(names, desc="fitting", unit="class")]
     left_out = {name: left_out_residuals(samples[name], feature_names) for name in names}
-    model = GaussianProcessModel(names, feature_names, fits)
+    model = fitted_classes(names, feature_names, fits)
     return FittedModels(model, left_out, report_of(samples, left_out))
+
+
+def _at_heights(samples: dict[str, ClassSamples]) -> dict[str, ClassSamples]:
+    """The samples, without elevations unless these differ."""
+    told = [data.elevation_rad for data in samples.values() if data.elevation_rad is not None]
+    if len(told) == len(samples) and np.ptp(np.concatenate(told)) > SAME_HEIGHT_RAD:
+        return samples
+    return {name: replace(data, elevation_rad=None) for name, data in samples.items()}
 
 
 def appearance_of(samples: dict[str, ClassSamples], classifier: ClassifierNetwork) -> KnownAppearance | None:
@@ -69,35 +89,48 @@ def measure_views(
     views: Sequence[ObjectView], classifier: ClassifierNetwork, settings: FitSettings
 ) -> dict[str, ClassSamples]:
     """Features of each class, by name in sorted order, in every direction that has views."""
-    directions: dict[str, dict[int, list[ObjectView]]] = defaultdict(lambda: defaultdict(list))
-    steps = round(360.0 / settings.azimuth_step_deg)
+    directions: dict[str, dict[Direction, list[ObjectView]]] = defaultdict(lambda: defaultdict(list))
     for view in views:
-        index = round(np.rad2deg(view.azimuth_rad) / settings.azimuth_step_deg) % steps
-        directions[view.class_name][index].append(view)
+        directions[view.class_name][_direction(view, settings)].append(view)
     total = sum(len(of_class) for of_class in directions.values())
     with tqdm(total=total, desc="measuring views", unit="direction") as progress:
         return {name: _class_samples(directions[name], classifier, settings, progress) for name in sorted(directions)}
 
 
+def _direction(view: ObjectView, settings: FitSettings) -> Direction:
+    steps = round(360.0 / settings.azimuth_step_deg)
+    around = round(np.rad2deg(view.azimuth_rad) / settings.azimuth_step_deg) % steps
+    if not settings.elevation_step_deg:
+        return (around,)
+    return around, round(np.rad2deg(view.elevation_rad) / settings.elevation_step_deg)
+
+
 def _class_samples(
-    directions: dict[int, list[ObjectView]],
+    directions: dict[Direction, list[ObjectView]],
     classifier: ClassifierNetwork,
     settings: FitSettings,
     progress: "tqdm[Any]",
 ) -> ClassSamples:
-    azimuth, features, covariances, appearances = [], [], [], []
+    azimuth, elevation, features, covariances, appearances = [], [], [], [], []
     for index in sorted(directions):
         group = directions[index]
-        generator = _generator(settings.seed, group[0].class_name, index)
+        generator = _generator(settings.seed, group[0].class_name, ":".join(map(str, index)))
         pictures = [_measured(group, classifier, settings, generator) for _ in range(settings.draws)]
         drawn = np.stack([samples for samples, _ in pictures])
         phase = sum(np.exp(1j * view.azimuth_rad) for view in group)
         azimuth.append(float(np.angle(phase)))
+        elevation.append(float(np.mean([view.elevation_rad for view in group])))
         features.append(drawn.mean(axis=1))
         covariances.append(sample_covariance(drawn))
         appearances.append(np.stack([appearance for _, appearance in pictures]))
         progress.update()
-    return ClassSamples(np.array(azimuth), np.stack(features), np.stack(covariances), np.stack(appearances))
+    return ClassSamples(
+        azimuth_rad=np.array(azimuth),
+        features=np.stack(features),
+        feature_covariances=np.stack(covariances),
+        elevation_rad=np.array(elevation) if settings.elevation_step_deg else None,
+        appearances=np.stack(appearances),
+    )
 
 
 def _measured(
@@ -110,6 +143,6 @@ def _measured(
     return classifier.reported(samples), once.appearance
 
 
-def _generator(seed: int, class_name: str, direction: int) -> np.random.Generator:
+def _generator(seed: int, class_name: str, direction: str) -> np.random.Generator:
     digest = hashlib.blake2b(f"views:{seed}:{class_name}:{direction}".encode(), digest_size=16).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))

@@ -12,8 +12,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.fit import FittedModels
 from semantic_slam.training.viewpoint.samples import ClassSamples
-from semantic_slam.viewpoint.gaussian_process import GRID, GaussianProcessModel, even_azimuths
+from semantic_slam.viewpoint.gaussian_process import GRID, even_azimuths
 from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.store import FittedModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,9 +79,10 @@ def _coverage(axes: "Axes", azimuth_rad: Array) -> None:
     axes.set_title("directions with views")
 
 
-def _fit(axes: "Axes", model: GaussianProcessModel, name: str, samples: ClassSamples) -> None:
+def _fit(axes: "Axes", model: FittedModel, name: str, samples: ClassSamples) -> None:
     azimuth = even_azimuths(GRID)
-    viewpoints = Viewpoints(azimuth, np.zeros(GRID), np.ones(GRID))
+    height = 0.0 if samples.elevation_rad is None else float(np.median(samples.elevation_rad))
+    viewpoints = Viewpoints(azimuth, np.full(GRID, height), np.ones(GRID))
     prediction = model.predict(np.full(GRID, model.class_names.index(name)), viewpoints)
     degrees, seen = np.rad2deg(azimuth), np.rad2deg(samples.azimuth_rad % (2.0 * np.pi))
     for index, feature in enumerate(model.feature_names):
@@ -89,8 +91,14 @@ def _fit(axes: "Axes", model: GaussianProcessModel, name: str, samples: ClassSam
         low, high = prediction.mean[:, index] - 2.0 * sigma, prediction.mean[:, index] + 2.0 * sigma
         axes.fill_between(degrees, low, high, alpha=0.15, color=line.get_color())
         axes.plot(seen, samples.features[:, :, index].mean(axis=1), ".", markersize=3, color=line.get_color())
-    axes.set(title="mean scores, model with 2 sigma", xlabel="azimuth [deg]", xlim=(0, 360))
+    axes.set(title=f"mean scores, model with 2 sigma{_from_height(samples)}", xlabel="azimuth [deg]", xlim=(0, 360))
     axes.legend(fontsize="small", ncols=3)
+
+
+def _from_height(samples: ClassSamples) -> str:
+    if samples.elevation_rad is None:
+        return ""
+    return f", from {np.rad2deg(np.median(samples.elevation_rad)):.0f} deg above"
 
 
 def _residuals(axes: "Axes", samples: ClassSamples, standardised: Array) -> None:

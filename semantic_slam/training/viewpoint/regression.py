@@ -8,7 +8,9 @@ from scipy.optimize import minimize_scalar
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.samples import ClassSamples
-from semantic_slam.viewpoint.gaussian_process import ClassFit, even_azimuths, kernel, posterior
+from semantic_slam.viewpoint.directions import Directions
+from semantic_slam.viewpoint.gaussian_process import ClassFit, even_azimuths, gram, posterior
+from semantic_slam.viewpoint.spherical_process import AZIMUTHS, ELEVATIONS, grid_directions, spherical_posterior
 
 NOISE_AZIMUTHS = 72
 SMOOTHING_RAD = np.deg2rad(12.0)
@@ -22,13 +24,22 @@ LENGTH_BOUNDS = (0.1, 3.0)
 def fit_class(samples: ClassSamples) -> ClassFit:
     """Model of one class: a Gaussian process per component, and the noise of single views about it."""
     targets = samples.features.mean(axis=1)
-    within = _smoothed(samples.azimuth_rad, _spread(samples), samples.azimuth_rad)
+    within = _smoothed(samples.directions, _spread(samples), samples.directions)
     variances = (within + SIGMA_FLOOR**2) / samples.features.shape[1]
     prior_mean = targets.mean(axis=0)
-    signal, length = _hyperparameters(samples.azimuth_rad, targets - prior_mean, variances)
+    signal, length = _hyperparameters(samples.directions, targets - prior_mean, variances)
     noise = np.zeros((NOISE_AZIMUTHS, targets.shape[1], targets.shape[1]))
-    coverage = 1.5 * _widest_regular_gap(samples.azimuth_rad)
-    fit = ClassFit(samples.azimuth_rad, targets, variances, prior_mean, signal, length, noise, coverage)
+    fit = ClassFit(
+        azimuth_rad=samples.azimuth_rad,
+        targets=targets,
+        target_variances=variances,
+        prior_mean=prior_mean,
+        signal_sigma=signal,
+        length_scale=length,
+        noise_covariance=noise,
+        coverage_rad=_coverage(samples.directions),
+        elevation_rad=samples.elevation_rad,
+    )
     return with_noise(fit, samples)
 
 
@@ -37,7 +48,7 @@ def _spread(samples: ClassSamples) -> Array:
     if samples.features.shape[1] > 1:
         return np.asarray(samples.features.var(axis=1, ddof=1))
     single = samples.features[:, 0]
-    return np.asarray((single - _smoothed(samples.azimuth_rad, single, samples.azimuth_rad)) ** 2)
+    return np.asarray((single - _smoothed(samples.directions, single, samples.directions)) ** 2)
 
 
 def with_noise(fit: ClassFit, samples: ClassSamples) -> ClassFit:
@@ -49,12 +60,13 @@ def with_noise(fit: ClassFit, samples: ClassSamples) -> ClassFit:
     residuals = samples.features - left_out_means(fit)[:, None, :]
     products = np.einsum("msi,msj->mij", residuals, residuals) / samples.features.shape[1]
     size = products.shape[-1]
-    directions = even_azimuths(NOISE_AZIMUTHS)
-    on_grid = _smoothed(samples.azimuth_rad, products.reshape(-1, size * size), directions).reshape(-1, size, size)
-    at_views = _smoothed(samples.azimuth_rad, products.reshape(-1, size * size), samples.azimuth_rad)
+    seen, products = samples.directions, products.reshape(-1, size * size)
+    directions, shape = _noise_grid(seen)
+    on_grid = _smoothed(seen, products, directions).reshape(*shape, size, size)
+    at_views = _smoothed(seen, products, seen)
     at_views = at_views.reshape(-1, 1, size, size)
     floor = SIGMA_FLOOR**2 * np.eye(size)
-    mean_variance = np.stack([posterior(fit, index, samples.azimuth_rad)[2] for index in range(size)], axis=-1)
+    mean_variance = np.stack([_variance(fit, index) for index in range(size)], axis=-1)
     known = samples.feature_covariances + (mean_variance[:, :, None] * np.eye(size))[:, None] + floor
 
     def negative_log_likelihood(log_scale: float) -> float:
@@ -69,9 +81,7 @@ def left_out_means(fit: ClassFit) -> Array:
     """(M, F) posterior mean at each training view with that view left out, in closed form."""
     means = np.empty_like(fit.targets)
     for index in range(fit.targets.shape[1]):
-        sigma, length = float(fit.signal_sigma[index]), float(fit.length_scale[index])
-        gram = kernel(fit.azimuth_rad, fit.azimuth_rad, sigma, length) + np.diag(fit.target_variances[:, index])
-        inverse = np.linalg.inv(gram)
+        inverse = np.linalg.inv(gram(fit, index))
         weights = inverse @ (fit.targets[:, index] - fit.prior_mean[index])
         means[:, index] = fit.targets[:, index] - weights / np.diag(inverse)
     return means
@@ -89,13 +99,13 @@ def whitened_squared(residuals: Array, covariances: Array) -> Array:
     return np.asarray(np.sum(residuals * solved, axis=-1))
 
 
-def _hyperparameters(azimuth_rad: Array, centred: Array, variances: Array) -> tuple[Array, Array]:
+def _hyperparameters(directions: Directions, centred: Array, variances: Array) -> tuple[Array, Array]:
     """(F,) signal sigma and length scale of each component, by marginal likelihood."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
-    inputs = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad)], axis=-1)
+    inputs = directions.points()
     signal, length = np.empty(centred.shape[1]), np.empty(centred.shape[1])
     for index in range(centred.shape[1]):
         prior = ConstantKernel(0.1, (1e-4, 10.0)) * RBF(0.5, LENGTH_BOUNDS)
@@ -108,10 +118,39 @@ def _hyperparameters(azimuth_rad: Array, centred: Array, variances: Array) -> tu
     return signal, length
 
 
-def _smoothed(azimuth_rad: Array, values: Array, at_rad: Array) -> Array:
-    """(M, K) values at M azimuths to (B, K) at others: average weighted by angular nearness."""
-    closeness = np.exp((np.cos(at_rad[:, None] - azimuth_rad[None, :]) - 1.0) / SMOOTHING_RAD**2)
+def _smoothed(directions: Directions, values: Array, at: Directions) -> Array:
+    """(M, K) values in M directions to (B, K) in others: average weighted by angular nearness.
+
+    Far from all views it is that of the nearest.
+    """
+    near = (at.cosines(directions) - 1.0) / SMOOTHING_RAD**2
+    if at.elevation_rad is not None:
+        near -= near.max(axis=1, keepdims=True)
+    closeness = np.exp(near)
     return np.asarray(closeness @ values / closeness.sum(axis=1, keepdims=True))
+
+
+def _noise_grid(directions: Directions) -> tuple[Directions, tuple[int, ...]]:
+    """Directions at which the noise is kept, and in which shape."""
+    if directions.elevation_rad is None:
+        return Directions(even_azimuths(NOISE_AZIMUTHS)), (NOISE_AZIMUTHS,)
+    return grid_directions(), (ELEVATIONS, AZIMUTHS)
+
+
+def _variance(fit: ClassFit, component: int) -> Array:
+    """(M,) posterior variance of a component's mean at the training views."""
+    if fit.elevation_rad is None:
+        return posterior(fit, component, fit.azimuth_rad)[2]
+    return spherical_posterior(fit, component, fit.directions)[4]
+
+
+def _coverage(directions: Directions) -> float:
+    """Largest angle to a view that counts as covered: 1.5 gaps around, or three quarters of that between heights."""
+    around = 1.5 * _widest_regular_gap(directions.azimuth_rad)
+    if directions.elevation_rad is None:
+        return around
+    heights = np.unique(np.round(directions.elevation_rad, 6))
+    return max(around, 0.75 * float(np.percentile(np.diff(heights), 75.0))) if len(heights) > 1 else around
 
 
 def _widest_regular_gap(azimuth_rad: Array) -> float:

@@ -1,6 +1,6 @@
 "use strict";
 const PACE_MS = 400, SLOW_MS = 2000, CHARTS_MS = 1000, QUIET_S = 5, MOST_TRUTH = 2000, MOST_PICTURES = 150;
-let scene, objectsAt, main, plots = [], session = "", version = 0, shown = -1, follows = true, charted = [], drawnAt = 0;
+let scene, objectsAt, main, space, plots = [], session = "", version = 0, shown = -1, follows = true, charted = [], drawnAt = 0;
 const part = id => document.getElementById(id);
 
 function forget() { // another run begins
@@ -10,6 +10,8 @@ function forget() { // another run begins
   shown = -1;
   follows = true;
   drawnAt = 0;
+  space = space || new SpaceView(part("space"));
+  space.low = null;
   part("charts").replaceChildren();
   plots = [];
   document.body.className = "empty";
@@ -37,6 +39,12 @@ function take(data) { // what is new since the last time
   scene.pictures = [...scene.pictures.filter(p => !newer.has(p.k)), ...data.pictures].slice(-MOST_PICTURES);
   scene.classes = data.classes;
   scene.crosses = data.crosses;
+  if (!scene.camera !== !data.camera) {
+    part("space").hidden = !data.camera;
+    part("space").parentElement.classList.toggle("spatial", !!data.camera);
+    scene.extent = [];
+  }
+  scene.camera = data.camera;
   if (scene.frames.length && "" + data.extent !== "" + scene.extent) {
     scene.extent = data.extent;
     fit();
@@ -74,6 +82,7 @@ function show(i) {
   html(moment, "b", "", "Keyframe " + frame.k);
   moment.append(` of ${scene.frames[last].k}, ${frame.t.toFixed(1)} s`);
   main.draw(i);
+  if (scene.camera) space.draw(i);
   panel(i);
   picture(i);
   tiles(i, frame);

@@ -1,5 +1,7 @@
 """The geometric observation models under their contract."""
 
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 import pytest
@@ -7,15 +9,17 @@ from worlds.linear_gaussian import LinearDetection, LinearModel
 from worlds.points import BodyPointObservation
 
 from semantic_slam.contracts.geometry_model import KEYS, GeometryModelContract
-from semantic_slam.geometry import se3
+from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.point_geometry import PointGeometry
+from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.ray import polar, polar_slopes
+from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
@@ -183,6 +187,49 @@ class TestRoundRaysOfPoints(TestRaysOfPoints):
             factor = self.model.geometry_factor(detection, KEYS)
             assert isinstance(factor, gtsam.BearingFactor3D)
             assert factor.error(values) == pytest.approx(0.5 * float((part.residual**2).sum()), rel=1e-9)
+
+
+class TestRangeAndRayOfBodies(GeometryModelContract):
+    spaces, model = POSES_IN_SPACE, BodyObservation()
+    detections = TestRangeAndRayOfPoints.detections
+
+    def pairs(self, random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+        x = se3.exp(random.normal(scale=[1.0, 1.0, 1.0, 0.5, 0.5, 0.5], size=(count, 6)))
+        turned = se3.exp(random.normal(scale=[1.0, 1.0, 1.0, 0.0, 0.0, 0.0], size=(count, 6)))
+        turned[:, :3] = random.normal(loc=[3.0, 0.0, 0.0], size=(count, 3))
+        return x, turned
+
+    def test_bodies_are_points_whose_attitude_does_not_matter(self, random: np.random.Generator) -> None:
+        x, o = self.pairs(random, 6)
+        seen, points = self.model.collect(self.detections), SpatialObservation()
+        body, point = self.model.geometry(seen, x, o), points.geometry(seen, x, o[:, :3])
+        np.testing.assert_allclose(body.residual, point.residual, atol=1e-12)
+        np.testing.assert_allclose(body.jacobian_robot, point.jacobian_robot, atol=1e-12)
+        for soft in (False, True):
+            own = self.model.log_visibility(x, o, soft=soft)
+            np.testing.assert_allclose(own, points.log_visibility(x, o[:, :3], soft=soft), atol=1e-12)
+
+    def test_gtsam_s_own_factor_is_that_of_points(self) -> None:
+        round_ray = looking(2.0, [1.0, 0.3, -0.2], TestRangeAndRoundRayOfPoints.spread)
+        assert isinstance(self.model.geometry_factor(round_ray, KEYS), gtsam.BearingRangeFactorPose3)
+
+    def test_a_new_object_stands_upright(self, random: np.random.Generator) -> None:
+        yaw, tilt = (so3.exp(np.array(turn)) for turn in ([0.0, 0.0, 0.8], [0.4, -0.3, 0.0]))
+        robot = np.append([1.0, 2.0, 0.5], so3.product(yaw, tilt))
+        prior = self.model.object_prior(self.detections[0], robot)
+        np.testing.assert_allclose(so3.log(prior.mean[3:])[:2], 0.0, atol=1e-12)
+        tilt, heading = np.sqrt(np.diagonal(prior.covariance))[[0, 2]]
+        assert tilt == pytest.approx(0.02) and heading == pytest.approx(3.1)
+        hanging = np.append(robot[:3], [1.0, 0.0, 0.0, 0.0])
+        np.testing.assert_allclose(self.model.object_prior(self.detections[0], hanging).mean[3:], [0, 0, 0, 1])
+
+
+class TestRayOfBodies(TestRangeAndRayOfBodies):
+    """From a camera off the body's origin, without range."""
+
+    detections = tuple(
+        replace(own, range_m=np.nan, sensor=np.array([0.2, -0.1, 0.1])) for own in TestRangeAndRayOfPoints.detections
+    )
 
 
 class TestPointsInTheBodyFrame(GeometryModelContract):

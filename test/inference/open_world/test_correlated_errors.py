@@ -1,5 +1,7 @@
 """Errors of detections that repeat: against the joint Gaussian of a whole drive, and what they leave unknown."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -10,6 +12,7 @@ from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance
 from semantic_slam.inference.models.correlated_errors import CHANGE_OF_SENSOR
 from semantic_slam.inference.pool import InProcessPool
@@ -118,6 +121,17 @@ class JointGaussian:
     def log_density(self, deviations: np.ndarray) -> float:
         return float(multivariate_normal(np.zeros(len(deviations)), self.covariance()).logpdf(deviations))
 
+    def log_density_with_outliers(self, deviations: np.ndarray, share: float, factor: float) -> tuple[float, Array]:
+        """Over all choices of outliers among the detections, and the probability (2 K,) of each to be one."""
+        added = (factor - 1.0) * np.tile(np.array([SIGMA_RANGE, SIGMA_BEARING]) ** 2, 2 * KEYFRAMES)
+        choices = np.array(list(product((0, 1), repeat=2 * KEYFRAMES)))
+        spreads = self.covariance() + np.repeat(choices, 2, axis=1)[:, :, None] * np.diag(added)
+        squared = np.linalg.solve(spreads, np.broadcast_to(deviations, (len(choices), len(deviations)))[..., None])
+        logs = -0.5 * (squared[..., 0] @ deviations) - 0.5 * np.linalg.slogdet(2.0 * np.pi * spreads)[1]
+        logs += choices.sum(axis=1) * np.log(share) + (1 - choices).sum(axis=1) * np.log1p(-share)
+        total = float(np.logaddexp.reduce(logs))
+        return total, np.exp(logs - total) @ choices
+
     def objects_after(self) -> np.ndarray:
         """(4, 4) covariance of both objects given all measurements."""
         prior = np.diag(self.prior**2)
@@ -125,12 +139,12 @@ class JointGaussian:
         return (prior - cross @ np.linalg.solve(self.covariance(), cross.T))[-4:, -4:]
 
 
-def drive(share: float, deviations: np.ndarray, sensor: dict[str, float] | None = None) -> tuple[Engine, float]:
+def drive(share: float, deviations: np.ndarray, others: dict[str, float] | None = None) -> tuple[Engine, float]:
     """The engine after the drive, and log P(Z) up to what does not depend on the share."""
     start = np.diag([START, START, START]) ** 2
     sigmas = {"sigma_m": SIGMA_OBJECT, "sigma_rad": 1.0}
     prior = MapPrior(tuple(ObjectPrior.planar(n, *point, **sigmas) for n, point in enumerate(TWINS.tolist())))
-    settings = configuration({**ERRORS, "correlated_share": share, **(sensor or {})})
+    settings = configuration({**ERRORS, "correlated_share": share, **(others or {})})
     engine = Engine(settings, prior, initial_pose=np.zeros(3), initial_covariance=start)
     covariance = np.diag([SIGMA_RANGE, SIGMA_BEARING]) ** 2
     for k, robot in enumerate(robots()):
@@ -160,6 +174,20 @@ def test_what_the_sensor_always_gets_wrong_is_that_of_the_joint_gaussian() -> No
     np.testing.assert_allclose(tracked.sensor[:, 1], sigma, rtol=0.02)
     np.testing.assert_allclose(tracked.sensor[:, 0], mean, atol=0.05 * sigma.max())
     assert sigma.max() < 0.5
+
+
+@pytest.mark.parametrize("share", [0.9, 0.0])
+def test_the_evidence_is_that_of_all_choices_of_outliers_where_these_are_clear(share: float) -> None:
+    """But for what an earlier choice that was made would gain from later detections."""
+    world = JointGaussian(share)
+    plain = world.deviations()
+    jumping = plain.copy()
+    jumping[12] += 8.0 * SIGMA_RANGE  # the first twin in keyframe 3
+    expected, probability = world.log_density_with_outliers(jumping, 0.03, 16.0)
+    told = {"outlier_share": 0.03, "outlier_counts": 1e9, "outlier_factor": 16.0}
+    _, log_evidence = drive(share, jumping, told)
+    assert log_evidence - drive(share, plain)[1] == pytest.approx(expected - world.log_density(plain), abs=0.1)
+    assert probability[6] > 0.999
 
 
 @pytest.mark.parametrize("share", [0.9, 0.0])

@@ -23,6 +23,10 @@ def _with_independent_errors(base: Configuration) -> Configuration:
     return replace(base, detection_errors=replace(base.detection_errors, correlated_share=0.0))
 
 
+def _without_outliers(base: Configuration) -> Configuration:
+    return replace(base, detection_errors=replace(base.detection_errors, outlier_share=0.0))
+
+
 def _with_noise_as_stated(base: Configuration) -> Configuration:
     told = replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
     sensor = replace(told.open_world, detection_probabilities=(), detection_half_ranges_m=())
@@ -45,7 +49,7 @@ def _without_motion(base: Configuration) -> Configuration:
 
 ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
     "without_correlation": _with_independent_errors,
-    "without_outliers": None,
+    "without_outliers": _without_outliers,
     "without_estimated_noise": _with_noise_as_stated,
     "without_clusters": _without_clusters,
     "without_revision": _without_revision,

@@ -22,9 +22,11 @@ from semantic_slam.inference.models.planar.gate import least_cost
 from semantic_slam.inference.models.planar.polar import polar
 from semantic_slam.inference.models.planar.residual import MeasuredRows
 from semantic_slam.inference.models.planar.slopes import by_pose, by_position
-from semantic_slam.inference.models.planar.view_scores import ViewScores
+from semantic_slam.inference.models.planar.views import PlanarViews
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
+from semantic_slam.inference.models.scored_views import ScoredViews
+from semantic_slam.inference.models.view_scores import ViewScores
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
@@ -34,7 +36,7 @@ from semantic_slam.viewpoint.outliers import OutlierScores
 POSES = Spaces.same(PlanarPoses())
 
 
-class PlanarObservation:
+class PlanarObservation(ScoredViews):
     """Geometric range-bearing likelihood times the class model of Eq. 4.2 (``model`` None: geometry alone)."""
 
     def __init__(
@@ -49,10 +51,9 @@ class PlanarObservation:
 
         ``outliers``: what a view's score may be besides what the class model says; None: no view is an outlier.
         """
-        self.scores = ViewScores(model, tempering, outliers) if model is not None else None
+        self.scores = ViewScores(PlanarViews(), model, tempering, outliers) if model is not None else None
         self.visibility = visibility
         self.new_objects = new_objects or NewObjectConfiguration()
-        self.num_classes = len(model.class_names) if model is not None else 0
         self._collected: tuple[Sequence[PlanarDetection], PlanarDetections] | None = None
 
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
@@ -76,25 +77,11 @@ class PlanarObservation:
             log_normaliser=log_normaliser.reshape(-1),
         )
 
-    def semantics(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes) -> Linearisation:
-        """Residual of the feature under Eq. 4.2."""
-        return self._view_scores.linearised(detections, x, o, classes)
-
     def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
         whitened = MeasuredRows.of(detections, x, o).polar_residual()[3]
         total = (detections.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
         return np.asarray(total) if classes is None else self._view_scores.added_to(total, detections, x, o, classes)
-
-    def best_heading(
-        self, detections: PlanarDetections, x: Array, o: Array, classes: Classes, sigma: Array
-    ) -> tuple[Array, Array]:
-        """Best headings over a window of them, the objects' prior deviating by ``sigma`` (B,) [rad]."""
-        return self._view_scores.best_heading(detections, x, o, classes, sigma)
-
-    def log_outlier(self, seen: PlanarDetections) -> Array | None:
-        """(S,) log of the share of outliers times the density of the score as one; None: no view is an outlier."""
-        return None if self.scores is None else self.scores.log_outlier(seen)
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
@@ -152,9 +139,3 @@ class PlanarObservation:
         distance, _ = polar(before)
         moved = np.hypot(now[:, 0] - before[:, 0], now[:, 1] - before[:, 1])
         return np.maximum(moved / distance, np.abs(wrap_angle(now[:, 2] - before[:, 2])))
-
-    @property
-    def _view_scores(self) -> ViewScores:
-        """Scores of views, which are asked for where there are classes alone."""
-        assert self.scores is not None
-        return self.scores

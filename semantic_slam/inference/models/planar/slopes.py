@@ -9,7 +9,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.se2 import sine_cosine
-from semantic_slam.inference.models.planar.rows import repeated
+from semantic_slam.inference.models.repeated_rows import repeated
 
 
 def by_pose(by_point: Array, point: Array) -> Array:

@@ -1,7 +1,7 @@
 """Detections as the observation model in space takes them: one by one, and as arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import sqrt
 from typing import Any
@@ -33,6 +33,8 @@ class SpatialDetection:
     # range that was not measured
     sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) camera in the body frame, metres
     log_range: LogRange = ANYWHERE  # what is known of a range that was not measured, if its object is new
+    feature: Array = field(default_factory=lambda: np.zeros(0))  # (F,) z_sem
+    feature_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (F, F) of the dropout samples
 
     @cached_property
     def has_range(self) -> bool:
@@ -95,6 +97,16 @@ class SpatialDetection:
         """GTSAM's noise model, in its order: ray, range where it was measured."""
         order = [1, 2, 0] if self.has_range else [1, 2]
         return gtsam.noiseModel.Gaussian.Covariance(self.covariance[order][:, order])
+
+    def widened(self, width: float) -> "SpatialDetection":
+        """With errors so many times as wide: one object for each width, whoever asks."""
+        if width not in self._widened:
+            self._widened[width] = replace(self, covariance=width**2 * self.covariance)
+        return self._widened[width]
+
+    @cached_property
+    def _widened(self) -> dict[float, "SpatialDetection"]:
+        return {}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -88,7 +88,7 @@ class SpatialObservation(PointGeometry):
         """Keep the attitude, stand where the point is seen as measured; stay where there is a ray alone."""
         detections, start = _repeated(detections, len(x)), x.copy()
         seen = detections.range_m[:, None] * detections.ray
-        placed = o - self.spaces.robot.displacement(x, seen, x[:, :3])
+        placed = self.spaces.landmark.position(o) - self.spaces.robot.displacement(x, seen, x[:, :3])
         start[:, :3] = np.where(detections.has_range[:, None], placed, x[:, :3])
         return start
 
@@ -123,6 +123,9 @@ class SpatialObservation(PointGeometry):
             return gtsam.BearingFactor3D(*keys, detection.direction, detection.noise)
         if detection.is_round and detection.has_range:
             return gtsam.BearingRangeFactor3D(*keys, detection.direction, detection.range_m, detection.noise)
+        return self._custom_factor(detection, keys)
+
+    def _custom_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         collected = self.collect([detection])
         rows = slice(0, 3) if detection.has_range else slice(1, 3)
         size = rows.stop - rows.start
@@ -136,7 +139,7 @@ class SpatialObservation(PointGeometry):
         return least_cost(detections, covariance, self._seen(robots, o), sigmas)
 
     def _seen(self, x: Array, o: Array) -> Array:
-        return self.spaces.robot.turned_back(x, o - x[..., :3])
+        return self.spaces.robot.turned_back(x, self.spaces.landmark.position(o) - x[..., :3])
 
 
 def _residual(detections: SpatialDetections, point: Array) -> Array:

@@ -98,9 +98,11 @@ class NamedAssociation(OpenAssociation):
         doubtful = np.flatnonzero((columns >= 0) & (columns < len(prediction.near))).tolist()
         if not doubtful:
             return RankedAssignments(columns.reshape(1, -1), np.zeros(1), -np.inf)
-        joint = LinearisedEvidence.of(self.problem.spaces, prediction, pairs).innovation(columns, doubtful)
+        linear = LinearisedEvidence.of(self.problem.spaces, prediction, pairs)
+        joint = linear.innovation(columns, doubtful)
         weights = self.problem.weights
-        found = right_names(joint, columns[doubtful], log_wrong[doubtful], weights.max_candidates, weights.gate)
+        told = columns[doubtful], log_wrong[doubtful]
+        found = right_names(joint, *told, weights.max_candidates, weights.gate, linear.tail)
         chosen = np.tile(columns, (len(found.right), 1))
         chosen[:, doubtful] = np.where(found.right, columns[doubtful], -1)
         return RankedAssignments(chosen, found.log_scores, found.log_left_out)

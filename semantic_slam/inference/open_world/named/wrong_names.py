@@ -10,6 +10,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.small_matrices import cholesky, forward
+from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.open_world.linear_evidence import JointInnovation
 
 
@@ -35,16 +36,24 @@ class _Sets:
         return _Sets(self.right[rows], self.log_scores[rows], self.root[rows], self.whitened[rows])
 
 
-def right_names(joint: JointInnovation, objects: Index, log_wrong: Array, limit: int, gate: float) -> RightNames:
+def right_names(
+    joint: JointInnovation,
+    objects: Index,
+    log_wrong: Array,
+    limit: int,
+    gate: float,
+    tail: HeavyTail | None = None,
+) -> RightNames:
     """At most ``limit`` sets of n detections, none more than ``gate`` nats behind the heaviest; n of ``joint``.
 
     ``objects`` (n,): what each is of if its name is right, one detection each at most. ``log_wrong`` (n,): log odds
-    that its name is wrong, times its density if it is; -inf: it is right.
+    that its name is wrong, times its density if it is; -inf: it is right. ``tail``: of detections'
+    errors, an outlier being one where that is likelier given those before; None: none is one.
     """
     sets = _Sets(np.zeros((1, 0), dtype=bool), np.zeros(1), np.zeros((1, 0, 0)), np.zeros((1, 0)))
     behind = -np.inf  # mass of the sets that were given up, relative to the heaviest of their size
     for number, log_density in enumerate(log_wrong):
-        sets = _extended(sets, joint, objects, number, float(log_density))
+        sets = _extended(sets, joint, objects, number, float(log_density), tail)
         order = np.argsort(-sets.log_scores, kind="stable")
         scores = sets.log_scores[order] - sets.log_scores[order[0]]
         kept = (np.arange(len(order)) < limit) & np.isfinite(scores)
@@ -55,18 +64,25 @@ def right_names(joint: JointInnovation, objects: Index, log_wrong: Array, limit:
     return RightNames(sets.right, sets.log_scores, behind)
 
 
-def _extended(sets: _Sets, joint: JointInnovation, objects: Index, number: int, log_wrong: float) -> _Sets:
+def _extended(
+    sets: _Sets, joint: JointInnovation, objects: Index, number: int, log_wrong: float, tail: HeavyTail | None
+) -> _Sets:
     """Every set with the next detection, and every set without it."""
     count, known = sets.whitened.shape
     size = len(joint.residual) // len(objects)
     rows = slice(known, known + size)
     cross = np.where(np.repeat(sets.right, size, axis=1)[:, None], joint.covariance[rows, :known], 0.0)
     gain = np.swapaxes(np.linalg.solve(sets.root, np.swapaxes(cross, 1, 2)), 1, 2)
-    own = cholesky(joint.covariance[rows, rows] - gain @ np.swapaxes(gain, 1, 2))
+    spread = joint.covariance[rows, rows] - gain @ np.swapaxes(gain, 1, 2)
     residual = joint.residual[rows] - (gain @ sets.whitened[..., None])[..., 0]
-    whitened = forward(own, residual[..., None])[..., 0]
-    log_right = joint.log_normalisers[number] - 0.5 * (whitened**2).sum(axis=1)
-    log_right -= np.log(np.einsum("bii->bi", own)).sum(axis=1)
+    own, whitened, log_right = _weighed(residual, spread, joint.log_normalisers[number])
+    if tail is not None:
+        wide = spread + tail.added * np.diag(joint.measured[number])
+        other, far, log_far = _weighed(residual, wide, joint.log_normalisers[number])
+        log_right, log_far = tail.log_rest + log_right, tail.log_share + log_far
+        outlier = log_far > log_right
+        own, whitened = np.where(outlier[:, None, None], other, own), np.where(outlier[:, None], far, whitened)
+        log_right = np.logaddexp(log_right, log_far)
     log_right[(sets.right & (objects[:number] == objects[number])).any(axis=1)] = -np.inf
     root = np.zeros((2 * count, known + size, known + size))
     root[:count, :known, :known] = root[count:, :known, :known] = sets.root
@@ -83,3 +99,12 @@ def _extended(sets: _Sets, joint: JointInnovation, objects: Index, number: int, 
             ]
         ),
     )
+
+
+def _weighed(residual: Array, spread: Array, log_normaliser: float) -> tuple[Array, Array, Array]:
+    """Cholesky factors of the ``spread`` (B, c, c), residuals (B, c) by them, and log densities (B,)."""
+    root = cholesky(spread)
+    whitened = forward(root, residual[..., None])[..., 0]
+    log_density = log_normaliser - 0.5 * (whitened**2).sum(axis=1)
+    log_density -= np.log(np.einsum("bii->bi", root)).sum(axis=1)
+    return root, whitened, log_density

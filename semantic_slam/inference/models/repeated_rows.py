@@ -9,6 +9,6 @@ def per_detection(values: Array, count: int) -> Array:
 
 
 def repeated(values: Array, count: int) -> Array:
-    """(S, 2) of the detections as (count, 2)."""
+    """(S, p) of the detections as (count, p)."""
     shape = (count // max(len(values), 1), *values.shape)
     return broadcast_copy(values, shape).reshape(-1, *values.shape[1:])

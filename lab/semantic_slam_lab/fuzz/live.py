@@ -1,0 +1,80 @@
+"""``python -m semantic_slam_lab.fuzz --live --messages 2000``: forged messages to every topic of a demo that runs.
+
+A demo is left in peace, and another one is sent messages that nobody of it sends. No node may die, the beliefs are to
+be the same, and each node is to count whatever it was sent. The last line is ``N messages, M findings``.
+"""
+
+import argparse
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from semantic_slam_lab.fuzz.forger import Forger, forger
+from semantic_slam_lab.kills import TOLERANCE, Demo, largest_difference, run_killing
+
+ATTACKED = 0.5
+"""Of the keyframes: the rest is left in peace, for what was counted has to be told before the nodes end."""
+CHECK_S = 0.02
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the attack."""
+    parser.add_argument("--live", action="store_true", help="forge messages of a demo that runs, instead")
+    parser.add_argument("--messages", type=int, default=2000, help="forgeries of --live (default: %(default)s)")
+    parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="bag of --live")
+    parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="configuration of --live")
+
+
+def run_live(arguments: argparse.Namespace) -> int:
+    """Both demos: the exit code."""
+    with TemporaryDirectory(prefix="fuzz_") as folder:
+        undisturbed, forged = (
+            Demo(arguments.bag, arguments.config, Path(folder) / name) for name in ("undisturbed", "forged")
+        )
+        run_killing(undisturbed, [])
+        with forger(arguments.bag, int(forged.domain_id)) as forging:
+            attacked = round(ATTACKED * len(undisturbed.beliefs()))
+            deaths = attack(forging, forged, arguments.messages, attacked, arguments.seed)
+        difference = largest_difference(forged.beliefs(), undisturbed.beliefs(), besides="dropped")
+        findings = [*deaths, *uncounted(forging)]
+        if difference > TOLERANCE:
+            findings.append(f"beliefs differ by {difference:.3g}")
+    for (node, topic, kind), number in sorted(forging.owed.items()):
+        print(f"{node}: {number} x {topic}: {kind}")
+    print(f"largest difference of beliefs {difference:.3g}")
+    for finding in findings:
+        print(finding)
+    print(f"{forging.num_sent} messages, {len(findings)} findings")
+    return int(bool(findings))
+
+
+def attack(forging: Forger, demo: Demo, count: int, num_keyframes: int, seed: int) -> list[str]:
+    """Run a demo to its end, sending forgeries, evenly over so many keyframes; a line for each node that died."""
+    chance, pids, deaths = np.random.default_rng(seed), dict[str, int](), list[str]()
+    with demo.running():
+        while demo.is_running:
+            for name, pid in demo.nodes().items():
+                if pids.setdefault(name, pid) != pid:
+                    deaths.append(f"{name} died")
+                    pids[name] = pid
+            due = min(count, int(count * (forging.keyframe + 1) / num_keyframes))
+            while forging.num_sent < due and demo.is_running:
+                forging.send(chance)
+            time.sleep(CHECK_S)
+        demo.end()
+    return deaths
+
+
+def uncounted(forging: Forger) -> Iterator[str]:
+    """A line for each node and topic that has counted less than it was sent."""
+    owed = Counter[tuple[str, str]]()
+    for (node, topic, _), number in forging.owed.items():
+        owed[node, topic] += number
+    for (node, topic), number in sorted(owed.items()):
+        counted = forging.num_counted(node, topic)
+        if counted < number:
+            yield f"{node} counts {counted} of {number} forgeries of {topic}"

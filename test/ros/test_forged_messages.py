@@ -1,0 +1,53 @@
+"""Messages that nobody of a replay sends, on all its topics, end no node, change no belief, and are counted.
+
+``python -m semantic_slam_lab.fuzz --live`` does this with 2000 of them and the shipped bag.
+"""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from semantic_slam_lab.fuzz.forger import Forger, forger
+from semantic_slam_lab.fuzz.live import uncounted
+from worlds.bag_factory import input_entries, write_bag, write_configuration
+from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
+
+from semantic_slam.configuration import load_configuration
+from semantic_slam.pipeline.offline import run_bag
+
+NUM_FRAMES, NUM_ATTACKED, NUM_FORGED = 20, 8, 300
+SLOW_BACKEND = [sys.executable, str(Path(__file__).parent / "faulty_backends.py"), "slow"]
+CHECK_S = 0.02
+TELL_AT_THE_END = ("hypothesis_manager ", "classifier ")
+"""Nodes that say once more, when a replay has ended, what they have counted; the others do so every second."""
+
+
+def attack(forging: Forger, chance: np.random.Generator) -> None:
+    """As many as are due at the newest keyframe."""
+    due = NUM_FORGED * min(forging.keyframe + 1, NUM_ATTACKED) // NUM_ATTACKED
+    while forging.num_sent < due:
+        forging.send(chance)
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_forged_messages_on_every_topic_change_nothing_and_are_counted(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", input_entries(NUM_FRAMES))
+    configuration = write_configuration(tmp_path / "configuration", perception={"num_passes": 3})
+    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    replay, chance = Replay(bag, configuration, tmp_path, 1), np.random.default_rng(0)
+    with forger(bag, int(os.environ["ROS_DOMAIN_ID"])) as forging, processes(tmp_path) as nodes:
+        for spec in replay.specs():
+            nodes.start(spec, SLOW_BACKEND if spec.name == "backend_0" else ())
+        while nodes.exit_code("bag_recorder") is None:
+            nodes.check()
+            attack(forging, chance)
+            time.sleep(CHECK_S)
+        nodes.wait("bag_player", TIMEOUT_S)
+        missing = [line for line in uncounted(forging) if line.startswith(TELL_AT_THE_END)]
+    assert forging.num_sent == NUM_FORGED
+    assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))
+    assert not missing
