@@ -14,7 +14,7 @@ LEAST_VARIANCE = 1e-12
 LARGEST_VARIANCE = 1e6
 """Beyond a kilometre nothing is known, and differences are rounding."""
 ROUNDING = 1e-12
-"""Of covariances since the start, by which their difference is wrong."""
+"""Share of the covariances since the start, by which their difference is wrong."""
 
 
 def increment(before: Array, covariance_before: Array, after: Array, covariance_after: Array) -> Array | None:

@@ -15,7 +15,7 @@ from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
 
 START_COVARIANCE = 1e-6 * np.eye(6)
-"""Of the pose at the start, which is where map is by definition: a millimetre, and a milliradian."""
+"""Covariance of the pose at the start, which is where map is by definition: a millimetre, and a milliradian."""
 
 
 @dataclass(frozen=True, kw_only=True)
