@@ -16,7 +16,7 @@ from semantic_slam_lab.studies.real_kitchen.study import tum_rows
 from semantic_slam_lab.studies.real_kitchen.visual_odometry import visual_odometry
 
 DRIFT = 0.02
-"""Of the cabinet's odometry, which is made of its true poses."""
+"""Noise of the cabinet's odometry, which is made of its true poses."""
 
 
 def kitchen(folder: ImageFolder, weights: Path, place: Path, seed: int) -> tuple[SpatialDrive, list[Detections]]:
