@@ -24,6 +24,7 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection, S
 from semantic_slam.inference.models.spatial.gate import least_cost
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
 from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_slopes
+from semantic_slam.inference.models.spatial.ray_factor import ray_factor
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.spatial_poses import SpatialPoses
@@ -123,10 +124,10 @@ class SpatialObservation(PointGeometry):
             return gtsam.BearingFactor3D(*keys, detection.direction, detection.noise)
         if detection.is_round and detection.has_range:
             return gtsam.BearingRangeFactor3D(*keys, detection.direction, detection.range_m, detection.noise)
+        if not detection.has_range:
+            return ray_factor(detection, keys)
         collected = self.collect([detection])
-        rows = slice(0, 3) if detection.has_range else slice(1, 3)
-        size = rows.stop - rows.start
-        return custom_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys, rows, size)
+        return custom_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys, slice(0, 3), 3)
 
     def least_cost(
         self, detections: SpatialDetections, x: Array, covariance: Array, o: Array, sigmas: Array
