@@ -125,7 +125,7 @@ class OpenAssociation:
         return replace(pairs, log_words=semantics.log_pairs(step, views, log_prior))
 
     def _at_prediction(self, prediction: Prediction) -> PairDensities:
-        """Those linearised at the prediction."""
+        """Densities of the detections under each object near them, linearised at the prediction."""
         return pair_densities(
             self.problem.spaces,
             self.problem.model,

@@ -89,7 +89,7 @@ class DetectorLabels:
         return replace(SemanticEvidence.of(evidence, []), records=records)
 
     def log_pairs(self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array) -> Array:
-        """Of words one by one, as if each were the first one of its object's class: enough to rank by."""
+        """Log evidence of words one by one, as if each were the first of its object's class: enough to rank by."""
         if step.words is None or not len(step.detections):
             return np.zeros((len(step.detections), len(log_prior)))
         if self._spelt is None or self._spelt[0] is not step.words:  # one hypothesis after the other asks for them

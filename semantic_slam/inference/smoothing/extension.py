@@ -27,7 +27,7 @@ from semantic_slam.inference.states.object_views import ObjectViews
 JUMP = 0.5
 """Change of the robot's predicted state, metres or radians, from which on the whole graph is optimised at once."""
 RANGE_SHARE = 0.1
-"""Of an object's range by which it may be off where it is linearised, if rays alone tell where it is."""
+"""Share of an object's range by which it may be off where it is linearised, if rays alone tell where it is."""
 TURN_RAD = 0.3
 """Change of an object's heading from which on it is, too."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtr
 
 LEAST_SHARE = 0.01
-"""Of the largest range, the least one that counts where the region begins at the camera: logarithms end somewhere."""
+"""Share of the largest range below which none counts where a region begins at the camera: logarithms have an end."""
 LEAST_INSIDE = 1e-3
 """Probability of lying inside the region below which a size is not that of this object: it says nothing then."""
 

@@ -24,6 +24,7 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection, S
 from semantic_slam.inference.models.spatial.gate import least_cost
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
 from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_slopes
+from semantic_slam.inference.models.spatial.ray_factor import ray_factor
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.spatial_poses import SpatialPoses
@@ -123,7 +124,7 @@ class SpatialObservation(PointGeometry):
             return gtsam.BearingFactor3D(*keys, detection.direction, detection.noise)
         if detection.is_round and detection.has_range:
             return gtsam.BearingRangeFactor3D(*keys, detection.direction, detection.range_m, detection.noise)
-        return self._custom_factor(detection, keys)
+        return self._custom_factor(detection, keys) if detection.has_range else ray_factor(detection, keys)
 
     def _custom_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         collected = self.collect([detection])

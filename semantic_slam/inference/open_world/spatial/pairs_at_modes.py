@@ -22,7 +22,7 @@ from semantic_slam.inference.states.spaces import Spaces
 LEAST_SIGMA = 0.05
 """Standard deviation of a range as a share of it below which a detection is linear enough at the prediction."""
 MOST_STEPS, TOLERANCE = 6, 1e-2
-"""Of a search, and the nats that its last step may be expected to bring."""
+"""Steps of a search, and the nats that its last one may be expected to bring."""
 
 
 def pairs_at_modes(

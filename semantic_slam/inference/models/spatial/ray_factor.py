@@ -1,0 +1,33 @@
+"""GTSAM factor of a ray alone, from a camera anywhere on the robot and with any noise, which GTSAM has none for.
+
+It is called for every ray that is linearised anew: what it needs of robot and point GTSAM itself works out.
+"""
+
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.ray import polar, polar_slopes
+
+
+def ray_factor(detection: SpatialDetection, keys: tuple[int, int]) -> Any:
+    """Factor on a robot, a Pose3, and a point: how far it is off the ray, in both directions across, whitened."""
+    whiten, origin, ray, basis = detection.whiten[1:, 1:], detection.origin, detection.ray, detection.basis
+
+    def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        robot, target = this.keys()
+        pose, place = values.atPose3(robot), values.atPoint3(target)
+        if jacobians is None:
+            return np.asarray(whiten @ polar(pose.transformTo(place) - origin, ray, basis)[1:])
+        by_robot, by_place = np.zeros((3, 6), order="F"), np.zeros((3, 3), order="F")
+        seen = pose.transformTo(place, by_robot, by_place) - origin
+        slopes = whiten @ polar_slopes(seen, ray, basis)[1:]
+        jacobians[0] = np.asfortranarray(slopes @ by_robot)
+        jacobians[1] = np.asfortranarray(slopes @ by_place)
+        return np.asarray(whiten @ polar(seen, ray, basis)[1:])
+
+    return gtsam.CustomFactor(unit_noise(2), list(keys), error)
