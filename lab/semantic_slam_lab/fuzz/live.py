@@ -21,14 +21,6 @@ ATTACKED = 0.5
 CHECK_S = 0.02
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of the attack."""
-    parser.add_argument("--live", action="store_true", help="forge messages of a demo that runs, instead")
-    parser.add_argument("--messages", type=int, default=2000, help="forgeries of --live (default: %(default)s)")
-    parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="bag of --live")
-    parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="configuration of --live")
-
-
 def run_live(arguments: argparse.Namespace) -> int:
     """Both demos: the exit code."""
     with TemporaryDirectory(prefix="fuzz_") as folder:
