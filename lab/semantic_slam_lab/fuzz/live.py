@@ -17,7 +17,7 @@ from semantic_slam_lab.fuzz.forger import Forger, forger
 from semantic_slam_lab.kills import TOLERANCE, Demo, largest_difference, run_killing
 
 ATTACKED = 0.5
-"""Of the keyframes: the rest is left in peace, for what was counted has to be told before the nodes end."""
+"""Share of the keyframes; the rest is left in peace, for what was counted has to be told before the nodes end."""
 CHECK_S = 0.02
 
 
