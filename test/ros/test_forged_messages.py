@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from semantic_slam_lab.fuzz.forger import Forger, forger
 from semantic_slam_lab.fuzz.live import uncounted
-from worlds.bag_factory import input_entries, write_bag, write_configuration
+from worlds.bag_factory import write_bag, write_configuration
 from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
+from worlds.places import place_entries
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag
@@ -35,10 +36,12 @@ def attack(forging: Forger, chance: np.random.Generator) -> None:
 @pytest.mark.ros
 @pytest.mark.slow
 def test_forged_messages_on_every_topic_change_nothing_and_are_counted(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "bag", input_entries(NUM_FRAMES))
-    configuration = write_configuration(tmp_path / "configuration", perception={"num_passes": 3})
+    bag = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES))
+    configuration = write_configuration(tmp_path / "configuration")
     run_bag(bag, tmp_path / "offline", load_configuration(configuration))
-    replay, chance = Replay(bag, configuration, tmp_path, 1), np.random.default_rng(0)
+    patient = {"bag_player": {"wait_for_listeners_s": TIMEOUT_S}}
+    replay = Replay(bag, configuration, tmp_path, 1, parameters=patient)
+    chance = np.random.default_rng(0)
     with forger(bag, int(os.environ["ROS_DOMAIN_ID"])) as forging, processes(tmp_path) as nodes:
         for spec in replay.specs():
             nodes.start(spec, SLOW_BACKEND if spec.name == "backend_0" else ())

@@ -70,7 +70,7 @@ class Forger:
             self._hear_inputs(header_stamp_ns(data))
 
     def _hear_inputs(self, stamp_ns: int) -> None:
-        """Those that have led to the belief of this stamp."""
+        """Take for heard whatever inputs have led to the belief of this stamp."""
         while self._inputs and header_stamp_ns(self._inputs[0][1]) <= stamp_ns:
             topic, data = self._inputs.pop(0)
             for known in INPUTS:

@@ -63,7 +63,7 @@ def _is_tied(shape: Shape) -> bool:
 
 
 def of_another_run(topic: str, genuine: bytes, chance: Generator) -> bytes | None:
-    """Of a run that nobody announced, or announced under a name that is not that of its contents."""
+    """A message of a run that nobody announced, or an announcement under an id that is not that of its contents."""
     if topic not in (*ROUNDS, topics.RUN_CONFIGURATION):
         return None
     message = deserialize(genuine, topics.TYPES[topic])
@@ -72,7 +72,7 @@ def of_another_run(topic: str, genuine: bytes, chance: Generator) -> bytes | Non
 
 
 def out_of_turn(topic: str, genuine: bytes, chance: Generator) -> bytes | None:
-    """Of a keyframe, a backend or a time that it cannot be of; None where nothing tells that."""
+    """A message of a keyframe, a backend or a time that it cannot be of; None where nothing tells that."""
     message = deserialize(genuine, topics.TYPES[topic])
     if topic in (topics.CANDIDATES, topics.COMPONENTS) and chance.random() < 0.5:
         message.backend_id = NO_BACKEND
@@ -86,7 +86,7 @@ def out_of_turn(topic: str, genuine: bytes, chance: Generator) -> bytes | None:
 
 
 def boast(topic: str, genuine: bytes, chance: Generator) -> bytes | None:
-    """Of progress that nobody can have made, or of an end before what has come already."""
+    """Progress that nobody can have made, or an end before what has come already."""
     if topic not in PROGRESS:
         return None
     frames = 0 if topic == topics.PLAYER_PROGRESS else int(chance.integers(10**6, 10**12))

@@ -18,7 +18,6 @@ import numpy as np
 from semantic_slam.cli.exit_codes import CommandParser
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam_lab.fuzz.limits import bound_address_space, limited
-from semantic_slam_lab.fuzz.live import add_options, run_live
 
 HANG_S = 90.0
 """A worker that tells nothing for so long, on a busy machine, is stuck outside Python."""
@@ -48,14 +47,15 @@ def parse(targets: dict[str, Target]) -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
     parser.add_argument("--target", choices=sorted(targets), action="append", help="these alone; may be repeated")
     parser.add_argument("--index", type=int, help="one case of one target again, with its whole traceback")
-    add_options(parser)
+    parser.add_argument("--live", action="store_true", help="forge messages of a demo that runs, instead")
+    parser.add_argument("--messages", type=int, default=2000, help="forgeries of --live (default: %(default)s)")
+    parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="bag of --live")
+    parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="configuration of --live")
     return parser.parse_args()
 
 
 def run(targets: dict[str, Target], arguments: argparse.Namespace) -> int:
     """All workers until the time is over: the exit code."""
-    if arguments.live:
-        return run_live(arguments)
     chosen = {name: targets[name] for name in arguments.target or targets}
     if arguments.index is not None:
         return _again(chosen, arguments)

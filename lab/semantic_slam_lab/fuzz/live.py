@@ -17,16 +17,8 @@ from semantic_slam_lab.fuzz.forger import Forger, forger
 from semantic_slam_lab.kills import TOLERANCE, Demo, largest_difference, run_killing
 
 ATTACKED = 0.5
-"""Of the keyframes: the rest is left in peace, for what was counted has to be told before the nodes end."""
+"""Share of the keyframes; the rest is left in peace, for what was counted has to be told before the nodes end."""
 CHECK_S = 0.02
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of the attack."""
-    parser.add_argument("--live", action="store_true", help="forge messages of a demo that runs, instead")
-    parser.add_argument("--messages", type=int, default=2000, help="forgeries of --live (default: %(default)s)")
-    parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="bag of --live")
-    parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="configuration of --live")
 
 
 def run_live(arguments: argparse.Namespace) -> int:
