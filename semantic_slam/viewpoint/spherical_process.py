@@ -22,7 +22,7 @@ from semantic_slam.viewpoint.gaussian_process import (
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 AZIMUTHS, ELEVATIONS = 72, 37
-"""Of the table: every five degrees around, and from straight below to straight above."""
+"""Sizes of the table: every five degrees around, and from straight below to straight above."""
 STEP_RAD = 2.0 * np.pi / AZIMUTHS
 HERMITE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-3.0, 3.0, -2.0, -1.0], [2.0, -2.0, 1.0, 1.0]])
 """From values and slopes at both ends of a cell to the cubic between them."""
